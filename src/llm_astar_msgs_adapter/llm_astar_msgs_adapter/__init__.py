@@ -1,0 +1,5 @@
+"""What the ROS messages of an LLM-A* planner mean in plain values, both ways.
+
+`barrier_map`, `grid_map` and `barrier_summary` hold values and know nothing of ROS;
+`occupancy_grid`, `path`, `waypoints` and `report` translate, one module a message family.
+"""

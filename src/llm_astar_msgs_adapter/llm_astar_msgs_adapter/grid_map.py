@@ -1,0 +1,123 @@
+"""A map as plain values: occupancy cells, resolution, and where the cells lie in the world."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+UNKNOWN = -1
+FREE = 0
+OCCUPIED = 100
+MIN_RESOLUTION = 1e-6
+# A point that is off a cell border by less than this part of a cell lies on the border.
+BORDER_TOLERANCE = 1e-6
+
+
+class GridMapError(ValueError):
+    """A grid that cannot be a map; `field` names what is wrong with it."""
+
+    def __init__(self, field: str, problem: str) -> None:
+        super().__init__(f'{field}: {problem}')
+        self.field = field
+
+
+class Pose2D(NamedTuple):
+    """A pose in the plane: metres and radians."""
+
+    x: float
+    y: float
+    yaw: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class GridMap:
+    """An occupancy grid in plain values.
+
+    `cells` is int8 [height, width], -1 unknown, 0 to 100 occupancy, row 0 at the origin.
+    `resolution` is metres a cell. `origin` is the pose of the outer corner of cell (0, 0) in
+    `frame_id`, as in nav_msgs/MapMetaData. A cell is named (x, y), column before row.
+    Raises GridMapError on a shape, value, resolution, origin or frame no map can have.
+    """
+
+    cells: NDArray[np.int8]
+    resolution: float = 1.0
+    origin: Pose2D = Pose2D(0.0, 0.0)
+    frame_id: str = 'map'
+
+    def __post_init__(self) -> None:
+        """Check the fields and make the cells read-only."""
+        cells = np.asarray(self.cells)
+        if cells.ndim != 2 or cells.size == 0:
+            raise GridMapError('cells', f'shape {cells.shape} is not [height, width]')
+        if cells.min() < UNKNOWN or cells.max() > OCCUPIED:
+            raise GridMapError('cells', 'values must lie in -1 to 100')
+        if not (math.isfinite(self.resolution) and self.resolution > MIN_RESOLUTION):
+            raise GridMapError('resolution', f'{self.resolution} is not above {MIN_RESOLUTION} m')
+        if not all(math.isfinite(value) for value in self.origin):
+            raise GridMapError('origin', f'{tuple(self.origin)} is not finite')
+        if not self.frame_id:
+            raise GridMapError('frame_id', 'is empty')
+        cells = np.ascontiguousarray(cells, dtype=np.int8)
+        if cells.flags.writeable:
+            cells = cells.copy()
+            cells.flags.writeable = False
+        object.__setattr__(self, 'cells', cells)
+
+    @property
+    def width(self) -> int:
+        """Cells along x."""
+        return int(self.cells.shape[1])
+
+    @property
+    def height(self) -> int:
+        """Cells along y."""
+        return int(self.cells.shape[0])
+
+    @cached_property
+    def digest(self) -> str:
+        """Twelve hex digits that name this map: cells, resolution, origin and frame."""
+        header = f'{self.cells.shape} {self.resolution!r} {tuple(self.origin)!r} {self.frame_id}'
+        return hashlib.sha256(header.encode() + self.cells.tobytes()).hexdigest()[:12]
+
+    def contains(self, cell: tuple[int, int]) -> bool:
+        """Tell whether the cell (x, y) lies on the map."""
+        return 0 <= cell[0] < self.width and 0 <= cell[1] < self.height
+
+    def blocked(
+        self, occupied_threshold: int = 65, *, allow_unknown: bool = True
+    ) -> NDArray[np.bool_]:
+        """Return where a robot may not be: bool [height, width].
+
+        Occupied from `occupied_threshold` up; unknown cells too unless `allow_unknown`.
+        """
+        blocked: NDArray[np.bool_] = self.cells >= occupied_threshold
+        return blocked if allow_unknown else blocked | (self.cells < FREE)
+
+    def world_to_grid(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Turn world points [n, 2] in metres into grid coordinates, cell centres at whole numbers."""
+        offset = np.asarray(points, dtype=np.float64).reshape(-1, 2) - self.origin[:2]
+        cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
+        return offset @ np.array([[cos, -sin], [sin, cos]]) / self.resolution - 0.5
+
+    def grid_to_world(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Turn grid coordinates [n, 2] (a cell's centre is its own x, y) into metres."""
+        local = (np.asarray(points, dtype=np.float64).reshape(-1, 2) + 0.5) * self.resolution
+        cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
+        return local @ np.array([[cos, sin], [-sin, cos]]) + self.origin[:2]
+
+    def world_to_cell(self, x: float, y: float) -> tuple[int, int]:
+        """Return the cell (x, y) that holds a world point in metres, on the map or off it.
+
+        A point on a border, within a millionth of a cell, belongs to the higher cell.
+        Raises GridMapError where the point is not finite.
+        """
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise GridMapError('point', f'({x}, {y}) is not finite')
+        column, row = self.world_to_grid([[x, y]])[0] + 0.5 + BORDER_TOLERANCE
+        return math.floor(column), math.floor(row)

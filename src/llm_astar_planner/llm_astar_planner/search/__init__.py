@@ -1,0 +1,1 @@
+"""Grid search, numpy in and numpy out; knows neither maps' units nor ROS."""

@@ -1,0 +1,48 @@
+"""Build for both worlds: ament_python under colcon, a wheel under pip."""
+
+import sys
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = 'llm_astar_planner'
+NODES = ('map_node', 'llm_client_node', 'planner_node', 'benchmark_node')
+
+data_files = [
+    ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+    (f'share/{NAME}', ['package.xml']),
+    (f'share/{NAME}/launch', glob('launch/*.launch.py')),
+    (f'share/{NAME}/config', glob('../../config/*')),
+    (f'share/{NAME}/maps', glob('../../maps/*')),
+]
+if 'bdist_wheel' in sys.argv:
+    # colcon puts the entry points below lib/, where `ros2 run` looks; pip does not.
+    data_files.append((f'lib/{NAME}', glob('scripts/*')))
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='LLM-A*: a ROS 2 global planner guided by a language model',
+    license='Apache-2.0',
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['py.typed']},
+    data_files=data_files,
+    python_requires='>=3.10',
+    # The ROS messages come from apt or from the wheels; `make install` picks.
+    install_requires=[
+        'setuptools',
+        'llm_astar_msgs_adapter',
+        'matplotlib',
+        'numba',
+        'numpy',
+        'scipy',
+    ],
+    extras_require={'test': ['pytest', 'hypothesis']},
+    entry_points={
+        'console_scripts': [
+            'llm-astar = llm_astar_planner.cli:main',
+            *(f'{node} = {NAME}.nodes.{node}:main' for node in NODES),
+        ]
+    },
+    zip_safe=False,
+)
