@@ -78,6 +78,25 @@ class BarrierMap:
         """Return the cell of a lattice point: the same point counted from (x_min, y_min)."""
         return point[0] - self.range_x[0], point[1] - self.range_y[0]
 
+    def open_ended(self) -> BarrierMap:
+        """Return the map with every barrier a cell shorter at its end; those of one cell go.
+
+        The paper's published waypoint filter sees barriers so.
+        """
+
+        def shorten(barriers: tuple[Barrier, ...]) -> tuple[Barrier, ...]:
+            return tuple(
+                barrier._replace(last=barrier.last - 1)
+                for barrier in barriers
+                if barrier.first < barrier.last
+            )
+
+        return replace(
+            self,
+            horizontal_barriers=shorten(self.horizontal_barriers),
+            vertical_barriers=shorten(self.vertical_barriers),
+        )
+
     def scale(self, factor: int) -> BarrierMap:
         """Multiply every coordinate by `factor` >= 1, the paper's scaled environments.
 

@@ -1,0 +1,144 @@
+"""From a source's waypoints to the target list T: each one judged, the paper's two rules applied.
+
+The paper asks that T holds start and goal and that no target lies in an obstacle (sec. 3.2). Its
+published code also drops points within two lattice lines of the map's edge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from llm_astar_msgs_adapter.barrier_map import BarrierMap
+from numpy.typing import NDArray
+
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.waypoint_source.base import Waypoint
+
+# The published filter keeps 1 < x < width - 2, and likewise y.
+EDGE = 1
+
+
+class Verdict(str, Enum):
+    """What the planner made of a waypoint."""
+
+    ACCEPTED = 'accepted'
+    OUT_OF_BOUNDS = 'out_of_bounds'
+    OCCUPIED = 'occupied'
+    UNREACHABLE = 'unreachable'
+    OUT_OF_ORDER = 'out_of_order'
+
+    @property
+    def used(self) -> bool:
+        """Whether the waypoint became a target: the paper drops only what it cannot stand on."""
+        return self not in (Verdict.OUT_OF_BOUNDS, Verdict.OCCUPIED)
+
+
+@dataclass(frozen=True)
+class JudgedWaypoint:
+    """A waypoint in grid coordinates, with its verdict."""
+
+    x: float
+    y: float
+    verdict: Verdict
+
+
+def waypoint_cells(
+    blocked: NDArray[np.bool_], barrier_map: BarrierMap | None = None
+) -> NDArray[np.bool_]:
+    """Return the cells a waypoint may not lie on: bool [height, width].
+
+    Those are the blocked cells. The published code misses the last cell of every barrier; where
+    the barriers are known this does the same, to be exact on the paper's samples.
+    """
+    if barrier_map is None:
+        return blocked
+    return barrier_map.open_ended().to_grid().blocked()
+
+
+def judge(
+    waypoints: Sequence[Waypoint],
+    occupied: NDArray[np.bool_],
+    components: NDArray[np.int32],
+    start: Cell,
+) -> tuple[JudgedWaypoint, ...]:
+    """Judge each waypoint by itself: bounds, obstacles, and whether start reaches it.
+
+    `occupied` comes from `waypoint_cells`; `components` [height, width] numbers the connected
+    free cells. A point between lattice points lies on no cell, as in the published code.
+    """
+    height, width = occupied.shape
+    component = components[start[1], start[0]]
+
+    def verdict(x: float, y: float) -> Verdict:
+        if not (EDGE < x < width - 1 - EDGE and EDGE < y < height - 1 - EDGE):
+            return Verdict.OUT_OF_BOUNDS
+        if x == int(x) and y == int(y) and occupied[int(y), int(x)]:
+            return Verdict.OCCUPIED
+        if components[round(y), round(x)] not in (component, 0):
+            return Verdict.UNREACHABLE
+        return Verdict.ACCEPTED
+
+    return tuple(JudgedWaypoint(x, y, verdict(x, y)) for x, y in waypoints)
+
+
+def target_list(judged: Sequence[JudgedWaypoint], start: Cell, goal: Cell) -> list[Waypoint]:
+    """Build T from the waypoints in use: start put before and goal after where they are missing."""
+    targets: list[Waypoint] = [(point.x, point.y) for point in judged if point.verdict.used]
+    if not targets or targets[0] != start:
+        targets.insert(0, start)
+    if targets[-1] != goal:
+        targets.append(goal)
+    return targets
+
+
+def mark_out_of_order(
+    judged: Sequence[JudgedWaypoint], path: NDArray[np.int32]
+) -> tuple[JudgedWaypoint, ...]:
+    """Mark the accepted waypoints that the path found passes in another order than given.
+
+    Each is placed at its nearest cell of the path [n, 2]; those outside the longest run of places
+    that never goes back are out of order.
+    """
+    accepted = [i for i, point in enumerate(judged) if point.verdict is Verdict.ACCEPTED]
+    if len(path) == 0 or len(accepted) < 2:
+        return tuple(judged)
+    points = np.array([(judged[i].x, judged[i].y) for i in accepted])
+    places = [int(np.argmin(np.hypot(*(path - point).T))) for point in points]
+    in_order = {accepted[i] for i in _longest_rising(places)}
+    return tuple(
+        replace(point, verdict=Verdict.OUT_OF_ORDER)
+        if point.verdict is Verdict.ACCEPTED and i not in in_order
+        else point
+        for i, point in enumerate(judged)
+    )
+
+
+def snap(value: float, tolerance: float = 1e-6) -> float:
+    """Return the whole number within `tolerance` of a grid coordinate, else the value itself.
+
+    Coordinates that went through metres come back a few ulps off the lattice.
+    """
+    if not math.isfinite(value):
+        return value
+    nearest = float(round(value))
+    return nearest if abs(value - nearest) <= tolerance else value
+
+
+def _longest_rising(places: list[int]) -> list[int]:
+    """Return the indices of a longest non-decreasing subsequence; lists here are short."""
+    best = [1] * len(places)
+    before = [-1] * len(places)
+    for i, place in enumerate(places):
+        for j in range(i):
+            if places[j] <= place and best[j] + 1 > best[i]:
+                best[i], before[i] = best[j] + 1, j
+    i = int(np.argmax(best))
+    run = []
+    while i != -1:
+        run.append(i)
+        i = before[i]
+    return run[::-1]
