@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
-from llm_astar_planner.prompts.describe import MAX_BARRIERS, MAX_LATTICE_SIDE, describe
+from llm_astar_planner.prompts.describe import (
+    MAX_BARRIERS,
+    MAX_LATTICE_SIDE,
+    describe,
+    describe_coarser,
+)
 from llm_astar_planner.prompts.lattice import Lattice
 from llm_astar_planner.prompts.reply import parse_reply
 from llm_astar_planner.prompts.template import (
@@ -169,22 +174,21 @@ def big_map():
 def test_a_big_map_fits_its_budget_on_a_coarse_lattice():
     grid_map = big_map()
     start, goal = (17, 33), (1130, 871)
+    fine = describe(grid_map, start, goal, max_tokens=400)
+    coarse = describe_coarser(fine, grid_map, start, goal)
     sizes = []
-    for coarser in (0, 1):
-        description = describe(grid_map, start, goal, max_tokens=400, coarser=coarser)
+    for description, unit in ((fine, 12), (coarse, 24)):
         barriers = description.horizontal_barriers + description.vertical_barriers
         values = description.values()
-        text = values['horizontal_barriers'] + values['vertical_barriers']
+        sizes.append(len(values['horizontal_barriers'] + values['vertical_barriers']))
         assert 0 < len(barriers) <= MAX_BARRIERS
-        assert len(text) <= 400 * 1.5 / (1 + coarser) + 10
-        sizes.append(len(text))
+        assert sizes[-1] <= 400 * 1.5 + 10
         assert max(description.x_bounds + description.y_bounds) < MAX_LATTICE_SIDE
         lattice = description.lattice
-        assert lattice.unit == 12 * (1 + coarser)
-        ends = (start, goal)
-        back = lattice.to_cells([description.start, description.goal], grid_map, ends)
-        assert back == ends
-    assert sizes[1] < sizes[0]
+        assert lattice.unit == unit
+        back = lattice.to_cells([description.start, description.goal], grid_map, (start, goal))
+        assert back == (start, goal)
+    assert sizes[1] < 0.7 * sizes[0]
 
 
 def test_coarse_points_come_back_on_free_cells():

@@ -55,31 +55,49 @@ def describe(
     *,
     lattice: Lattice = Lattice(),  # noqa: B008 - an immutable tuple
     max_tokens: int = 1000,
-    coarser: int = 0,
 ) -> Description:
     """Describe a map to a model by at most MAX_BARRIERS barriers in about `max_tokens` tokens.
 
     A map up to MAX_LATTICE_SIDE cells a side, or one that straight barriers describe exactly,
     keeps its own coordinates, shifted to `lattice`. A bigger one gets a lattice of several cells
-    a step. `coarser` n halves the budget and the lattice n times more.
+    a step.
     """
-    budget = int(max_tokens * CHARS_PER_TOKEN) >> coarser
+    budget = int(max_tokens * CHARS_PER_TOKEN)
     # About what one barrier takes: brackets, commas, three numbers of a few digits.
-    limit = max(MIN_BARRIERS, min(MAX_BARRIERS, budget // 16) >> coarser)
-    unit = -(-max(grid_map.width, grid_map.height) // MAX_LATTICE_SIDE) << coarser
-    exact = _exact_barriers(grid_map, limit) if not coarser else None
+    limit = max(MIN_BARRIERS, min(MAX_BARRIERS, budget // 16))
+    exact = _exact_barriers(grid_map, limit)
     if exact is not None:
-        unit, barriers = 1, exact
-    else:
-        barriers = summarise_barriers(_coarsen(grid_map, unit), limit)
-    lattice = lattice.coarsened(unit)
+        return _described(exact, grid_map, start, goal, lattice, budget=budget)
+    unit = -(-max(grid_map.width, grid_map.height) // MAX_LATTICE_SIDE)
+    barriers = summarise_barriers(_coarsen(grid_map, unit), limit)
+    return _described(barriers, grid_map, start, goal, lattice.coarsened(unit), budget=budget)
+
+
+def describe_coarser(fine: Description, grid_map: GridMap, start: Cell, goal: Cell) -> Description:
+    """Describe a map again by half as many barriers on a lattice twice as coarse."""
+    count = len(fine.horizontal_barriers) + len(fine.vertical_barriers)
+    lattice = fine.lattice.coarsened(2 * fine.lattice.unit)
+    limit = max(1, count // 2)
+    barriers = summarise_barriers(_coarsen(grid_map, lattice.unit), limit)
+    return _described(barriers, grid_map, start, goal, lattice, budget=16 * limit)
+
+
+def _described(
+    barriers: BarrierMap,
+    grid_map: GridMap,
+    start: Cell,
+    goal: Cell,
+    lattice: Lattice,
+    *,
+    budget: int,
+) -> Description:
     horizontal, vertical = _within(barriers, lattice, budget)
     return Description(
         lattice,
         lattice.to_lattice(start),
         lattice.to_lattice(goal),
-        _bounds(grid_map.width, unit, lattice.x),
-        _bounds(grid_map.height, unit, lattice.y),
+        _bounds(grid_map.width, lattice.unit, lattice.x),
+        _bounds(grid_map.height, lattice.unit, lattice.y),
         horizontal,
         vertical,
     )
