@@ -63,3 +63,13 @@ def expanded_to_message(expanded: NDArray[np.bool_], grid_map: GridMap, stamp: T
     points = grid_map.grid_to_world(np.column_stack((columns, rows)))
     message.cells = [Point(x=x, y=y, z=0.0) for x, y in points.tolist()]
     return message
+
+
+def expanded_from_message(message: GridCells, grid_map: GridMap) -> NDArray[np.bool_]:
+    """Read the cells of a message on the map they were drawn for: bool [height, width]."""
+    expanded = np.zeros(grid_map.cells.shape, dtype=np.bool_)
+    if message.cells:
+        places = grid_map.world_to_grid([(point.x, point.y) for point in message.cells])
+        columns, rows = np.rint(places).astype(int).T
+        expanded[rows, columns] = True
+    return expanded

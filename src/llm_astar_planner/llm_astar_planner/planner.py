@@ -153,7 +153,8 @@ class Planner:
         """
         neighbours = np.ones((3, 3)) if self.rules.corner_cutting else None
         labels, _ = ndimage.label(~self.blocked, structure=neighbours)
-        return labels.astype(np.int32, copy=False)
+        components: NDArray[np.int32] = labels.astype(np.int32, copy=False)
+        return components
 
     @cached_property
     def _waypoint_cells(self) -> NDArray[np.bool_]:
@@ -316,7 +317,7 @@ def _raised_after(seconds: float, stop: NDArray[np.uint8]) -> Iterator[None]:
     def expire() -> None:
         stop[0] = 1
 
-    timer = threading.Timer(max(seconds, 0.0), expire)
+    timer = threading.Timer(min(max(seconds, 0.0), threading.TIMEOUT_MAX), expire)
     timer.daemon = True
     timer.start()
     try:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from llm_astar_msgs_adapter.barrier_map import Barrier, BarrierMap, Sample
 from llm_astar_planner.waypoint_source.base import SampleKey, SourceStatus, WaypointQuery
-from llm_astar_planner.waypoint_source.factory import client_of, close_source, make_source
+from llm_astar_planner.waypoint_source.factory import client_of, make_source
 from llm_astar_planner.waypoint_source.settings import SourceSettings
 from llm_astar_planner.waypoint_source.transcript import read_transcript
 
@@ -22,9 +22,15 @@ QUERY = WaypointQuery(MAP.to_grid(), (5, 5), (20, 20))
 PATH = ((5.0, 5.0), (26.0, 9.0), (20.0, 20.0))
 
 
-def source_for(server, **settings):
+def source_for(server, dataset=None, **settings):
     return make_source(
-        SourceSettings(source='endpoint', base_url=server.base_url, model='tiny', **settings)
+        SourceSettings(
+            source='endpoint',
+            base_url=server.base_url,
+            model='tiny',
+            **{'timeout_s': 20.0, **settings},
+        ),
+        dataset,
     )
 
 
@@ -101,7 +107,6 @@ def test_exchanges_are_recorded_and_replayed(chat_server, tmp_path):
     source = source_for(chat_server, record=str(record))
     other = replace(QUERY, goal=(40, 20), sample=SampleKey(0, 9, 2))
     live = [source.waypoints(QUERY), source.waypoints(QUERY), source.waypoints(other)]
-    close_source(source)
     first, second = read_transcript(record)
     assert (first.map, first.pair) == (QUERY.grid_map.digest, '5,5->20,20')
     assert (first.messages, first.status) == (live[0].messages, SourceStatus.OK)
@@ -114,12 +119,9 @@ def test_exchanges_are_recorded_and_replayed(chat_server, tmp_path):
 
 
 def test_a_dataset_keys_the_record(chat_server, tmp_path):
-    dataset = tmp_path / 'maps.json'
-    dataset.write_text(json.dumps([MAP.to_json()]))
     record = tmp_path / 't.jsonl'
-    source = source_for(chat_server, record=str(record), dataset=str(dataset))
+    source = source_for(chat_server, [MAP], record=str(record))
     source.waypoints(replace(QUERY, grid_map=MAP.to_grid(0.05)))
-    close_source(source)
     assert read_transcript(record)[0].sample == SampleKey(0, 0, 1)
 
 
@@ -133,7 +135,6 @@ def test_a_coarse_map_is_replayed_as_it_was_answered(chat_server, tmp_path):
     record = tmp_path / 't.jsonl'
     source = source_for(chat_server, record=str(record))
     reply = source.waypoints(query)
-    close_source(source)
     assert reply.unit == read_transcript(record)[0].unit == 6
     assert reply.waypoints == ((10.0, 10.0), (362.0, 122.0), (590.0, 590.0)) or (
         reply.waypoints[0] == (10.0, 10.0) and reply.waypoints[2] == (590.0, 590.0)

@@ -38,7 +38,6 @@ def write(path, *exchanges):
     writer = TranscriptWriter(path)
     for exchange in exchanges:
         writer.write(exchange)
-    writer.close()
     return path
 
 

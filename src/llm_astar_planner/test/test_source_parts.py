@@ -16,7 +16,6 @@ from llm_astar_planner.waypoint_source.dialect import Dialect, is_context_too_lo
 from llm_astar_planner.waypoint_source.factory import make_source
 from llm_astar_planner.waypoint_source.failure import MAX_DETAIL, EndpointFailure
 from llm_astar_planner.waypoint_source.limits import CallBudget
-from llm_astar_planner.waypoint_source.none import NoSource
 from llm_astar_planner.waypoint_source.repair import MAX_FAULTS_TOLD, find_faults, follow_up
 from llm_astar_planner.waypoint_source.replay import ReplayError
 from llm_astar_planner.waypoint_source.retry import RetryPolicy, is_retryable, retry_after
@@ -216,8 +215,9 @@ def test_faults_of_a_route():
 def test_settings_are_checked_by_name():
     good = SourceSettings(source='endpoint', base_url='http://localhost:1/v1')
     assert make_source(good).name == 'endpoint'
+    assert make_source(SourceSettings()).name == 'none'
     for change, words in (
-        ({'source': 'magic'}, "source: 'magic' is none of none, replay, endpoint"),
+        ({'source': 'magic'}, "source: 'magic' is unknown; there is none, replay, endpoint"),
         ({'temperature': 3.0}, 'temperature: 3.0 is not 0 to 2'),
         ({'timeout_s': math.nan}, 'timeout_s: nan is not'),
         ({'timeout_s': 0.0}, 'timeout_s: 0.0 is not'),
@@ -245,17 +245,6 @@ def test_files_that_are_wrong_are_named(tmp_path):
     (tmp_path / 'none.jsonl').touch()
     with pytest.raises(ReplayError, match='it holds: nothing'):
         make_source(replay)
-    with pytest.raises(ValueError, match=r'maps\.json'):
-        make_source(replace(replay, dataset=str(tmp_path / 'maps.json')))
-
-
-def test_another_kind_of_source_can_be_given():
-    class Embedded(NoSource):
-        name = 'embedded'
-
-    source = make_source(SourceSettings(source='embedded'), {'embedded': lambda _: Embedded()})
-    assert source.name == 'embedded'
-    assert make_source(SourceSettings()).name == 'none'
 
 
 def test_settings_hold_the_parameters_of_the_design():

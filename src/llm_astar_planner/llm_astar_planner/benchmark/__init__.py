@@ -1,0 +1,1 @@
+"""Replaying samples: datasets, metrics, statistics and reports."""

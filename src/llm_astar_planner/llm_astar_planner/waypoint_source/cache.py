@@ -44,8 +44,8 @@ class _Pending:
 class CachedSource:
     """Answers from memory where it can; asks `inner` once where several ask the same.
 
-    The question goes on in the background when a caller's time is up, for up to `timeout_s`, and
-    its late answer lands in the cache. Keyed by map digest, start, goal, model and prompt;
+    The question goes on in the background when a caller's time is up, as long as `inner` lets it,
+    and its late answer lands in the cache. Keyed by map digest, start, goal, model and prompt;
     the least recently used of more than `size` answers is dropped. Thread-safe.
     """
 
@@ -56,7 +56,7 @@ class CachedSource:
         model: str = '',
         prompt: str = '',
         size: int = 256,
-        timeout_s: float = 20.0,
+        timeout_s: float = 4.0,
     ) -> None:
         """Wrap `inner`, which is asked by `model` with `prompt` (a name or a digest)."""
         self.inner = inner
@@ -74,8 +74,9 @@ class CachedSource:
         return self.inner.name
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Return the answer in memory, else wait for it until the query's time limit."""
+        """Return the answer in memory, else wait for it, `timeout_s` or the query's time limit."""
         started = time.monotonic()
+        query = replace(query, time_limit=min(self._timeout_s, query.time_limit))
         key = self._key(query)
         with self._lock:
             kept = self._replies.get(key)
@@ -92,16 +93,15 @@ class CachedSource:
                 threading.Thread(
                     target=self._ask, args=(key, query, pending), name='waypoints', daemon=True
                 ).start()
-        limit = min(query.time_limit, threading.TIMEOUT_MAX)
-        if pending.done.wait(max(0.0, limit)):
+        if pending.done.wait(max(0.0, query.time_limit)):
             return pending.reply
         detail = f'no answer within {query.time_limit:.1f} s; a late one is kept for the next time'
         return self._failure(SourceStatus.TIMEOUT, detail, started)
 
     def _ask(self, key: _Key, query: WaypointQuery, pending: _Pending) -> None:
-        """Ask `inner` in a thread of its own, with all the time a question may take."""
+        """Ask `inner`, in a thread of its own."""
         try:
-            pending.reply = self.inner.waypoints(replace(query, time_limit=self._timeout_s))
+            pending.reply = self.inner.waypoints(query)
         except Exception as error:  # noqa: BLE001 - its callers must not be left waiting
             _LOG.exception('the waypoint source failed')
             detail = f'{type(error).__name__} in the source'

@@ -48,15 +48,17 @@ class ChatClient:
         messages: Sequence[Message],
         deadline: float,
         schema: dict[str, Any] | None = None,
+        late_s: float = 0.0,
     ) -> Completion:
         """Return the model's answer before `deadline` (of time.monotonic).
 
-        `schema` is the JSON schema of the answer, for endpoints that take one.
+        `schema` is the JSON schema of the answer, for endpoints that take one. A request under
+        way at the deadline may go on for `late_s` seconds; none is made anew.
         Raises EndpointFailure; its text holds no key.
         """
         self.breaker.check()
         try:
-            completion = self._with_retries(messages, deadline, schema)
+            completion = self._with_retries(messages, deadline, schema, late_s)
         except EndpointFailure as failure:
             self.breaker.fail(failure)
             raise
@@ -72,17 +74,21 @@ class ChatClient:
         return ''
 
     def _with_retries(
-        self, messages: Sequence[Message], deadline: float, schema: dict[str, Any] | None
+        self,
+        messages: Sequence[Message],
+        deadline: float,
+        schema: dict[str, Any] | None,
+        late_s: float,
     ) -> Completion:
         attempt = 0
         dialect = self.dialect
         while True:
-            result = self._try(dialect.body(self.model, messages, schema), deadline)
+            result = self._try(dialect.body(self.model, messages, schema), deadline + late_s)
             if isinstance(result, Completion):
                 self.dialect = dialect
                 return result
             adapted = _adapted(dialect, result)
-            if adapted is not None:
+            if adapted is not None and time.monotonic() < deadline:
                 dialect = adapted
                 continue
             attempt += 1

@@ -70,17 +70,23 @@ class EndpointSource:
         client: ChatClient,
         template: Template,
         *,
-        timeout_s: float = 20.0,
+        timeout_s: float = 4.0,
         max_prompt_tokens: int = 2000,
         repair_rounds: int = 0,
+        late_s: float = 0.0,
         dataset: Sequence[BarrierMap] | None = None,
     ) -> None:
-        """Take the client to ask by. `dataset` makes prompts name its maps' own coordinates."""
+        """Take the client to ask by.
+
+        A request under way when time is up goes on for `late_s` seconds, for callers that keep
+        a late answer. `dataset` makes prompts name its maps' own coordinates.
+        """
         self.client = client
         self.template = template
         self._timeout_s = timeout_s
         self._max_prompt_tokens = max_prompt_tokens
         self._repair_rounds = repair_rounds
+        self._late_s = late_s
         self._resolver = SampleResolver(dataset)
 
     @property
@@ -165,7 +171,7 @@ class EndpointSource:
         asked = time.monotonic()
         talk.messages = messages
         schema = path_schema(thinks=self.template.thinks)
-        completion = self.client.complete(messages, talk.deadline, schema)
+        completion = self.client.complete(messages, talk.deadline, schema, self._late_s)
         talk.last_seconds = time.monotonic() - asked
         talk.prompt_tokens += completion.prompt_tokens
         talk.completion_tokens += completion.completion_tokens

@@ -1,11 +1,16 @@
-"""Make the waypoint source that the settings ask for."""
+"""Make a waypoint source from settings, the same for nodes and command line."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
-from llm_astar_msgs_adapter.barrier_map import BarrierMap, load_barrier_maps
+from llm_astar_msgs_adapter.barrier_map import BarrierMap
 
+from llm_astar_planner.prompts.message import Message
+from llm_astar_planner.prompts.query import Asker, QueryError
 from llm_astar_planner.prompts.template import load_template
 from llm_astar_planner.waypoint_source.base import WaypointSource
 from llm_astar_planner.waypoint_source.cache import CachedSource
@@ -13,6 +18,7 @@ from llm_astar_planner.waypoint_source.chat_client import ChatClient
 from llm_astar_planner.waypoint_source.credentials import Endpoint
 from llm_astar_planner.waypoint_source.dialect import Dialect
 from llm_astar_planner.waypoint_source.endpoint import EndpointSource
+from llm_astar_planner.waypoint_source.failure import EndpointFailure
 from llm_astar_planner.waypoint_source.limits import CallBudget
 from llm_astar_planner.waypoint_source.none import NoSource
 from llm_astar_planner.waypoint_source.recording import RecordingSource
@@ -25,44 +31,36 @@ from llm_astar_planner.waypoint_source.settings import (
 )
 from llm_astar_planner.waypoint_source.transcript import TranscriptWriter
 
-Maker = Callable[[SourceSettings], WaypointSource]
+__all__ = [
+    'SOURCES',
+    'SettingsError',
+    'SourceSettings',
+    'client_of',
+    'make_asker',
+    'make_client',
+    'make_source',
+]
+
+Dataset = Sequence[BarrierMap] | None
+# How long a request that missed its deadline may still bring an answer for the next time.
+LATE_S = 60.0
 
 
-def make_source(
-    settings: SourceSettings, more: Mapping[str, Maker] | None = None
-) -> WaypointSource:
-    """Make the source named by `settings.source`, with cache and recording around it.
+def make_source(settings: SourceSettings, dataset: Dataset = None) -> WaypointSource:
+    """Make the source `settings` name; `dataset` lets samples be recognised by their cells.
 
-    `more` adds kinds of source to the built-in none, replay and endpoint.
-    Raises SettingsError naming the field, or ValueError naming the file that is wrong.
+    Raises SettingsError for settings that fit no source, and what the source raises on its files.
     """
-    kinds = ('none', 'replay', 'endpoint', *(more or ()))
-    if settings.source not in kinds:
-        raise SettingsError(f'source: {settings.source!r} is none of {", ".join(kinds)}')
+    if settings.source not in SOURCES:
+        raise SettingsError(
+            f'source: {settings.source!r} is unknown; there is {", ".join(SOURCES)}'
+        )
     settings.check()
-    dataset = load_barrier_maps(settings.dataset) if settings.dataset else []
-    if settings.source == 'endpoint':
-        endpoint = make_endpoint_source(settings, dataset)
-        return CachedSource(
-            _recorded(endpoint, settings, dataset),
-            model=settings.model,
-            prompt=endpoint.template.name,
-            size=settings.cache_size,
-            timeout_s=settings.timeout_s,
-        )
-    if settings.source == 'replay':
-        source: WaypointSource = ReplaySource(
-            settings.transcript, settings.model, settings.prompt, dataset
-        )
-    elif settings.source == 'none':
-        source = NoSource()
-    else:
-        source = (more or {})[settings.source](settings)
-    return _recorded(source, settings, dataset)
+    return SOURCES[settings.source](settings, dataset)
 
 
 def make_client(settings: SourceSettings) -> ChatClient:
-    """Make the client of the endpoint alone. Raises SettingsError naming the field."""
+    """Make the client of the endpoint alone. Raises SettingsError."""
     settings.check()
     return ChatClient(
         Endpoint(settings.base_url, settings.api_key_env),
@@ -74,40 +72,71 @@ def make_client(settings: SourceSettings) -> ChatClient:
     )
 
 
-def make_endpoint_source(
-    settings: SourceSettings, dataset: list[BarrierMap] | None = None
-) -> EndpointSource:
-    """Make the endpoint source without a cache around it. Raises SettingsError."""
-    return EndpointSource(
-        make_client(settings),
-        load_template(settings.prompt or DEFAULT_PROMPT),
-        timeout_s=settings.timeout_s,
-        max_prompt_tokens=settings.max_prompt_tokens,
-        repair_rounds=settings.repair_rounds,
-        dataset=dataset,
-    )
+def make_asker(settings: SourceSettings) -> Asker:
+    """Make what `parse_query` asks about sentences in free wording. Raises SettingsError.
+
+    The asker raises QueryError with the status and the detail of a failure.
+    """
+    client = make_client(replace(settings, source='endpoint', response_format='json_schema'))
+
+    def ask(messages: tuple[Message, ...], schema: dict[str, Any]) -> str:
+        try:
+            return client.complete(messages, time.monotonic() + settings.timeout_s, schema).text
+        except EndpointFailure as failure:
+            raise QueryError(f'query: {failure.status.value}: {failure}') from None
+
+    return ask
 
 
 def client_of(source: WaypointSource) -> ChatClient | None:
-    """Return the client below the wrappers of a source, for its state and its counts, or None."""
+    """Return the endpoint's client inside a source, for its state and counts, or None."""
     inner: object = source
     while isinstance(inner, (CachedSource, RecordingSource)):
         inner = inner.inner
     return inner.client if isinstance(inner, EndpointSource) else None
 
 
-def close_source(source: WaypointSource) -> None:
-    """Close what a source made by `make_source` holds open; it may not be asked any more."""
-    inner: object = source
-    while isinstance(inner, (CachedSource, RecordingSource)):
-        if isinstance(inner, RecordingSource):
-            inner.close()
-        inner = inner.inner
+def _endpoint(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    template = load_template(settings.prompt or DEFAULT_PROMPT)
+    source = EndpointSource(
+        make_client(settings),
+        template,
+        timeout_s=settings.timeout_s,
+        max_prompt_tokens=settings.max_prompt_tokens,
+        repair_rounds=settings.repair_rounds,
+        late_s=LATE_S,
+        dataset=dataset,
+    )
+    return CachedSource(
+        _recorded(source, settings, dataset),
+        model=settings.model,
+        prompt=template.name,
+        size=settings.cache_size,
+        timeout_s=settings.timeout_s,
+    )
+
+
+def _replay(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    if not settings.transcript:
+        raise SettingsError('transcript: name the JSON Lines file that source replay answers from')
+    return ReplaySource(settings.transcript, settings.model, settings.prompt, dataset)
+
+
+def _none(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    del settings, dataset
+    return NoSource()
 
 
 def _recorded(
-    source: WaypointSource, settings: SourceSettings, dataset: list[BarrierMap]
+    source: WaypointSource, settings: SourceSettings, dataset: Dataset
 ) -> WaypointSource:
     if not settings.record:
         return source
     return RecordingSource(source, TranscriptWriter(settings.record), dataset)
+
+
+SOURCES: dict[str, Callable[[SourceSettings, Dataset], WaypointSource]] = {
+    'none': _none,
+    'replay': _replay,
+    'endpoint': _endpoint,
+}

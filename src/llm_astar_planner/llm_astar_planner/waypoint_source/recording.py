@@ -50,10 +50,6 @@ class RecordingSource:
                 _LOG.warning('%s: cannot be written: %s', self._writer.path, error)
         return reply
 
-    def close(self) -> None:
-        """Close the transcript; answers that come later are passed on unrecorded."""
-        self._writer.close()
-
     def _exchange(self, query: WaypointQuery, reply: WaypointReply) -> Exchange:
         sample, _ = self._resolver.resolve(query)
         return Exchange(

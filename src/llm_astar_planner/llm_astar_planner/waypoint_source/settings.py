@@ -22,21 +22,22 @@ class SettingsError(ValueError):
 class SourceSettings:
     """Settings of a waypoint source; the field names are the ROS parameters.
 
-    - `source`: `none`, `replay`, `endpoint`, or another kind that `make_source` was given.
+    - `source`: one of the factory's SOURCES.
     - `base_url`: where the OpenAI-compatible endpoint is, without `/chat/completions`.
     - `api_key_env`: the NAME of the environment variable with its key, '' for none.
     - `model`, `temperature`, `max_output_tokens`: sent to the endpoint; a `replay` looks for
       `model` and `prompt` in its transcript, any if they are empty.
     - `prompt`: a shipped template's name or one's own file; '' is `few_shot` to an endpoint.
     - `response_format`: `text`, `json_object` or `json_schema`.
-    - `timeout_s`: for a whole question, retries and repairs included.
+    - `timeout_s`: for a whole question, retries and repairs included; an answer that comes later
+      is kept for the next time.
     - `max_retries`, `max_concurrent`: of requests to the endpoint.
     - `max_prompt_tokens`: about how many the description of the map may take.
     - `repair_rounds`: how often a route that collides is asked for again.
     - `max_calls_per_hour`, `max_tokens_per_day`: 0 for no limit.
     - `cache_size`: how many answers are kept.
-    - `transcript`: the file a `replay` answers from; `record`: the file exchanges go to, '' for
-      none; `dataset`: the barrier maps whose ids key both, '' for none.
+    - `transcript`: the file a `replay` answers from; `record`: the file exchanges are added to,
+      '' for none.
     """
 
     source: str = 'none'
@@ -48,7 +49,7 @@ class SourceSettings:
     temperature: float = 0.0
     max_output_tokens: int = 1000
     max_prompt_tokens: int = 2000
-    timeout_s: float = 20.0
+    timeout_s: float = 4.0
     max_retries: int = 2
     max_concurrent: int = 2
     repair_rounds: int = 0
@@ -57,7 +58,6 @@ class SourceSettings:
     cache_size: int = 256
     transcript: str = ''
     record: str = ''
-    dataset: str = ''
 
     def check(self) -> None:
         """Raise SettingsError for the first field that cannot be."""
@@ -80,8 +80,6 @@ class SourceSettings:
         if self.response_format not in RESPONSE_FORMATS:
             known = ', '.join(RESPONSE_FORMATS)
             raise SettingsError(f'response_format: {self.response_format!r} is none of {known}')
-        if self.source == 'replay' and not self.transcript:
-            raise SettingsError('transcript: a replay needs the file to answer from')
         if self.source == 'endpoint':
             self._check_endpoint()
 
