@@ -255,6 +255,18 @@ def test_names_that_do_not_resolve(chat_server, monkeypatch, no_names, host, sta
     assert word in reply.detail
 
 
+@pytest.mark.parametrize('proxy', ['socks5://127.0.0.1:1', 'nonsense://127.0.0.1', 'http://:x'])
+def test_proxy_settings_that_do_not_work(monkeypatch, chat_server, no_names, proxy):
+    monkeypatch.setenv('ALL_PROXY', proxy)
+    monkeypatch.setenv('ROBOT_KEY', 'one-two-three')
+    source = source_for(
+        chat_server, base_url='http://fails.example/v1', api_key_env='ROBOT_KEY', timeout_s=2.0
+    )
+    reply = source.waypoints(QUERY)
+    assert reply.status in (SourceStatus.ERROR, SourceStatus.UNREACHABLE), reply
+    assert 'in the source' not in reply.detail
+
+
 def test_an_auth_failure_is_not_repeated(chat_server):
     chat_server.script = [chat_server.error(401, 'bad key'), chat_server.completion(GOOD)]
     source = source_for(chat_server)
