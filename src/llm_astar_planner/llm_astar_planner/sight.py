@@ -23,8 +23,10 @@ class Walls:
         lines = np.concatenate([_runs(blocked), _runs(blocked.T)[..., ::-1]])
         alone = np.argwhere(blocked & ~_has_neighbour(blocked))[:, ::-1]
         self._ends = np.unique(np.concatenate([lines.reshape(-1, 2), alone]), axis=0)
-        walls = [shapely.linestrings(lines), shapely.points(alone)]
-        self._tree = shapely.STRtree(np.concatenate(walls))
+        walls = np.concatenate(
+            [np.asarray(shapely.linestrings(lines)), np.asarray(shapely.points(alone))]
+        )
+        self._tree = shapely.STRtree(walls)
 
     @property
     def ends(self) -> NDArray[np.intp]:
