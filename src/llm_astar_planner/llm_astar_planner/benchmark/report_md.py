@@ -70,7 +70,7 @@ def report(
         markdown_table(WAYPOINT_HEAD, waypoint_table(summaries)),
         *_growth_part(growths),
         *(f'![{caption}]({file})\n\n*{caption}*' for file, caption in pictures),
-        '## The paper’s Table 1, as printed',
+        '## Table 1 of the paper, as printed',
         'On its own 1000 samples, so not to be set against the rows above unless they are too.',
         markdown_table(TABLE_HEAD, PAPER_TABLE),
     ]
