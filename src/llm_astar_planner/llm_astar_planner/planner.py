@@ -316,7 +316,7 @@ def _raised_after(seconds: float, stop: NDArray[np.uint8]) -> Iterator[None]:
     def expire() -> None:
         stop[0] = 1
 
-    timer = threading.Timer(max(seconds, 0.0), expire)
+    timer = threading.Timer(min(max(seconds, 0.0), threading.TIMEOUT_MAX), expire)
     timer.daemon = True
     timer.start()
     try:

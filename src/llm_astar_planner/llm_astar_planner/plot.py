@@ -1,120 +1,125 @@
-"""Pictures of maps and plans, in the colours of the paper's figures.
-
-Everything draws on matplotlib Figures without pyplot, so it works headless and in threads.
-"""
+"""Pictures of plans: obstacles, waypoints, expanded cells and path on one map."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
-from llm_astar_msgs_adapter.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.grid_map import GridMap
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from llm_astar_planner.planner import Plan
 from llm_astar_planner.search.result import Cell
 
-OBSTACLE, EXPANDED, ALSO_EXPANDED, PATH = '#1f2430', '#c9ccd3', '#f6c1cf', '#d62728'
-START, GOAL = '#1f77b4', '#2ca02c'
-# Waypoints by verdict, told apart by shape of the outline as well as by colour.
-WAYPOINT_COLOURS = {
-    'accepted': '#ffb000',
-    'out_of_order': '#e377c2',
-    'unreachable': '#9467bd',
-    'occupied': '#8c564b',
-    'out_of_bounds': '#7f7f7f',
+# Told apart by shape too, not by hue alone.
+VERDICT_MARKERS = {
+    'accepted': ('#2ca02c', '*'),
+    'out_of_order': ('#ff9f0e', 'P'),
+    'unreachable': ('#9467bd', 'X'),
+    'occupied': ('#d62728', 'X'),
+    'out_of_bounds': ('#7f7f7f', 'X'),
 }
+EXPANDED, UNKNOWN, OBSTACLE, PATH = '#bcd7f0', '#e8e4da', '#222222', '#d62728'
 
 
-def draw_map(
-    axes: Axes, blocked: NDArray[np.bool_], *layers: tuple[NDArray[np.bool_], str]
-) -> None:
-    """Fill cells: `blocked` [height, width] above the `layers`, masks of that shape with colours.
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What to draw, in grid coordinates: `path` [n, 2], `expanded` bool [height, width].
 
-    Earlier layers are drawn over later ones.
+    `waypoints` are (x, y, verdict). `offset` is the map coordinate of cell (0, 0), for the axes.
     """
-    image = np.ones((*blocked.shape, 3))
-    for mask, colour in reversed(((blocked, OBSTACLE), *layers)):
-        image[mask] = to_rgb(colour)
-    axes.imshow(image, origin='lower', interpolation='nearest')
-    axes.set_xticks([])
-    axes.set_yticks([])
+
+    grid_map: GridMap
+    start: Cell
+    goal: Cell
+    path: NDArray[np.int32]
+    expanded: NDArray[np.bool_]
+    waypoints: Sequence[tuple[float, float, str]]
+    title: str
+    offset: Cell = (0, 0)
 
 
-def draw_ends(axes: Axes, start: Cell, goal: Cell) -> None:
-    """Mark start (blue) and goal (green)."""
-    for cell, colour in ((start, START), (goal, GOAL)):
-        axes.plot(*cell, marker='s', color=colour, markersize=6, markeredgecolor='white', zorder=4)
+def picture_of(
+    plan: Plan, grid_map: GridMap, start: Cell, goal: Cell, offset: Cell = (0, 0)
+) -> Picture:
+    """Make the picture of a plan."""
+    waypoints = [(point.x, point.y, point.verdict.value) for point in plan.waypoints]
+    if plan.code == 0:
+        outcome = f'{plan.operation} expansions, length {plan.length:.2f} cells'
+        title = f'{plan.method}, guided by {plan.guided_by}: {outcome}'
+    else:
+        title = f'{plan.method}: {plan.code.name}, {plan.message}'
+    return Picture(
+        grid_map, start, goal, plan.path, plan.expanded, waypoints, title, offset
+    )
 
 
-def draw_plan(axes: Axes, blocked: NDArray[np.bool_], plan: Plan, start: Cell, goal: Cell) -> None:
-    """Draw a plan: expanded cells, waypoints coloured by verdict, path, start and goal."""
-    draw_map(axes, blocked, (plan.expanded, EXPANDED))
-    if len(plan.path):
-        axes.plot(plan.path[:, 0], plan.path[:, 1], color=PATH, linewidth=1.8, zorder=2)
-    draw_waypoints(axes, plan)
-    draw_ends(axes, start, goal)
+def save_picture(picture: Picture, path: str | Path) -> None:
+    """Draw to an image file, its folders made; the ending of its name chooses the format.
+
+    Raises OSError where the file cannot be written, ValueError where its ending names no format.
+    """
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    aspect = picture.grid_map.width / picture.grid_map.height
+    figure = Figure(figsize=(min(14.0, max(7.0, 5.2 * aspect)), 6.0), layout='constrained')
+    draw(figure.add_subplot(), picture)
+    figure.legend(loc='outside lower center', ncols=6, frameon=False)
+    figure.savefig(path, dpi=120)
 
 
-def draw_waypoints(axes: Axes, plan: Plan) -> None:
-    """Draw a plan's waypoints as stars, those that were dropped as crosses."""
-    height, width = plan.expanded.shape
-    for point in plan.waypoints:
-        if 0 <= point.x < width and 0 <= point.y < height:
-            marker = '*' if point.verdict.used else 'X'
-            colour = WAYPOINT_COLOURS[point.verdict.value]
-            axes.plot(
-                point.x, point.y, marker=marker, color=colour, markersize=11,
-                markeredgecolor='black', markeredgewidth=0.6, linestyle='', zorder=3,
-            )  # fmt: skip
+def draw(axes: Axes, picture: Picture) -> None:
+    """Draw on axes in map coordinates, cell centres at whole numbers."""
+    _draw_cells(axes, picture)
+    if len(picture.path):
+        x, y = (picture.path + picture.offset).T
+        axes.plot(x, y, color=PATH, linewidth=2, label='path')
+    labelled = set()
+    for number, (x, y, verdict) in enumerate(picture.waypoints, start=1):
+        colour, marker = VERDICT_MARKERS[verdict]
+        label = None if verdict in labelled else f'waypoint, {verdict.replace("_", " ")}'
+        labelled.add(verdict)
+        _mark(axes, picture, (x, y), marker, colour, label, size=14)
+        place = (x + picture.offset[0], y + picture.offset[1])
+        axes.annotate(str(number), place, (7, 7), textcoords='offset points', zorder=5)
+    _mark(axes, picture, picture.start, 's', '#1f77b4', 'start', size=9)
+    _mark(axes, picture, picture.goal, 'D', '#17becf', 'goal', size=9)
+    axes.set_title(picture.title)
 
 
-def compare_figure(
-    blocked: NDArray[np.bool_],
-    plans: Sequence[Plan],
-    titles: Sequence[str],
-    ends: tuple[Cell, Cell],
-) -> Figure:
-    """Set plans of one sample side by side, the paper's Figure 2."""
-    height, width = blocked.shape
-    panel = 5.0
-    size = (panel * len(plans), panel * height / width + 0.75)
-    figure = Figure(figsize=size, layout='constrained')
-    for axes, plan, title in zip(np.atleast_1d(figure.subplots(1, len(plans))), plans, titles):
-        draw_plan(axes, blocked, plan, *ends)
-        found = f'length {plan.length:.2f}' if len(plan.path) else plan.code.name
-        axes.set_title(
-            f'{title}\noperation {plan.operation}, storage {plan.storage}, {found}', fontsize=9
-        )
-    return figure
+def _draw_cells(axes: Axes, picture: Picture) -> None:
+    grid_map = picture.grid_map
+    image = np.ones((grid_map.height, grid_map.width, 3))
+    image[grid_map.cells < 0] = mpl.colors.to_rgb(UNKNOWN)
+    image[picture.expanded] = mpl.colors.to_rgb(EXPANDED)
+    image[grid_map.blocked()] = mpl.colors.to_rgb(OBSTACLE)
+    x, y = picture.offset[0] - 0.5, picture.offset[1] - 0.5
+    extent = (x, x + grid_map.width, y, y + grid_map.height)
+    axes.imshow(image, origin='lower', extent=extent, interpolation='nearest')
+    for colour, label in ((OBSTACLE, 'obstacle'), (EXPANDED, 'expanded')):
+        axes.plot([], [], 's', color=colour, label=label)
 
 
-def save_map_pictures(maps: Sequence[BarrierMap], folder: str | Path) -> list[Path]:
-    """Write one PNG a map with its start-goal pairs numbered. Returns the files."""
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for barrier_map in maps:
-        path = folder / f'map_{barrier_map.id:03d}.png'
-        _map_figure(barrier_map).savefig(path, dpi=90)
-        paths.append(path)
-    return paths
-
-
-def _map_figure(barrier_map: BarrierMap) -> Figure:
-    blocked = barrier_map.to_grid().blocked()
-    height, width = blocked.shape
-    figure = Figure(figsize=(6.0, 6.0 * height / width + 0.4), layout='constrained')
-    axes = figure.subplots()
-    draw_map(axes, blocked)
-    for pair, sample in enumerate(barrier_map.samples):
-        start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-        axes.plot(*zip(start, goal), color='#9aa0ac', linewidth=0.6, linestyle=':')
-        draw_ends(axes, start, goal)
-        axes.annotate(str(pair), start, textcoords='offset points', xytext=(4, 3), fontsize=7)
-    axes.set_title(f'map {barrier_map.id}', fontsize=9)
-    return figure
+def _mark(
+    axes: Axes,
+    picture: Picture,
+    point: tuple[float, float],
+    marker: str,
+    colour: str,
+    label: str | None,
+    size: int,
+) -> None:
+    axes.plot(
+        point[0] + picture.offset[0],
+        point[1] + picture.offset[1],
+        marker,
+        color=colour,
+        markersize=size,
+        markeredgecolor='black',
+        label=label,
+        zorder=4,
+    )

@@ -1,0 +1,1 @@
+"""The ROS nodes: they translate and schedule, and leave the planning to the core."""

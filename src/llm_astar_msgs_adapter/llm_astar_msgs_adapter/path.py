@@ -1,0 +1,72 @@
+"""nav_msgs/Path and poses to plain values and back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from numpy.typing import ArrayLike, NDArray
+
+from llm_astar_msgs_adapter.grid_map import GridMapError, Pose2D
+from llm_astar_msgs_adapter.occupancy_grid import quaternion_of
+
+
+def path_to_message(
+    points: ArrayLike, frame_id: str, stamp: Time, goal_yaw: float | None = None
+) -> Path:
+    """Write points [n, 2] in metres as a path, frame and stamp on every pose.
+
+    Each pose looks along the path towards the next; the last looks along `goal_yaw` (radians)
+    where given, else as the one before it.
+    """
+    points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+    message = Path()
+    message.header.frame_id = frame_id
+    message.header.stamp = stamp
+    message.poses = [
+        pose_to_message(Pose2D(x, y, yaw), frame_id, stamp)
+        for (x, y), yaw in zip(points.tolist(), _headings(points, goal_yaw))
+    ]
+    return message
+
+
+def path_from_message(message: Path) -> NDArray[np.float64]:
+    """Read the points [n, 2] of a path in metres, whatever frame it is in."""
+    points = [(pose.pose.position.x, pose.pose.position.y) for pose in message.poses]
+    return np.array(points, dtype=np.float64).reshape(-1, 2)
+
+
+def pose_to_message(pose: Pose2D, frame_id: str, stamp: Time) -> PoseStamped:
+    """Write a stamped pose in the plane."""
+    message = PoseStamped()
+    message.header.frame_id = frame_id
+    message.header.stamp = stamp
+    message.pose.position.x = float(pose.x)
+    message.pose.position.y = float(pose.y)
+    message.pose.orientation = quaternion_of(pose.yaw)
+    return message
+
+
+def pose_from_message(message: PoseStamped, field: str = 'pose') -> Pose2D:
+    """Read a pose in the plane, its heading projected on it.
+
+    Raises GridMapError naming `field` where a number is not finite.
+    """
+    position, quaternion = message.pose.position, message.pose.orientation
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    if not all(map(math.isfinite, (position.x, position.y, x, y, z, w))):
+        raise GridMapError(field, 'holds a number that is not finite')
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return Pose2D(position.x, position.y, yaw)
+
+
+def _headings(points: NDArray[np.float64], goal_yaw: float | None) -> list[float]:
+    if len(points) == 0:
+        return []
+    steps = np.diff(points, axis=0)
+    headings: list[float] = np.arctan2(steps[:, 1], steps[:, 0]).tolist()
+    last = headings[-1] if headings else 0.0
+    return [*headings, last if goal_yaw is None else goal_yaw]

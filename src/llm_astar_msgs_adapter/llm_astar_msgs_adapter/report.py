@@ -1,0 +1,129 @@
+"""Plan reports and exchanges with a model as diagnostic_msgs/DiagnosticArray, both ways.
+
+Every value is JSON, so that numbers and lists come back as they went.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, fields
+from typing import Any, TypeVar
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+Value = TypeVar('Value', 'PlanReport', 'ExchangeReport')
+
+
+class ReportError(ValueError):
+    """A diagnostic message that is no report of the kind asked for."""
+
+
+@dataclass(frozen=True)
+class PlanReport:
+    """What a plan tells beside its path.
+
+    `code` and `code_name` are Nav2's. `length` is in metres; NaN becomes null in JSON and None
+    here. `waypoints` are (x, y, verdict), in metres in the map's frame. `seconds_*` are wall
+    clock. `map_digest` names the map planned on.
+    """
+
+    code: int
+    code_name: str
+    message: str
+    method: str
+    guided_by: str
+    source: str
+    source_status: str
+    source_detail: str
+    operation: int
+    storage: int
+    length: float | None
+    seconds_source: float
+    seconds_search: float
+    waypoints: tuple[tuple[float, float, str], ...]
+    map_digest: str
+
+    @property
+    def level(self) -> bytes:
+        """OK for a plan as asked, WARN for one whose source failed, ERROR for no plan."""
+        if self.code != 0:
+            return DiagnosticStatus.ERROR
+        fine = self.source_status in ('OK', 'NONE')
+        return DiagnosticStatus.OK if fine else DiagnosticStatus.WARN
+
+    @property
+    def summary(self) -> str:
+        """One line for a person."""
+        return f'{self.code_name}: {self.message}'
+
+
+@dataclass(frozen=True)
+class ExchangeReport:
+    """One exchange with a waypoint source: what was asked, answered and spent. No secrets."""
+
+    label: str
+    status: str
+    detail: str
+    model: str
+    prompt: str
+    text: str
+    prompt_tokens: int
+    completion_tokens: int
+    seconds: float
+    waypoints: tuple[tuple[float, float], ...]
+    map_digest: str
+
+    @property
+    def level(self) -> bytes:
+        """OK for an answer, WARN for none."""
+        return DiagnosticStatus.OK if self.status in ('OK', 'NONE') else DiagnosticStatus.WARN
+
+    @property
+    def summary(self) -> str:
+        """One line for a person."""
+        return self.detail or f'{self.status}: {len(self.waypoints)} waypoints by {self.label}'
+
+
+def report_to_message(report: PlanReport | ExchangeReport, name: str, stamp: Time) -> DiagnosticArray:
+    """Write a report as one status, a key a field; `name` is the node's."""
+    return status_to_message(name, report.level, report.summary, asdict(report), stamp)
+
+
+def status_to_message(
+    name: str, level: bytes, message: str, values: dict[str, Any], stamp: Time
+) -> DiagnosticArray:
+    """Write one diagnostic status with JSON values."""
+    status = DiagnosticStatus(
+        name=name,
+        level=level,
+        message=message,
+        values=[KeyValue(key=key, value=json.dumps(value)) for key, value in values.items()],
+    )
+    array = DiagnosticArray(status=[status])
+    array.header.stamp = stamp
+    return array
+
+
+def report_from_message(message: DiagnosticArray, kind: type[Value]) -> Value:
+    """Read a PlanReport or an ExchangeReport back.
+
+    Raises ReportError where a field is missing or is not JSON.
+    """
+    if len(message.status) != 1:
+        raise ReportError(f'{kind.__name__}: {len(message.status)} statuses, not one')
+    texts = {value.key: value.value for value in message.status[0].values}
+    values: dict[str, Any] = {}
+    for field in fields(kind):
+        if field.name not in texts:
+            raise ReportError(f'{kind.__name__}: {field.name}: is missing')
+        try:
+            values[field.name] = _frozen(json.loads(texts[field.name]))
+        except ValueError:
+            raise ReportError(f'{kind.__name__}: {field.name}: is not JSON') from None
+    return kind(**values)
+
+
+def _frozen(value: Any) -> Any:
+    """Turn JSON's lists into tuples, as the reports hold them."""
+    return tuple(_frozen(item) for item in value) if isinstance(value, list) else value

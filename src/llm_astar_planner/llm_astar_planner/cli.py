@@ -1,0 +1,47 @@
+"""The `llm-astar` command."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from llm_astar_msgs_adapter.barrier_map import BarrierMapError
+from llm_astar_msgs_adapter.grid_map import GridMapError
+
+from llm_astar_planner import __version__, cli_demo, cli_doctor, cli_plan
+
+COMMANDS = (cli_plan, cli_demo, cli_doctor)
+# Mistakes in what the user gave: one line on stderr, exit code 2.
+USER_ERRORS = (BarrierMapError, GridMapError, OSError, ValueError)
+
+EPILOG = """\
+exit codes: 0 done, 1 no plan or something missing, 2 bad usage or input, 130 interrupted
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command of `llm-astar`; return its exit code."""
+    parser = argparse.ArgumentParser(
+        prog='llm-astar',
+        description='LLM-A*: plan with the waypoints of a language model, and see what they add.',
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument('--version', action='version', version=f'llm-astar {__version__}')
+    commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
+    for command in COMMANDS:
+        command.add_parser(commands)
+    arguments = parser.parse_args(argv)
+    try:
+        return int(arguments.run(arguments))
+    except USER_ERRORS as error:
+        sys.stderr.write(f'llm-astar: error: {error}\n')
+        return 2
+    except KeyboardInterrupt:
+        sys.stderr.write('llm-astar: interrupted\n')
+        return 130
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

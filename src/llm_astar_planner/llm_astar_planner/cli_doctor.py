@@ -1,0 +1,137 @@
+"""`llm-astar doctor`: what is installed, what is missing, and how to get it."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.metadata
+import json
+import os
+import platform
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from llm_astar_planner.share import find_file
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing looked for: what was found, and how to get it where it is missing."""
+
+    name: str
+    found: bool
+    required: bool
+    detail: str
+
+
+# name of the module, what needs it, how to get it
+REQUIRED = {
+    'numpy': ('the core', 'pip install numpy'),
+    'numba': ('the searches', 'pip install numba'),
+    'scipy': ('the planner', 'pip install scipy'),
+    'matplotlib': ('pictures', 'pip install matplotlib'),
+}
+ROS = {
+    'rclpy': ('the nodes', 'apt install ros-jazzy-rclpy, or make install for the wheels'),
+    'nav_msgs': ('the nodes', 'apt install ros-jazzy-common-interfaces, or make install'),
+    'diagnostic_msgs': ('the nodes', 'apt install ros-jazzy-common-interfaces, or make install'),
+    'visualization_msgs': ('the nodes', 'apt install ros-jazzy-common-interfaces, or make install'),
+}
+OPTIONAL = {
+    'launch_ros': ('ros2 launch', 'apt install ros-jazzy-launch-ros; there is no wheel'),
+    'ros2cli': ('ros2 run', 'apt install ros-jazzy-ros2cli; there is no wheel'),
+}
+
+
+def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the command to `llm-astar`."""
+    parser = commands.add_parser(
+        'doctor',
+        help='what is installed, what is missing, how to get it',
+        description='Look for everything the planner uses. Exit code 1 where something that is '
+        'required is missing.',
+    )
+    parser.set_defaults(run=run)
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Look, print, and return 0 where nothing required is missing, else 1."""
+    findings = list(_findings())
+    sound = all(finding.found or not finding.required for finding in findings)
+    if arguments.json:
+        print(json.dumps({'ok': sound, 'findings': [asdict(finding) for finding in findings]}))
+        return 0 if sound else 1
+    width = max(len(finding.name) for finding in findings)
+    for finding in findings:
+        mark = 'ok      ' if finding.found else 'MISSING ' if finding.required else 'absent  '
+        print(f'{mark} {finding.name:{width}}  {finding.detail}')
+    print('everything required is here' if sound else 'something required is missing: see above')
+    return 0 if sound else 1
+
+
+def _findings() -> Iterator[Finding]:
+    version = platform.python_version()
+    fits = (3, 10) <= sys.version_info[:2] <= (3, 13)
+    yield Finding('python', fits, True, f'{version}, {sys.executable} (3.10 to 3.13 are tried)')
+    for name, (use, remedy) in REQUIRED.items():
+        yield _module(name, use, remedy, required=True)
+    for name, (use, remedy) in ROS.items():
+        yield _module(name, use, remedy, required=True)
+    yield _middleware()
+    for name, (use, remedy) in OPTIONAL.items():
+        yield _module(name, use, remedy, required=False)
+    for folder, name in (('maps', 'demo.json'), ('config', 'planner.yaml')):
+        yield _file(folder, name)
+    yield _kernels()
+
+
+def _module(name: str, use: str, remedy: str, *, required: bool) -> Finding:
+    try:
+        module = importlib.import_module(name)
+    except ImportError:
+        return Finding(name, False, required, f'needed for {use}: {remedy}')
+    folder = os.path.dirname(os.path.dirname(getattr(module, '__file__', '') or ''))
+    return Finding(name, True, required, f'{_version(module, name)} in {folder}')
+
+
+def _version(module: object, name: str) -> str:
+    version = getattr(module, '__version__', None)
+    if version is None:
+        try:
+            version = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            version = 'of unknown version'
+    return str(version)
+
+
+def _middleware() -> Finding:
+    """Tell which RMW would carry the messages."""
+    try:
+        from rclpy.utilities import get_rmw_implementation_identifier  # noqa: PLC0415
+
+        identifier = get_rmw_implementation_identifier()
+    except (ImportError, RuntimeError) as error:
+        return Finding('rmw', False, True, f'no middleware: {error}')
+    domain = os.environ.get('ROS_DOMAIN_ID', '0')
+    return Finding('rmw', True, True, f'{identifier}, domain {domain}')
+
+
+def _file(folder: str, name: str) -> Finding:
+    try:
+        return Finding(f'{folder}/', True, True, str(find_file(name, folder).parent))
+    except FileNotFoundError as error:
+        return Finding(f'{folder}/', False, True, f'{error}; install the package again')
+
+
+def _kernels() -> Finding:
+    """Compile the searches, which shows whether numba works and may keep its cache."""
+    try:
+        from llm_astar_planner.search.methods import compile_kernels  # noqa: PLC0415
+
+        compile_kernels()
+    except Exception as error:  # noqa: BLE001 - whatever numba raises is the finding
+        return Finding('searches', False, True, f'do not compile: {type(error).__name__}: {error}')
+    return Finding('searches', True, True, 'compiled')

@@ -1,0 +1,202 @@
+"""`llm-astar plan`: one plan on a barrier map, without ROS."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from typing import Any
+
+from llm_astar_msgs_adapter.barrier_map import BarrierMap, Point, find_barrier_map, load_barrier_maps
+
+from llm_astar_planner.planner import GridRules, Plan, Planner, PlanRequest
+from llm_astar_planner.search.methods import HEURISTICS, METHODS, compile_kernels
+from llm_astar_planner.share import find_file
+from llm_astar_planner.waypoint_source.base import SampleKey, WaypointSource
+from llm_astar_planner.waypoint_source.factory import SOURCES, SourceSettings, make_source
+from llm_astar_planner.waypoint_source.fixed import FixedReply
+
+EPILOG = """\
+examples:
+  llm-astar plan
+  llm-astar plan --map demo.json --map-id 0 --pair 1 --method astar --png out/astar.png
+  llm-astar plan --start 5 5 --goal 20 20 --reply "Generated Path: [[26, 9], [25, 23]]" --json
+"""
+
+
+def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the command to `llm-astar`."""
+    parser = commands.add_parser(
+        'plan',
+        help='plan from start to goal on a barrier map',
+        description='Plan from start to goal on a barrier map, without ROS, under the '
+        "paper's rules.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.set_defaults(run=run)
+    where = parser.add_argument_group('where')
+    where.add_argument(
+        '--map', default='demo.json', metavar='FILE',
+        help='barrier-map JSON: a path, or a name in maps/ (default: %(default)s)',
+    )
+    where.add_argument('--map-id', type=int, metavar='ID', help='map of the file (default: first)')
+    where.add_argument(
+        '--pair', type=int, default=0, metavar='N',
+        help='start-goal pair of the map, where --start and --goal are not given (default: 0)',
+    )
+    where.add_argument('--start', type=int, nargs=2, metavar=('X', 'Y'))
+    where.add_argument('--goal', type=int, nargs=2, metavar=('X', 'Y'))
+    how = parser.add_argument_group('how')
+    how.add_argument('--method', default='llm_astar', help=f'one of {", ".join(METHODS)}')
+    how.add_argument('--heuristic', default='euclidean', help=f'one of {", ".join(HEURISTICS)}')
+    how.add_argument('--weight', type=float, default=2.0, help="weighted_astar's (default: 2)")
+    how.add_argument(
+        '--no-corner-cutting', action='store_true',
+        help='forbid diagonal steps past blocked cells, as on a robot',
+    )
+    how.add_argument('--time-limit', type=float, default=60.0, metavar='SECONDS')
+    guide = parser.add_argument_group('guidance')
+    guide.add_argument('--source', default='none', help=f'one of {", ".join(SOURCES)}')
+    guide.add_argument('--transcript', default='', metavar='FILE', help='what replay answers from')
+    guide.add_argument('--model', default='', help='model whose exchanges replay answers from')
+    guide.add_argument('--prompt', default='', help='prompt whose exchanges replay answers from')
+    guide.add_argument('--reply', metavar='TEXT', help="a model's reply, used instead of a source")
+    output = parser.add_argument_group('output')
+    output.add_argument('--png', metavar='FILE', help='draw the plan')
+    output.add_argument('--json', action='store_true', help='print one JSON object')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Plan, print, draw; return 0 for a plan and 1 for none. Raises ValueError on bad input."""
+    _check(arguments)
+    maps = load_barrier_maps(find_file(arguments.map, 'maps'))
+    map_id = maps[0].id if arguments.map_id is None else arguments.map_id
+    barrier_map = find_barrier_map(maps, map_id)
+    start, goal = _ends(arguments, barrier_map)
+    compile_kernels()
+    planner = Planner(
+        barrier_map.to_grid(),
+        GridRules(corner_cutting=not arguments.no_corner_cutting),
+        barrier_map,
+    )
+    request = PlanRequest(
+        barrier_map.to_cell(start),
+        barrier_map.to_cell(goal),
+        arguments.method,
+        _source(arguments, barrier_map, maps),
+        arguments.heuristic,
+        arguments.weight,
+        arguments.time_limit,
+        sample=_sample(barrier_map, start, goal),
+    )
+    plan = planner.plan(request)
+    offset = (barrier_map.range_x[0], barrier_map.range_y[0])
+    if arguments.json:
+        print(json.dumps(plan_to_json(plan, offset)))
+    else:
+        print(plan_to_text(plan, offset))
+    if arguments.png:
+        _draw(arguments, plan, planner, request, offset)
+    return 0 if plan.code == 0 else 1
+
+
+def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
+    """Return a plan as a JSON object, in map coordinates: cells counted from `offset`."""
+    x_min, y_min = offset
+    return {
+        'code': int(plan.code),
+        'code_name': plan.code.name,
+        'message': plan.message,
+        'method': plan.method,
+        'guided_by': plan.guided_by,
+        'source': plan.source,
+        'source_status': plan.source_status.value,
+        'source_detail': plan.reply.detail,
+        'path': (plan.path + offset).tolist(),
+        'waypoints': [
+            {'x': point.x + x_min, 'y': point.y + y_min, 'verdict': point.verdict.value}
+            for point in plan.waypoints
+        ],
+        'operation': plan.operation,
+        'storage': plan.storage,
+        'length': None if math.isnan(plan.length) else plan.length,
+        'seconds_source': plan.seconds_source,
+        'seconds_search': plan.seconds_search,
+    }
+
+
+def plan_to_text(plan: Plan, offset: Point) -> str:
+    """Return a plan as a few lines for a person."""
+    lines = [f'{plan.code.name} ({int(plan.code)}): {plan.message}']
+    asked = f'{plan.source}, {plan.source_status.value}'
+    lines.append(f'guided by  {plan.guided_by} (source {asked})')
+    for number, point in enumerate(plan.waypoints, start=1):
+        place = f'[{point.x + offset[0]:g}, {point.y + offset[1]:g}]'
+        lines.append(f'waypoint {number} {place} {point.verdict.value.replace("_", " ")}')
+    if plan.code == 0:
+        lines.append(f'operation  {plan.operation}')
+        lines.append(f'storage    {plan.storage}')
+        lines.append(f'length     {plan.length:.3f} cells over {len(plan.path)} points')
+    milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)
+    lines.append('time       {:.2f} ms in source, {:.2f} ms in search'.format(*milliseconds))
+    return '\n'.join(lines)
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """Raise ValueError on what argparse could not know to be wrong."""
+    known = {'method': METHODS, 'heuristic': HEURISTICS, 'source': SOURCES}
+    for name, choices in known.items():
+        value = getattr(arguments, name)
+        if value not in choices:
+            raise ValueError(f'--{name} {value!r} is unknown; there is {", ".join(choices)}')
+    if (arguments.start is None) != (arguments.goal is None):
+        raise ValueError('--start and --goal go together; leave both out to take --pair')
+    if not arguments.weight >= 1.0:
+        raise ValueError(f'--weight {arguments.weight} is not 1 or more')
+    if not arguments.time_limit > 0.0:
+        raise ValueError(f'--time-limit {arguments.time_limit} is not above 0 seconds')
+
+
+def _ends(arguments: argparse.Namespace, barrier_map: BarrierMap) -> tuple[Point, Point]:
+    if arguments.start is not None:
+        return tuple(arguments.start), tuple(arguments.goal)
+    if not 0 <= arguments.pair < len(barrier_map.samples):
+        count = len(barrier_map.samples)
+        raise ValueError(f'--pair {arguments.pair}: map {barrier_map.id} has {count} pairs')
+    sample = barrier_map.samples[arguments.pair]
+    return sample.start, sample.goal
+
+
+def _sample(barrier_map: BarrierMap, start: Point, goal: Point) -> SampleKey | None:
+    """Return which sample of the map this is, if it is one."""
+    for pair, sample in enumerate(barrier_map.samples):
+        if (sample.start, sample.goal) == (start, goal):
+            return SampleKey(barrier_map.id, pair)
+    return None
+
+
+def _source(
+    arguments: argparse.Namespace, barrier_map: BarrierMap, maps: list[BarrierMap]
+) -> WaypointSource:
+    if arguments.reply is not None:
+        return FixedReply(arguments.reply, (barrier_map.range_x[0], barrier_map.range_y[0]))
+    settings = SourceSettings(
+        source=arguments.source,
+        transcript=arguments.transcript,
+        model=arguments.model,
+        prompt=arguments.prompt,
+    )
+    return make_source(settings, dataset=maps)
+
+
+def _draw(
+    arguments: argparse.Namespace, plan: Plan, planner: Planner, request: PlanRequest, offset: Point
+) -> None:
+    # matplotlib takes most of a second to import; who draws nothing need not wait for it.
+    from llm_astar_planner.plot import picture_of, save_picture  # noqa: PLC0415
+
+    picture = picture_of(plan, planner.grid_map, request.start, request.goal, offset)
+    save_picture(picture, arguments.png)
+    if not arguments.json:
+        print(f'picture    {arguments.png}')

@@ -1,0 +1,77 @@
+"""map_node: publishes a barrier map as an occupancy grid, latched."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from llm_astar_msgs_adapter.barrier_map import (
+    BarrierMapError,
+    find_barrier_map,
+    load_barrier_maps,
+)
+from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError
+from llm_astar_msgs_adapter.occupancy_grid import grid_to_message
+from nav_msgs.msg import OccupancyGrid
+from nav_msgs.srv import GetMap
+from rclpy.node import Node
+
+from llm_astar_planner.nodes.parameters import Parameter, Parameters
+from llm_astar_planner.nodes.qos import LATCHED
+from llm_astar_planner.nodes.run import run
+from llm_astar_planner.share import find_file
+
+PARAMETERS = (
+    Parameter('map_file', 'demo.json', 'A barrier-map JSON file: a path, or a name in maps/'),
+    Parameter('map_id', 0, 'Which map of the file', minimum=0, maximum=2**31 - 1),
+    Parameter('resolution', 1.0, 'Metres a cell', minimum=0.001, maximum=1000.0),
+    Parameter('frame_id', 'map', 'The frame of the map'),
+)
+
+
+class MapNode(Node):
+    """Publishes `map` and serves `~/map`; a changed parameter publishes the new map."""
+
+    def __init__(self, **node_options: Any) -> None:
+        """Load and publish the map. Raises ParameterError where there is none to load."""
+        super().__init__('map_node', **node_options)
+        self._publisher = self.create_publisher(OccupancyGrid, 'map', LATCHED)
+        self._parameters = Parameters(self, PARAMETERS, _problem)
+        self.add_post_set_parameters_callback(lambda _: self._publish())
+        self.create_service(GetMap, '~/map', self._on_get_map)
+        self._publish()
+
+    def _publish(self) -> None:
+        grid_map = _load(self._parameters.values())
+        self._message = grid_to_message(grid_map, self.get_clock().now().to_msg())
+        self._publisher.publish(self._message)
+        size = f'{grid_map.width} x {grid_map.height} cells of {grid_map.resolution} m'
+        name = f'{self._parameters["map_file"]} map {self._parameters["map_id"]}'
+        self.get_logger().info(f'published {name}: {size}, digest {grid_map.digest}')
+
+    def _on_get_map(self, _: GetMap.Request, response: GetMap.Response) -> GetMap.Response:
+        response.map = self._message
+        return response
+
+
+def _load(values: dict[str, Any]) -> GridMap:
+    path = find_file(values['map_file'], 'maps')
+    barrier_map = find_barrier_map(load_barrier_maps(path), values['map_id'])
+    return barrier_map.to_grid(values['resolution'], values['frame_id'])
+
+
+def _problem(values: dict[str, Any]) -> str:
+    try:
+        _load(values)
+    except (BarrierMapError, GridMapError, FileNotFoundError) as error:
+        return str(error)
+    return ''
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run map_node."""
+    return run(MapNode, args)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

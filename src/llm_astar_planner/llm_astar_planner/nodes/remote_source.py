@@ -1,0 +1,171 @@
+"""The planner's waypoint source: the llm_client_node of the graph, asked over its service."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+
+import rclpy
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from llm_astar_msgs_adapter.grid_map import GridMap
+from llm_astar_msgs_adapter.path import path_from_message, path_to_message
+from llm_astar_msgs_adapter.report import ExchangeReport, ReportError, report_from_message
+from nav_msgs.srv import GetPlan
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+from llm_astar_planner.nodes.qos import RELIABLE
+from llm_astar_planner.targets import snap
+from llm_astar_planner.waypoint_source.base import (
+    SourceStatus,
+    Waypoint,
+    WaypointQuery,
+    WaypointReply,
+)
+
+LABEL = 'llm_client'
+# The client publishes its exchange just before it answers; the two may cross on the way.
+EXCHANGE_PATIENCE = 0.1
+POLL = 0.05
+KEPT_EXCHANGES = 64
+
+
+class RemoteSource:
+    """Asks `<client>/get_waypoints` and reads `<client>/exchange` for what lies behind the answer.
+
+    It has a node and a thread of its own, so that a planner whose callbacks all wait for
+    waypoints still receives them.
+    """
+
+    name = LABEL
+
+    def __init__(self, parent: Node, client: str) -> None:
+        """Join the graph beside `parent`, in its context and namespace, to ask node `client`."""
+        self._client_name = client
+        self._node = rclpy.create_node(
+            f'_{parent.get_name()}_waypoints',
+            namespace=parent.get_namespace(),
+            context=parent.context,
+            start_parameter_services=False,
+            enable_rosout=False,
+            use_global_arguments=False,
+        )
+        # Remaps are the parent's: given to this node too, __node would rename both alike.
+        service = parent.resolve_service_name(f'{client}/get_waypoints')
+        exchange = parent.resolve_topic_name(f'{client}/exchange')
+        self._client = self._node.create_client(GetPlan, service)
+        self._exchanges: OrderedDict[tuple[int, int], ExchangeReport] = OrderedDict()
+        self._arrived = threading.Condition()
+        self._node.create_subscription(DiagnosticArray, exchange, self._on_exchange, RELIABLE)
+        self._executor = SingleThreadedExecutor(context=parent.context)
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._spin, name=LABEL, daemon=True)
+        self._thread.start()
+
+    @property
+    def ready(self) -> bool:
+        """Whether the client's service is there."""
+        return bool(self._client.service_is_ready())
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.shutdown()
+        self._thread.join()
+        self._node.destroy_node()
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Ask the client; every failure is a status, within the query's time limit."""
+        begin = time.monotonic()
+        response, status, detail = self._call(query, begin + query.time_limit)
+        if response is None:
+            return self._failure(status, detail, begin)
+        path = response.plan
+        if path.poses and path.header.frame_id != query.grid_map.frame_id:
+            detail = f'{self._client_name} answered in frame {path.header.frame_id!r}'
+            return self._failure(SourceStatus.MALFORMED, detail, begin)
+        places = query.grid_map.world_to_grid(path_from_message(path)).tolist()
+        waypoints = tuple((snap(x), snap(y)) for x, y in places)
+        return self._reply(waypoints, self._exchange(path.header.stamp), begin)
+
+    def _call(
+        self, query: WaypointQuery, deadline: float
+    ) -> tuple[GetPlan.Response | None, SourceStatus, str]:
+        """Call the service; give up at the deadline, or as soon as it is gone."""
+        if not self.ready:
+            return None, SourceStatus.UNREACHABLE, f'{self._client_name} is not there'
+        done = threading.Event()
+        future = self._client.call_async(_request(query))
+        future.add_done_callback(lambda _: done.set())
+        while not done.wait(max(0.0, min(POLL, deadline - time.monotonic()))):
+            gone = not self.ready
+            if gone or time.monotonic() >= deadline:
+                self._client.remove_pending_request(future)
+                if gone:
+                    detail = f'{self._client_name} went away while asked'
+                    return None, SourceStatus.UNREACHABLE, detail
+                detail = f'{self._client_name} was silent for {query.time_limit:.2f} s'
+                return None, SourceStatus.TIMEOUT, detail
+        return future.result(), SourceStatus.OK, ''
+
+    def _exchange(self, stamp: Time) -> ExchangeReport | None:
+        """Return the exchange behind the answer of that stamp, if it comes in time."""
+        key = (stamp.sec, stamp.nanosec)
+        with self._arrived:
+            self._arrived.wait_for(lambda: key in self._exchanges, EXCHANGE_PATIENCE)
+            return self._exchanges.get(key)
+
+    def _on_exchange(self, message: DiagnosticArray) -> None:
+        try:
+            exchange = report_from_message(message, ExchangeReport)
+        except ReportError as error:
+            self._node.get_logger().warning(f'{self._client_name}/exchange: {error}')
+            return
+        stamp = message.header.stamp
+        with self._arrived:
+            self._exchanges[stamp.sec, stamp.nanosec] = exchange
+            if len(self._exchanges) > KEPT_EXCHANGES:
+                self._exchanges.popitem(last=False)
+            self._arrived.notify_all()
+
+    def _reply(
+        self, waypoints: tuple[Waypoint, ...], exchange: ExchangeReport | None, begin: float
+    ) -> WaypointReply:
+        seconds = time.monotonic() - begin
+        if exchange is None:
+            status = SourceStatus.OK if waypoints else SourceStatus.NO_WAYPOINTS
+            return WaypointReply(waypoints, LABEL, status, seconds=seconds)
+        return WaypointReply(
+            waypoints,
+            exchange.label,
+            _status(exchange.status),
+            exchange.detail,
+            exchange.text,
+            exchange.model,
+            exchange.prompt,
+            exchange.prompt_tokens,
+            exchange.completion_tokens,
+            seconds,
+        )
+
+    def _failure(self, status: SourceStatus, detail: str, begin: float) -> WaypointReply:
+        seconds = time.monotonic() - begin
+        return WaypointReply(label=LABEL, status=status, detail=detail, seconds=seconds)
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            pass
+
+
+def _request(query: WaypointQuery) -> GetPlan.Request:
+    grid: GridMap = query.grid_map
+    ends = grid.grid_to_world([query.start, query.goal])
+    poses = path_to_message(ends, grid.frame_id, Time()).poses
+    return GetPlan.Request(start=poses[0], goal=poses[1], tolerance=0.0)
+
+
+def _status(name: str) -> SourceStatus:
+    return SourceStatus(name) if name in SourceStatus.__members__ else SourceStatus.ERROR

@@ -1,0 +1,247 @@
+"""Read the list of points out of what a model wrote, in whatever shape it wrote it.
+
+Nothing is evaluated: numbers are recognised as text, everything else is skipped. The last list
+of points is the answer, since models draft, quote and think before they conclude.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, NamedTuple
+
+MAX_WAYPOINTS = 64
+MAX_REPLY_CHARS = 65536
+
+Waypoint = tuple[float, float]
+
+_NUMBER = r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?'
+# The smallest bracket groups: [5, 5], (5, 5), [10, 0, 25], [], {"x": 5, "y": 5}.
+_ITEM = re.compile(r'[\[(][^\[\](){}]{0,80}[\])]|\{[^\[\](){}]{0,200}\}')
+_PAIR = re.compile(
+    rf'[\[(]\s*(?:"?x"?\s*[:=]\s*)?["\']?({_NUMBER})["\']?\s*[,;]'
+    rf'\s*(?:"?y"?\s*[:=]\s*)?["\']?({_NUMBER})["\']?(\s*,\s*{_NUMBER})?\s*,?\s*[\])]',
+    re.IGNORECASE,
+)
+_OBJECT_X = re.compile(rf'["\']?\bx["\']?\s*[:=]\s*["\']?({_NUMBER})', re.IGNORECASE)
+_OBJECT_Y = re.compile(rf'["\']?\by["\']?\s*[:=]\s*["\']?({_NUMBER})', re.IGNORECASE)
+# What may stand between two points of one list: punctuation, arrows, numbering, comments.
+_BETWEEN = re.compile(
+    r'(?:[\s,;|>*\-\u2022\u2013\u2014\u2192=]|\d+[.)]|#[^\n]*|//[^\n]*|\b(?:to|then|and)\b)*',
+    re.IGNORECASE,
+)
+_PATH_LABEL = re.compile(
+    r'(?:path|waypoints|points|route)["\'*`_\s]*[:=][\s"\'*`]{0,8}$', re.IGNORECASE
+)
+_SELECTED = re.compile(r'selected\s+point["\'*`_\s]*[:=][\s"\'*`]{0,8}$', re.IGNORECASE)
+_FENCE = re.compile(r'```\w*\n(.*?)```', re.DOTALL)
+_PATH_KEYS = ('path', 'waypoints', 'points', 'route')
+_FULL_WIDTH = str.maketrans(
+    {'\uff0c': ',', '\uff08': '(', '\uff09': ')', '\uff1a': ':', '\u2212': '-'}
+)
+_MAX_DEPTH = 12
+
+
+class ReplyStatus(str, Enum):
+    """What a reply held."""
+
+    FOUND = 'found'
+    EMPTY_LIST = 'empty-list'  # it answered that no waypoint is needed
+    NO_LIST = 'no-list'
+
+
+@dataclass(frozen=True)
+class ParsedReply:
+    """The points of a reply, in the coordinates the model was asked in, in its order, unjudged.
+
+    At most MAX_WAYPOINTS of them, all finite.
+    """
+
+    waypoints: tuple[Waypoint, ...] = ()
+    status: ReplyStatus = ReplyStatus.NO_LIST
+
+
+class _Item(NamedTuple):
+    """A bracket group: its place, its point if it is one, and what else it may be."""
+
+    start: int
+    end: int
+    point: Waypoint | None
+    is_triple: bool = False
+    is_empty: bool = False
+
+
+class _Run(NamedTuple):
+    """Bracket groups with nothing but separators between them."""
+
+    items: list[_Item]
+    is_nested: bool
+    is_labelled: bool
+
+    @property
+    def waypoints(self) -> list[Waypoint]:
+        return [item.point for item in self.items if item.point is not None]
+
+    @property
+    def is_barrier_list(self) -> bool:
+        """Three numbers each are an echo of the barriers, unless they are called the path."""
+        return not self.is_labelled and all(item.is_triple for item in self.items)
+
+
+def parse_reply(text: str) -> ParsedReply:
+    """Return the last list of points in `text`; never raises, linear in the text's length.
+
+    Only the last MAX_REPLY_CHARS characters are read.
+    """
+    text = text[-MAX_REPLY_CHARS:].translate(_FULL_WIDTH)
+    _, closed, answer = text.rpartition('</think>')
+    if closed:
+        parsed = _parse(answer)
+        if parsed.status is not ReplyStatus.NO_LIST:
+            return parsed
+    return _parse(text)
+
+
+def _parse(text: str) -> ParsedReply:
+    found = _from_json(text)
+    if found is None:
+        found = _from_runs(text)
+    if found is None:
+        return ParsedReply()
+    if not found:
+        return ParsedReply(status=ReplyStatus.EMPTY_LIST)
+    return ParsedReply(tuple(found[:MAX_WAYPOINTS]), ReplyStatus.FOUND)
+
+
+def _from_runs(text: str) -> list[Waypoint] | None:
+    """Return the points of the last list, else the selected points, else the last bare run."""
+    items = _items(text)
+    runs = _runs(text, items)
+    for run in reversed(runs):
+        if (run.is_nested or run.is_labelled) and not run.is_barrier_list:
+            if run.waypoints:
+                return run.waypoints
+            if run.is_labelled and all(item.is_empty for item in run.items):
+                return []
+    selected = [
+        item.point
+        for item in items
+        if item.point is not None and _SELECTED.search(text[max(0, item.start - 40) : item.start])
+    ]
+    if selected:
+        return selected
+    for run in reversed(runs):
+        if len(run.waypoints) > 1 and not run.is_barrier_list:
+            return run.waypoints
+    return None
+
+
+def _items(text: str) -> list[_Item]:
+    return [_item(match) for match in _ITEM.finditer(text)]
+
+
+def _item(match: re.Match[str]) -> _Item:
+    start, end, group = match.start(), match.end(), match.group()
+    if group[0] == '{':
+        x, y = _OBJECT_X.search(group), _OBJECT_Y.search(group)
+        return _Item(start, end, _point(x.group(1), y.group(1)) if x and y else None)
+    pair = _PAIR.fullmatch(group)
+    if pair:
+        return _Item(start, end, _point(pair.group(1), pair.group(2)), pair.group(3) is not None)
+    return _Item(start, end, None, is_empty=not group[1:-1].strip())
+
+
+def _runs(text: str, items: list[_Item]) -> list[_Run]:
+    runs: list[_Run] = []
+    group: list[_Item] = []
+    for item in items:
+        if group and not _BETWEEN.fullmatch(text, group[-1].end, item.start):
+            runs.append(_run(text, group))
+            group = []
+        group.append(item)
+    if group:
+        runs.append(_run(text, group))
+    return runs
+
+
+def _run(text: str, items: list[_Item]) -> _Run:
+    before = text[max(0, items[0].start - 80) : items[0].start]
+    outside = before.rstrip().rstrip('[({').rstrip()
+    is_nested = outside != before.rstrip()
+    # The label is looked for before the outer brackets: `Path: [[5, 5]]`, `Path: [5, 5] -> ...`.
+    return _Run(items, is_nested, bool(_PATH_LABEL.search(outside + ' ')))
+
+
+def _from_json(text: str) -> list[Waypoint] | None:
+    """Return the points where the reply, its last fence or its outer braces are real JSON."""
+    for candidate in _json_candidates(text):
+        try:
+            value = json.loads(candidate)
+        except (ValueError, RecursionError):
+            continue
+        lists = list(_point_lists(value, labelled=True, depth=0))
+        if lists:
+            return lists[-1]
+    return None
+
+
+def _json_candidates(text: str) -> Iterator[str]:
+    stripped = text.strip()
+    if stripped[:1] in ('[', '{'):
+        yield stripped
+        return
+    fences = _FENCE.findall(text)
+    if fences:
+        if text.rpartition('```')[2].strip():
+            return  # words after the fence may hold the conclusion
+        yield fences[-1].strip()
+
+
+def _point_lists(value: Any, *, labelled: bool, depth: int) -> Iterator[list[Waypoint]]:  # noqa: ANN401 - any JSON value
+    """Yield each list of points in a JSON value; an empty list where a path is expected."""
+    if depth > _MAX_DEPTH:
+        return
+    if isinstance(value, dict):
+        for key, item in value.items():
+            is_path = any(word in str(key).lower() for word in _PATH_KEYS)
+            yield from _point_lists(item, labelled=is_path, depth=depth + 1)
+    elif isinstance(value, list):
+        waypoints = [point for item in value if (point := _json_point(item)) is not None]
+        triples = all(isinstance(item, list) and len(item) == 3 for item in value)
+        if waypoints and (labelled or not triples):
+            yield waypoints
+        elif labelled and all(item == [] for item in value):
+            yield []
+        else:
+            for item in value:
+                yield from _point_lists(item, labelled=False, depth=depth + 1)
+
+
+def _json_point(value: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
+    if isinstance(value, dict):
+        if 'x' in value and 'y' in value:
+            return _point(value['x'], value['y'])
+        # One level and no deeper: {"point": [5, 5], "reason": "..."}.
+        held = [_json_point(item) for item in value.values() if isinstance(item, list)]
+        points = [point for point in held if point is not None]
+        return points[0] if len(points) == 1 else None
+    if isinstance(value, list) and len(value) in (2, 3):
+        return _point(value[0], value[1])
+    return None
+
+
+def _point(x: Any, y: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
+    """Return a finite point of two numbers, written as numbers or as text."""
+    if not all(isinstance(value, (int, float, str)) for value in (x, y)):
+        return None
+    if isinstance(x, bool) or isinstance(y, bool):
+        return None
+    try:
+        point = float(x), float(y)
+    except (ValueError, OverflowError):
+        return None
+    return point if math.isfinite(point[0]) and math.isfinite(point[1]) else None

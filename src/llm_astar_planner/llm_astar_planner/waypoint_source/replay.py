@@ -1,0 +1,119 @@
+"""Answer from a recorded transcript: no endpoint, no cost, the same words every time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from llm_astar_msgs_adapter.barrier_map import BarrierMap
+
+from llm_astar_planner.waypoint_source.answer import read_answer
+from llm_astar_planner.waypoint_source.base import (
+    SampleKey,
+    SourceStatus,
+    WaypointQuery,
+    WaypointReply,
+)
+from llm_astar_planner.waypoint_source.sample_key import SampleResolver
+from llm_astar_planner.waypoint_source.transcript import Exchange, read_transcript
+
+
+class ReplayError(ValueError):
+    """A transcript does not say which exchanges to replay; the message lists what it holds."""
+
+
+class _Key(NamedTuple):
+    sample: SampleKey
+    model: str
+    prompt: str
+
+
+class ReplaySource:
+    """Waypoints from a transcript, looked up by (map, pair, scale, model, prompt).
+
+    Of several exchanges with one key, the last that was answered counts.
+    """
+
+    name = 'replay'
+
+    def __init__(
+        self,
+        path: str | Path,
+        model: str = '',
+        prompt: str = '',
+        dataset: Sequence[BarrierMap] | None = None,
+    ) -> None:
+        """Read the transcript at `path`. Thread-safe afterwards: nothing changes.
+
+        `model` and `prompt` may be empty where the transcript holds just one. `dataset` lets
+        queries without a sample be recognised by their cells.
+        Raises TranscriptError for a malformed file, ReplayError for an open or unknown choice.
+        """
+        self._path = Path(path)
+        exchanges = read_transcript(self._path)
+        self.model, self.prompt = self._choose(exchanges, model, prompt)
+        self._resolver = SampleResolver(dataset)
+        self._exchanges: dict[_Key, Exchange] = {}
+        for exchange in exchanges:
+            key = _Key(exchange.sample, exchange.model, exchange.prompt)
+            if exchange.response or key not in self._exchanges:
+                self._exchanges[key] = exchange
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return the recorded answer in grid coordinates; MISSING where there is none."""
+        sample, (x, y) = self._resolver.resolve(query)
+        key = _Key(sample, self.model, self.prompt)
+        exchange = self._exchanges.get(key)
+        if exchange is None:
+            return self._missing(key)
+        answer = read_answer(exchange.response)
+        if not exchange.response:
+            detail = f'recorded without an answer: {exchange.status.value}'
+            failed = exchange.status is not SourceStatus.OK
+            answer = answer._replace(
+                status=exchange.status if failed else answer.status, detail=detail
+            )
+        # A lattice point stands for the centre of its block of unit x unit cells.
+        half = (exchange.unit - 1) / 2
+        return WaypointReply(
+            waypoints=tuple(
+                (px * exchange.unit + half - x, py * exchange.unit + half - y)
+                for px, py in answer.waypoints
+            ),
+            label=f'replay:{self.model}',
+            status=answer.status,
+            detail=answer.detail,
+            text=exchange.response,
+            model=self.model,
+            prompt=self.prompt,
+            prompt_tokens=exchange.prompt_tokens,
+            completion_tokens=exchange.completion_tokens,
+            seconds=exchange.seconds,
+        )
+
+    def _missing(self, key: _Key) -> WaypointReply:
+        sample = key.sample
+        return WaypointReply(
+            label=f'replay:{self.model}',
+            status=SourceStatus.MISSING,
+            detail=f'{self._path}: no exchange for map {sample.map}, pair {sample.pair}, '
+            f'scale {sample.scale}, model {key.model}, prompt {key.prompt}',
+            model=self.model,
+            prompt=self.prompt,
+        )
+
+    def _choose(self, exchanges: list[Exchange], model: str, prompt: str) -> tuple[str, str]:
+        """Return the one (model, prompt) that fits what was asked for."""
+        held = sorted({(exchange.model, exchange.prompt) for exchange in exchanges})
+        fitting = [
+            (held_model, held_prompt)
+            for held_model, held_prompt in held
+            if model in ('', held_model) and prompt in ('', held_prompt)
+        ]
+        if len(fitting) == 1:
+            return fitting[0]
+        listing = '; '.join(f'model {name}, prompt {text}' for name, text in held) or 'nothing'
+        asked = f'model {model or "(any)"}, prompt {prompt or "(any)"}'
+        problem = 'is not recorded' if not fitting else 'fits several recordings'
+        raise ReplayError(f'{self._path}: {asked} {problem}; it holds: {listing}')
