@@ -63,7 +63,7 @@ def _generate(args: argparse.Namespace) -> int:
     print(f'{args.out}: {len(maps)} maps, {len(maps) * args.pairs} samples, seed {args.seed}')
     if args.pictures:
         # Drawing is the only thing here that needs matplotlib.
-        from llm_astar_planner.plot import save_map_pictures  # noqa: PLC0415
+        from llm_astar_planner.benchmark.figures import save_map_pictures  # noqa: PLC0415
 
         print(f'{args.pictures}: {len(save_map_pictures(maps, args.pictures))} pictures')
     return OK
