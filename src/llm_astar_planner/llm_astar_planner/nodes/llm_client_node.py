@@ -54,8 +54,8 @@ class LlmClientNode(Node):
         super().__init__('llm_client_node', **node_options)
         self._grid_map: GridMap | None = None
         self._last: ExchangeReport | None = None
-        self._parameters = Parameters(self, PARAMETERS, _problem)
-        self._source = _make_source(self._parameters.values())
+        self._settings = Parameters(self, PARAMETERS, _problem)
+        self._source = _make_source(self._settings.values())
         self.add_post_set_parameters_callback(lambda _: self._remake_source())
         self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', RELIABLE)
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
@@ -71,7 +71,7 @@ class LlmClientNode(Node):
         self.get_logger().info(f'ready; waypoints by {self._source.name}')
 
     def _remake_source(self) -> None:
-        self._source = _make_source(self._parameters.values())
+        self._source = _make_source(self._settings.values())
 
     def _on_map(self, message: OccupancyGrid) -> None:
         try:
@@ -107,7 +107,7 @@ class LlmClientNode(Node):
         except GridMapError as error:
             return _refusal(str(error))
         source: WaypointSource = self._source
-        query = WaypointQuery(grid_map, start, goal, self._parameters['timeout_s'])
+        query = WaypointQuery(grid_map, start, goal, self._settings['timeout_s'])
         try:
             reply = source.waypoints(query)
         except Exception as error:  # noqa: BLE001 - the planner must get an answer

@@ -36,17 +36,17 @@ class MapNode(Node):
         """Load and publish the map. Raises ParameterError where there is none to load."""
         super().__init__('map_node', **node_options)
         self._publisher = self.create_publisher(OccupancyGrid, 'map', LATCHED)
-        self._parameters = Parameters(self, PARAMETERS, _problem)
+        self._settings = Parameters(self, PARAMETERS, _problem)
         self.add_post_set_parameters_callback(lambda _: self._publish())
         self.create_service(GetMap, '~/map', self._on_get_map)
         self._publish()
 
     def _publish(self) -> None:
-        grid_map = _load(self._parameters.values())
+        grid_map = _load(self._settings.values())
         self._message = grid_to_message(grid_map, self.get_clock().now().to_msg())
         self._publisher.publish(self._message)
         size = f'{grid_map.width} x {grid_map.height} cells of {grid_map.resolution} m'
-        name = f'{self._parameters["map_file"]} map {self._parameters["map_id"]}'
+        name = f'{self._settings["map_file"]} map {self._settings["map_id"]}'
         self.get_logger().info(f'published {name}: {size}, digest {grid_map.digest}')
 
     def _on_get_map(self, _: GetMap.Request, response: GetMap.Response) -> GetMap.Response:

@@ -59,14 +59,14 @@ class PlannerNode(Node):
     def __init__(self, **node_options: Any) -> None:
         """Join the graph and compile the searches."""
         super().__init__('planner_node', **node_options)
-        self._parameters = Parameters(self, PARAMETERS)
+        self._settings = Parameters(self, PARAMETERS)
         self._grid_map: GridMap | None = None
         self._map_time = 0.0
         self._planner: Planner | None = None
         self._planner_change = threading.Lock()
         self._start: PoseStamped | None = None
         self._last: PlanReport | None = None
-        client = self._parameters['llm_client']
+        client = self._settings['llm_client']
         self._source = RemoteSource(self, client) if client else None
         compile_kernels()
         self._publish_to()
@@ -121,9 +121,9 @@ class PlannerNode(Node):
             if self._grid_map is None:
                 return
             rules = GridRules(
-                self._parameters['occupied_threshold'],
-                self._parameters['allow_unknown'],
-                self._parameters['corner_cutting'],
+                self._settings['occupied_threshold'],
+                self._settings['allow_unknown'],
+                self._settings['corner_cutting'],
             )
             current = self._planner
             if current and current.grid_map is self._grid_map and current.rules == rules:
@@ -166,12 +166,12 @@ class PlannerNode(Node):
         return PlanRequest(
             start=grid_map.world_to_cell(start.x, start.y),
             goal=grid_map.world_to_cell(goal.x, goal.y),
-            method=self._parameters['method'],
+            method=self._settings['method'],
             source=self._source,
-            heuristic=self._parameters['heuristic'],
-            weight=self._parameters['weight'],
-            time_limit=self._parameters['max_planning_time'],
-            source_time_limit=self._parameters['source_timeout'],
+            heuristic=self._settings['heuristic'],
+            weight=self._settings['weight'],
+            time_limit=self._settings['max_planning_time'],
+            source_time_limit=self._settings['source_timeout'],
         )
 
     def _show(self, plan: Plan, grid_map: GridMap, stamp: Time) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from llm_astar_planner.prompts.reply import ReplyStatus, parse_reply
-from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery, WaypointReply
+from llm_astar_planner.waypoint_source.answer import read_answer
+from llm_astar_planner.waypoint_source.base import WaypointQuery, WaypointReply
 
 
 @dataclass(frozen=True)
 class FixedReply:
-    """Answers every query with `text`, whose points count from `offset`, the map's (x, y) minimum."""
+    """Answers every query with `text`; its points count from `offset`, the map's (x, y) minimum."""
 
     text: str
     offset: tuple[int, int] = (0, 0)
@@ -19,17 +19,12 @@ class FixedReply:
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the points of the text, in grid coordinates."""
         del query
-        parsed = parse_reply(self.text)
-        status = {
-            ReplyStatus.FOUND: SourceStatus.OK,
-            ReplyStatus.EMPTY_LIST: SourceStatus.NO_WAYPOINTS,
-            ReplyStatus.NO_LIST: SourceStatus.MALFORMED,
-        }[parsed.status]
+        answer = read_answer(self.text)
         x_min, y_min = self.offset
         return WaypointReply(
-            waypoints=tuple((x - x_min, y - y_min) for x, y in parsed.waypoints),
+            waypoints=tuple((x - x_min, y - y_min) for x, y in answer.waypoints),
             label=self.name,
-            status=status,
-            detail='the reply holds no list of points' if status is SourceStatus.MALFORMED else '',
+            status=answer.status,
+            detail=answer.detail,
             text=self.text,
         )

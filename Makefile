@@ -1,0 +1,71 @@
+# One tree for both worlds: where a ROS 2 Jazzy is sourced that one is used, and elsewhere the
+# ROS wheels of PyPI are installed into .venv beside the two packages.
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+PACKAGES := ./src/llm_astar_msgs_adapter ./src/llm_astar_planner
+SOURCES := $(shell find src config maps -type f \
+	-not -path '*/build/*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*' -not -name '*.pyc')
+SETUPS := $(wildcard src/*/setup.py)
+
+# The wheels re-execute Python once and mark the environment; a mark from elsewhere misleads.
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+HAS_ROS := $(shell $(PYTHON) -c 'import rclpy' 2>/dev/null && echo yes)
+ifeq ($(HAS_ROS),yes)
+VENV_OPTIONS := --system-site-packages
+# The sourced messages are built for the system's numpy.
+ROS_REQUIREMENTS := 'numpy<2'
+else
+ROS_REQUIREMENTS := 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces
+endif
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test lint clean check-python
+
+help: ## Show what there is to make
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
+
+install: $(VENV)/.installed ## Make .venv with everything in it
+
+demo: install ## Start the graph, plan once, draw it to out/demo.png
+	$(BIN)/llm-astar demo
+
+test: lint ## Install, lint, and run every test
+	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest $(PYTEST_ARGS)
+
+lint: $(VENV)/.tools $(VENV)/.installed ## ruff and strict mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+clean: ## Remove what was built
+	rm -rf $(VENV) build install log out src/*/build src/*/*.egg-info
+
+check-python:
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || { \
+		echo "error: $$($(PYTHON) --version) is not 3.10 to 3.13; name another: make PYTHON=python3.12" >&2; \
+		exit 1; }
+	@test "$${ROS_DISTRO:-jazzy}" = jazzy || { \
+		echo "error: ROS 2 $$ROS_DISTRO is sourced and this needs Jazzy; use a shell without it" >&2; \
+		exit 1; }
+
+$(VENV)/.dependencies: $(SETUPS) Makefile | check-python
+	$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check wheel 'setuptools<80' \
+		$(ROS_REQUIREMENTS)
+	@touch $@
+
+$(VENV)/.installed: $(VENV)/.dependencies $(SOURCES)
+	rm -rf src/*/build src/*/*.egg-info
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		--no-build-isolation $(PACKAGES)
+	rm -rf src/*/build src/*/*.egg-info
+	$(BIN)/python -c 'from llm_astar_planner.search.methods import compile_kernels as c; c()'
+	@touch $@
+
+$(VENV)/.tools: $(VENV)/.dependencies
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		pytest pytest-timeout hypothesis ruff mypy
+	@touch $@

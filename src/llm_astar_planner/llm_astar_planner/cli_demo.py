@@ -1,0 +1,89 @@
+"""`llm-astar demo`: the whole graph at work, as three processes and a caller."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Any
+
+from llm_astar_planner.share import find_file
+
+NODES = ('map_node', 'llm_client_node', 'planner_node')
+# A domain of its own, so that the demo never meets a robot's graph: 101 to 230.
+FIRST_DOMAIN, DOMAINS = 101, 130
+STOP_SECONDS = 10.0
+
+
+def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the command to `llm-astar`."""
+    parser = commands.add_parser(
+        'demo',
+        help='start the graph, ask for a plan, draw it, stop the graph',
+        description='Start map_node, llm_client_node and planner_node as processes, call the '
+        "planner's GetPlan as another stack would, print the plan and what guided it, draw it, "
+        'and stop everything. The waypoints are a hand-written example, replayed: no key, no '
+        'network.',
+    )
+    parser.set_defaults(run=run)
+    parser.add_argument(
+        '--png', default='out/demo.png', metavar='FILE', help='picture (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--pair', type=int, default=0, choices=range(3), help='which pair of the demo map'
+    )
+    parser.add_argument('--verbose', action='store_true', help='show what the nodes log')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the demo; return 0 where a plan came, else 1."""
+    os.environ['ROS_DOMAIN_ID'] = str(FIRST_DOMAIN + os.getpid() % DOMAINS)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    try:
+        from llm_astar_planner.nodes.demo_caller import call_and_draw  # noqa: PLC0415
+    except ImportError as error:
+        sys.stderr.write(f'llm-astar: error: {error}; `llm-astar doctor` tells what to install\n')
+        return 1
+    with tempfile.TemporaryFile('w+') as log, _graph(None if arguments.verbose else log):
+        print(f'started {", ".join(NODES)} on domain {os.environ["ROS_DOMAIN_ID"]}', flush=True)
+        came = call_and_draw(arguments.pair, Path(arguments.png))
+        if not came:
+            log.seek(0)
+            sys.stderr.write(log.read())
+    print('stopped the nodes')
+    return 0 if came else 1
+
+
+@contextlib.contextmanager
+def _graph(log: IO[str] | None) -> Iterator[None]:
+    """Start the nodes, and stop them as Ctrl-C would."""
+    parameters = str(find_file('demo.yaml', 'config'))
+    nodes = [
+        subprocess.Popen(  # noqa: S603 - our own modules, no shell
+            [
+                sys.executable, '-m', f'llm_astar_planner.nodes.{name}',
+                '--ros-args', '--params-file', parameters,
+            ],
+            stdout=log,
+            stderr=subprocess.STDOUT if log else None,
+        )
+        for name in NODES
+    ]
+    try:
+        yield
+    finally:
+        for node in nodes:
+            node.terminate()
+        for name, node in zip(NODES, nodes):
+            try:
+                code = node.wait(STOP_SECONDS)
+            except subprocess.TimeoutExpired:
+                node.kill()
+                code = node.wait()
+            if code:
+                sys.stderr.write(f'{name} ended with exit code {code}\n')

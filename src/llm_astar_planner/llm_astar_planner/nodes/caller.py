@@ -1,0 +1,149 @@
+"""A caller of the planner from outside the graph, as another robot's stack would be."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from llm_astar_msgs_adapter.grid_map import Pose2D
+from llm_astar_msgs_adapter.path import pose_to_message
+from llm_astar_msgs_adapter.report import PlanReport, report_from_message
+from nav_msgs.msg import Path
+from nav_msgs.srv import GetPlan
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+from llm_astar_planner.nodes.qos import RELIABLE
+
+# Discovery takes from milliseconds to seconds on a loaded machine.
+DISCOVERY_SECONDS = 30.0
+
+
+class CallerError(RuntimeError):
+    """The graph did not answer; the message says what was missing."""
+
+
+class Caller:
+    """Calls `<planner>/get_plan` and matches each answer with its report. A context manager.
+
+    It spins its node on a thread of its own, which makes a round trip a millisecond or two.
+    """
+
+    def __init__(self, node: Node, planner: str = 'planner_node') -> None:
+        """Attach to `node`, which must not be spun by anyone else."""
+        self.node = node
+        self._planner = planner
+        self._arrived = threading.Condition()
+        self._reports: dict[tuple[int, int], PlanReport] = {}
+        self._health: dict[str, dict[str, Any]] = {}
+        self._client = node.create_client(GetPlan, f'{planner}/get_plan')
+        node.create_subscription(DiagnosticArray, f'{planner}/report', self._on_report, RELIABLE)
+        node.create_subscription(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+
+    def __enter__(self) -> Caller:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._executor.shutdown()
+        self._thread.join()
+
+    def wait_for(self, condition: Callable[[], bool], what: str, seconds: float) -> None:
+        """Wait until a condition holds on what has arrived.
+
+        Raises CallerError naming `what` where it does not in time.
+        """
+        with self._arrived:
+            if not self._arrived.wait_for(condition, seconds):
+                raise CallerError(f'{what} did not come within {seconds:g} s')
+
+    def wait_until_ready(self, map_digest: str | None = None, *, client: str = '') -> None:
+        """Wait until the planner plans on that map (or on any) and sees its waypoint client.
+
+        `client` names a client that must have the map too. Raises CallerError.
+        """
+        if not self._client.wait_for_service(DISCOVERY_SECONDS):
+            raise CallerError(f'{self._client.srv_name} is not there; is {self._planner} running?')
+
+        def has_map(name: str) -> bool:
+            digest = self._health.get(name, {}).get('map_digest')
+            return bool(digest) and map_digest in (None, digest)
+
+        def is_ready() -> bool:
+            planner = f'{self._planner}: planner'
+            if not client:
+                return has_map(planner)
+            sees_client = self._health.get(planner, {}).get('llm_client_ready')
+            return has_map(planner) and has_map(f'{client}: waypoints') and bool(sees_client)
+
+        self.wait_for(is_ready, f'{self._planner} ready with its map', DISCOVERY_SECONDS)
+
+    def call(
+        self, start: Pose2D, goal: Pose2D, frame_id: str = 'map', seconds: float = 30.0
+    ) -> tuple[Path, PlanReport, float]:
+        """Ask for a plan; return its path, its report and the round trip in seconds.
+
+        Raises CallerError where no answer or no report comes in time.
+        """
+        request = GetPlan.Request(
+            start=pose_to_message(start, frame_id, Time()),
+            goal=pose_to_message(goal, frame_id, Time()),
+            tolerance=0.0,
+        )
+        done = threading.Event()
+        begin = time.perf_counter()
+        future = self._client.call_async(request)
+        future.add_done_callback(lambda _: done.set())
+        if not done.wait(seconds):
+            self._client.remove_pending_request(future)
+            raise CallerError(f'{self._client.srv_name} did not answer within {seconds:g} s')
+        round_trip = time.perf_counter() - begin
+        path = future.result().plan
+        key = (path.header.stamp.sec, path.header.stamp.nanosec)
+        self.wait_for(lambda: key in self._reports, 'the report of a plan', seconds)
+        return path, self._reports.pop(key), round_trip
+
+    def _on_report(self, message: DiagnosticArray) -> None:
+        stamp = message.header.stamp
+        with self._arrived:
+            self._reports[stamp.sec, stamp.nanosec] = report_from_message(message, PlanReport)
+            self._arrived.notify_all()
+
+    def _on_health(self, message: DiagnosticArray) -> None:
+        with self._arrived:
+            for status in message.status:
+                self._health[status.name] = {
+                    value.key: _from_json(value.value) for value in status.values
+                }
+            self._arrived.notify_all()
+
+    def _spin(self) -> None:
+        try:
+            self._executor.spin()
+        except ExternalShutdownException:
+            pass
+
+
+def _from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value
+    """Read a diagnostic value of ours; other nodes' plain text stays text."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
