@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
-from llm_astar_msgs_adapter.barrier_map import BarrierMapError, save_barrier_maps
+from llm_astar_msgs_adapter.barrier_map import save_barrier_maps
 
 from llm_astar_planner.benchmark.check import check_file
 from llm_astar_planner.benchmark.generate import GenerationError, MapRules, generate
 
-if TYPE_CHECKING:
-    # argparse names this type only in its stubs.
-    Subparsers = argparse._SubParsersAction[argparse.ArgumentParser]
-
 OK, BAD_INPUT = 0, 2
 
 
-def add_parser(subparsers: Subparsers) -> None:
+def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the sub-command `dataset` with `generate` and `check`."""
     parser = subparsers.add_parser('dataset', help='make or check barrier-map datasets')
     actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
@@ -43,15 +38,8 @@ def add_parser(subparsers: Subparsers) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run `dataset`. Returns 0, or 2 where the input or the dataset is bad."""
-    try:
-        return _generate(args) if args.action == 'generate' else _check(args)
-    except (BarrierMapError, GenerationError) as error:
-        print(f'llm-astar dataset: {error}', file=sys.stderr)
-    except OSError as error:
-        where = error.filename or args.out
-        print(f'llm-astar dataset: {where}: {error.strerror or error}', file=sys.stderr)
-    return BAD_INPUT
+    """Run `dataset`. Returns 0, or 2 where the checked dataset has errors; raises ValueError."""
+    return _generate(args) if args.action == 'generate' else _check(args)
 
 
 def _generate(args: argparse.Namespace) -> int:

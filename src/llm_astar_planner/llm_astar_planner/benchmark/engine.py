@@ -14,12 +14,12 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
-from llm_astar_msgs_adapter.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.barrier_map import BarrierMap, Sample
 from numpy.typing import NDArray
 
 from llm_astar_planner.benchmark.results import Case, Row
 from llm_astar_planner.benchmark.samples import BenchmarkSample
-from llm_astar_planner.planner import NOT_ASKED, Planner, PlanRequest
+from llm_astar_planner.planner import NOT_ASKED, Plan, Planner, PlanRequest
 from llm_astar_planner.result_code import ResultCode
 from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS, compile_kernels
 from llm_astar_planner.search.result import Cell
@@ -135,6 +135,28 @@ def run_task(task: Task) -> list[Row]:
         row = _row(planner, key, ends, case, reply=reply, settings=task.settings)
         rows.append(replace(row, seconds_source=seconds))
     return rows
+
+
+def plan_again(barrier_map: BarrierMap, sample: Sample, row: Row, settings: Settings) -> Plan:
+    """Plan a row of scale 1 once more with the waypoints it had, to see what it expanded."""
+    planner = _planner(replace(barrier_map, samples=()))
+    reply = WaypointReply(parse_points(row.waypoints), label=row.source)
+    request = PlanRequest(
+        barrier_map.to_cell(sample.start),
+        barrier_map.to_cell(sample.goal),
+        row.method,
+        _Answered(row.source, reply) if row.waypoints else None,
+        settings.heuristic,
+        settings.weight,
+        settings.time_limit,
+    )
+    return planner.plan(request)
+
+
+def parse_points(text: str) -> tuple[tuple[float, float], ...]:
+    """Read the points of a row back. Raises ValueError where they are none."""
+    points = (item.split(',') for item in text.split(';') if item)
+    return tuple((float(x), float(y)) for x, y in points)
 
 
 def _completed(tasks: Iterable[Task], executor: Executor, at_once: int) -> Iterator[list[Row]]:

@@ -18,8 +18,8 @@ from llm_astar_planner.benchmark.results import Case
 from llm_astar_planner.benchmark.scalability import Growth
 from llm_astar_planner.benchmark.summary import CaseSummary, is_ablation
 from llm_astar_planner.benchmark.trace import trace
-from llm_astar_planner.plot import OBSTACLE, draw, picture_of
 from llm_astar_planner.planner import Plan
+from llm_astar_planner.plot import OBSTACLE, draw, picture_of
 from llm_astar_planner.search.result import Cell
 
 START, GOAL, PATH, STAR = '#1f77b4', '#2ca02c', '#d62728', '#ffb000'
@@ -165,7 +165,7 @@ def case_label(case: Case) -> str:
 def cell_image(
     blocked: NDArray[np.bool_], *layers: tuple[Sequence[Cell], str]
 ) -> NDArray[np.float64]:
-    """Colour cells: [height, width, 3] in 0 to 1. Obstacles lie over the first layer, and so on."""
+    """Colour cells, [height, width, 3] in 0 to 1; obstacles lie on top, then the first layer."""
     image = np.ones((*blocked.shape, 3))
     for cells, colour in reversed(layers):
         if len(cells):

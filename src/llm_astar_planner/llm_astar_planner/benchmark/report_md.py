@@ -7,9 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from llm_astar_planner.benchmark.findings import headline, label, sentence, verdict
+from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.benchmark.scalability import Growth
 from llm_astar_planner.benchmark.statistics import Interval
-from llm_astar_planner.benchmark.summary import CaseSummary, Contrast
+from llm_astar_planner.benchmark.summary import CaseSummary, Contrast, summarise
+from llm_astar_planner.benchmark.summary import contrasts as contrasts_of
 
 # Table 1 of the paper as printed, on its own samples: method, model, prompt, then operation,
 # storage, length and valid path ratio in percent.
@@ -214,3 +216,14 @@ def _growth_part(growths: Sequence[Growth]) -> list[str]:
         'over log scale: 1 is linear in the scale, 2 in step with the area.',
         markdown_table(*growth_table(growths)),
     ]
+
+
+def text_report(rows: Sequence[Row], seed: int = 0) -> str:
+    """Write the finding and the table for a terminal."""
+    table = [TABLE_HEAD, *main_table(summarise(rows, seed))]
+    widths = [max(len(line[column]) for line in table) for column in range(len(TABLE_HEAD))]
+    lines = [
+        '  '.join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip()
+        for line in table
+    ]
+    return '\n'.join([*lines, '', headline(contrasts_of(rows, seed))])

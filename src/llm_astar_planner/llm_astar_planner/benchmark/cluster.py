@@ -1,0 +1,40 @@
+"""Spread a sweep over machines: a Dask cluster as a standard executor (extra `cluster`)."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Sequence
+from concurrent.futures import Executor
+
+from llm_astar_planner.benchmark.engine import Asker
+
+
+def connect(address: str, askers: Sequence[Asker]) -> tuple[Executor, int]:
+    """Return an executor on the Dask scheduler at `address`, and how many tasks to hand it at once.
+
+    Workers need this package in the same version. Sources travel with the tasks, so they must be
+    values: ablations and replays are, live endpoints are not. Raises ValueError.
+    """
+    for asker in askers:
+        try:
+            pickle.dumps(asker)
+        except (TypeError, AttributeError, pickle.PicklingError):
+            message = f'--dask: the source {asker.name} cannot travel; record a transcript first'
+            raise ValueError(message) from None
+    try:
+        from distributed import Client  # noqa: PLC0415 - an extra
+    except ImportError:
+        message = "--dask needs the extra: pip install 'llm_astar_planner[cluster]'"
+        raise ValueError(message) from None
+    try:
+        client = Client(address, timeout=10)
+    except (OSError, ValueError) as error:
+        message = f'--dask {address}: {error}'
+        raise ValueError(message) from None
+    threads = sum(client.nthreads().values())
+    if not threads:
+        client.close()
+        message = f'--dask {address}: the cluster has no workers'
+        raise ValueError(message)
+    executor: Executor = client.get_executor(pure=False)
+    return executor, 4 * threads
