@@ -7,7 +7,6 @@ import json
 import sys
 from collections.abc import Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.barrier_map import load_barrier_maps, save_barrier_maps
@@ -16,10 +15,10 @@ from llm_astar_planner.benchmark.askers import make_askers
 from llm_astar_planner.benchmark.cluster import connect
 from llm_astar_planner.benchmark.engine import ALL_METHODS, Asker, Settings
 from llm_astar_planner.benchmark.progress import progress
-from llm_astar_planner.benchmark.results import ResultsError, ResultsFolder
+from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsError, ResultsFolder
 from llm_astar_planner.benchmark.run import Sweep, begin, carry_out, unanswered
 from llm_astar_planner.benchmark.samples import load_samples, parse_ranges
-from llm_astar_planner.benchmark.summary import Price, summarise
+from llm_astar_planner.benchmark.summary import summarise
 from llm_astar_planner.benchmark.thresholds import missed, parse_threshold
 from llm_astar_planner.search.methods import HEURISTICS
 from llm_astar_planner.share import find_file
@@ -27,7 +26,6 @@ from llm_astar_planner.waypoint_source.ablation import ablation_sources
 from llm_astar_planner.waypoint_source.factory import SOURCES, SourceSettings
 
 OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
-MAPS_FILE = 'maps.json'
 EPILOG = """\
 examples:
   llm-astar bench                                 every method and ablation, no key needed
@@ -129,7 +127,7 @@ def _add_running(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
         action='append',
         default=[],
         metavar='LIMIT',
-        help='CASE:METRIC=LIMIT in percent: exit code 1 where a ratio is above it or a share below',
+        help='CASE:METRIC=LIMIT in percent: exit 1 where a ratio is above or a share below it',
     )
     group.add_argument('--json', action='store_true', help='print the summary as JSON')
 
@@ -146,9 +144,10 @@ def run(args: argparse.Namespace) -> int:
         return _complain(str(error), BAD_INPUT)
     code = OK
     executor, at_once = _executor(args, sweep.askers)
+    metadata['parameters']['jobs'] = args.dask or at_once // 2
     try:
         with progress(len(tasks)) as step:
-            carry_out(folder, tasks, executor, at_once, metadata, step)
+            carry_out(folder, tasks, executor, at_once, metadata=metadata, step=step)
     except KeyboardInterrupt:
         left = 'the rows so far are kept; go on with --resume'
         code = _complain(f'interrupted: {left}', INTERRUPTED)
@@ -167,11 +166,10 @@ def _close(
     from llm_astar_planner.benchmark.publish import publish  # noqa: PLC0415
     from llm_astar_planner.benchmark.report_md import text_report  # noqa: PLC0415
 
-    price = None if args.price is None else Price(*args.price)
     maps = load_barrier_maps(folder.path / MAPS_FILE)
     try:
         folder.write_json('metadata.json', metadata)
-        summary = publish(folder, metadata, maps, price)
+        summary = publish(folder, metadata, maps)
         rows = folder.read()
     except ResultsError as error:
         return _complain(str(error), INCOMPLETE)
@@ -213,7 +211,12 @@ def _sweep(args: argparse.Namespace) -> Sweep:
     dataset = find_file(args.dataset, 'maps')
     settings = SourceSettings(transcript=args.transcript, timeout_s=args.time_limit)
     askers = make_askers(
-        args.source, args.prompt, args.model, settings, load_barrier_maps(dataset), args.seed
+        args.source,
+        args.prompt,
+        args.model,
+        settings=settings,
+        dataset=load_barrier_maps(dataset),
+        seed=args.seed,
     )
     return Sweep(
         dataset,
@@ -230,7 +233,7 @@ def _sweep(args: argparse.Namespace) -> Sweep:
 def _parameters(args: argparse.Namespace) -> dict[str, Any]:
     names = (
         'maps', 'limit', 'scales', 'scale_samples', 'seed', 'methods', 'source', 'prompt', 'model',
-        'heuristic', 'weight', 'time_limit', 'jobs',
+        'heuristic', 'weight', 'time_limit', 'price', 'jobs',
     )  # fmt: skip
     return {name: getattr(args, name) for name in names}
 

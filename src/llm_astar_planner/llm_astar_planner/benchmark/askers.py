@@ -17,6 +17,7 @@ def make_askers(
     names: Sequence[str],
     prompts: Sequence[str],
     models: Sequence[str],
+    *,
     settings: SourceSettings,
     dataset: Sequence[BarrierMap],
     seed: int = 0,

@@ -10,17 +10,17 @@ from llm_astar_planner.benchmark.engine import Asker
 
 
 def connect(address: str, askers: Sequence[Asker]) -> tuple[Executor, int]:
-    """Return an executor on the Dask scheduler at `address`, and how many tasks to hand it at once.
+    """Return an executor on the Dask scheduler at `address`, and how many tasks to hand it.
 
     Workers need this package in the same version. Sources travel with the tasks, so they must be
     values: ablations and replays are, live endpoints are not. Raises ValueError.
     """
-    for asker in askers:
-        try:
-            pickle.dumps(asker)
-        except (TypeError, AttributeError, pickle.PicklingError):
-            message = f'--dask: the source {asker.name} cannot travel; record a transcript first'
-            raise ValueError(message) from None
+    try:
+        pickle.dumps(askers)
+    except (TypeError, AttributeError, pickle.PicklingError):
+        names = ', '.join(asker.name for asker in askers)
+        message = f'--dask: not all of {names} can travel; record a transcript and replay it'
+        raise ValueError(message) from None
     try:
         from distributed import Client  # noqa: PLC0415 - an extra
     except ImportError:

@@ -87,11 +87,10 @@ def ratio_figure(summaries: Sequence[CaseSummary]) -> Figure:
         for place, summary in enumerate(shown):
             mean = getattr(summary, quantity).mean
             value, low, high = (100 * end for end in mean)
+            # No interval is drawn as none; rounding may put a point's ends past it.
+            arms = np.maximum(np.nan_to_num([[value - low], [high - value]]), 0.0)
             colour = '#6b7280' if is_ablation(summary.case) else PATH
-            axes.errorbar(
-                value, place, xerr=[[value - low], [high - value]], fmt='o', color=colour,
-                markersize=5, capsize=3,
-            )  # fmt: skip
+            axes.errorbar(value, place, xerr=arms, fmt='o', color=colour, markersize=5, capsize=3)
         axes.axvline(100.0, color='#9aa0ac', linewidth=1, linestyle=':')
         axes.set_xlabel(f'{quantity} ratio to A* (%), 95 % interval')
         axes.grid(axis='x', alpha=0.25)

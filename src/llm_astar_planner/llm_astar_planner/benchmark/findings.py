@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
+from llm_astar_planner.benchmark.scalability import Growth
 from llm_astar_planner.benchmark.statistics import Interval
 from llm_astar_planner.benchmark.summary import Contrast, is_ablation
 
+# Growth below this slope of log work over log scale passes as near linear.
+NEAR_LINEAR = 1.25
 LABELS = {
     'astar': 'A*',
     'weighted_astar': 'weighted A* (w = 2)',
@@ -54,6 +58,23 @@ def sentence(contrast: Contrast) -> str:
     )
 
 
+def growth_sentence(growths: Sequence[Growth]) -> str:
+    """Say how work grows with the map for A* and LLM-A*, and whether that is near linear."""
+    work = [item for item in growths if item.quantity == 'operation' and item.samples]
+    guided = [item for item in work if item.case.method == 'llm_astar']
+    plain = next((item for item in work if item.case.method == 'astar'), None)
+    if plain is None or not guided:
+        return ''
+    chosen = min(guided, key=lambda item: (is_ablation(item.case), item.case.source != 'oracle'))
+    near = 'near' if chosen.slope < NEAR_LINEAR else 'not near'
+    return (
+        f'From scale 1 to {chosen.scales[-1]} the work of LLM-A* with `{chosen.case.source}` '
+        f'waypoints grew {chosen.factors[-1]:.1f} times (slope {chosen.slope:.2f}) and that of A* '
+        f'{plain.factors[-1]:.1f} times (slope {plain.slope:.2f}), over {chosen.samples} samples: '
+        f'{near} linear in the scale, which would be slope 1.'
+    )
+
+
 def verdict(work: Interval) -> str:
     """Name an effect on work: help, harm, or nothing where the interval holds no effect at all."""
     if work.high < 1.0:
@@ -83,5 +104,11 @@ def _change(ratio: float, more: str, less: str) -> str:
 
 
 def _interval(interval: Interval, more: str, less: str) -> str:
+    if math.isnan(interval.low):
+        return 'one map gives no interval'
     low, high = (_change(end, more, less) for end in (interval.low, interval.high))
+    if (interval.low < 1.0) == (interval.high < 1.0):
+        # Both ends point one way: name it once, the smaller number first.
+        ends = sorted(100.0 * abs(end - 1.0) for end in (interval.low, interval.high))
+        low, high = f'{ends[0]:.2f}', f'{ends[1]:.2f} % {more if interval.low >= 1.0 else less}'
     return f'95 % interval: {low} to {high}'

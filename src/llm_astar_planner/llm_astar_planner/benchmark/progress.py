@@ -10,11 +10,11 @@ from tqdm import tqdm
 
 
 @contextmanager
-def progress(total: int, unit: str = 'sample') -> Iterator[Callable[[], None]]:
+def progress(total: int, unit: str = 'sample') -> Iterator[Callable[[], object]]:
     """Yield the function to call after each of `total` steps."""
     if sys.stderr.isatty():
         with tqdm(total=total, unit=unit, file=sys.stderr) as bar:
-            yield lambda: _advance(bar)
+            yield lambda: bool(bar.update())
         return
     done = 0
 
@@ -26,7 +26,3 @@ def progress(total: int, unit: str = 'sample') -> Iterator[Callable[[], None]]:
             sys.stderr.flush()
 
     yield step
-
-
-def _advance(bar: tqdm[None]) -> None:
-    bar.update()

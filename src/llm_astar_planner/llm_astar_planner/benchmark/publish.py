@@ -43,15 +43,16 @@ def publish(
     folder: ResultsFolder,
     metadata: Mapping[str, Any],
     maps: Sequence[BarrierMap],
-    price: Price | None = None,
 ) -> dict[str, Any]:
-    """Write summary.json, the figures, report.md and report.html; return the summary.
+    """Write summary.json, the figures, report.md and report.html; return the summary as read back.
 
     `maps` are the unscaled maps of the rows, with their samples. Raises ResultsError.
     """
     rows = folder.read()
     seed = int(metadata['parameters'].get('seed', 0))
-    summaries, added = summarise(rows, seed, price), contrasts(rows, seed)
+    price = metadata['parameters'].get('price')
+    summaries = summarise(rows, seed, None if price is None else Price(*price))
+    added = contrasts(rows, seed)
     growths = growth(rows)
     summary: dict[str, Any] = {
         'headline': headline(added),
@@ -63,17 +64,17 @@ def publish(
         **{name: metadata[name] for name in ('version', 'dataset', 'machine')},
     }
     folder.write_json('summary.json', summary)
-    pictures = _draw(folder.path, rows, maps, (summaries, growths), _settings(metadata))
+    pictures = draw_all(folder.path, rows, maps, (summaries, growths), _settings(metadata))
     beside = [(path.name, caption) for path, caption in pictures]
     folder.write_text('report.md', report(summaries, added, growths, metadata, beside))
     page = html_report(
         summaries, added, growths, metadata, rows=rows, maps=maps, pictures=pictures
     )
     folder.write_text('report.html', page)
-    return summary
+    return folder.read_json('summary.json')
 
 
-def _draw(
+def draw_all(
     folder: Path,
     rows: Sequence[Row],
     maps: Sequence[BarrierMap],

@@ -14,10 +14,10 @@ from markupsafe import Markup
 
 from llm_astar_planner.benchmark import report_md as tables
 from llm_astar_planner.benchmark.figures import case_label
-from llm_astar_planner.benchmark.findings import headline, sentence
+from llm_astar_planner.benchmark.findings import growth_sentence, headline, sentence
 from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.benchmark.scalability import Growth
-from llm_astar_planner.benchmark.summary import CaseSummary, Contrast, by_case
+from llm_astar_planner.benchmark.summary import CaseSummary, Contrast, by_case, place
 
 MEDIA_TYPES = {'.png': 'image/png', '.gif': 'image/gif'}
 
@@ -38,14 +38,15 @@ def html_report(
     )
     growth_head, growth_rows = tables.growth_table(growths)
     page: str = environment.get_template('report.html.j2').render(
-        headline=headline(contrasts),
-        provenance=tables.provenance(metadata, summaries).replace('`', ''),
-        sentences=[sentence(contrast) for contrast in contrasts if contrast.samples],
+        headline=_plain(headline(contrasts)),
+        provenance=_plain(tables.provenance(metadata, summaries)),
+        sentences=[_plain(sentence(contrast)) for contrast in contrasts if contrast.samples],
         main=(tables.TABLE_HEAD, tables.main_table(summaries)),
         added=(tables.CONTRAST_HEAD, tables.contrast_table(contrasts)),
         spread=(tables.SPREAD_HEAD, tables.spread_table(summaries)),
         waypoints=(tables.WAYPOINT_HEAD, tables.waypoint_table(summaries)),
         growth=(growth_head, growth_rows),
+        grown=growth_sentence(growths),
         paper=(tables.TABLE_HEAD, tables.PAPER_TABLE),
         pictures=[(_inline(path), caption) for path, caption in pictures],
         data=_script_json(browser_data(rows, maps)),
@@ -55,7 +56,7 @@ def html_report(
 
 def browser_data(rows: Sequence[Row], maps: Sequence[BarrierMap]) -> dict[str, Any]:
     """Return what the browser of samples shows: maps, cases, and the rows of scale 1."""
-    cases = by_case(rows)
+    cases = dict(sorted(by_case(rows).items(), key=lambda item: place(item[0])))
     samples = sorted({(row.map, row.pair) for row in rows if row.scale == 1})
     wanted = {map_id for map_id, _ in samples}
     return {
@@ -89,6 +90,11 @@ def _entry(row: Row | None) -> list[Any] | None:
         row.operation, row.storage, row.length,
     )]  # fmt: skip
     return [row.code, *numbers, row.source_status, row.waypoints, row.verdicts, row.path]
+
+
+def _plain(text: str) -> str:
+    """Take Markdown's code marks out of a sentence."""
+    return text.replace('`', '')
 
 
 def _inline(path: Path) -> str:

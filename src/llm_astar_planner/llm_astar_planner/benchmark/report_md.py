@@ -6,7 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from llm_astar_planner.benchmark.findings import headline, label, sentence, verdict
+from llm_astar_planner.benchmark.findings import (
+    growth_sentence,
+    headline,
+    label,
+    sentence,
+    verdict,
+)
 from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.benchmark.scalability import Growth
 from llm_astar_planner.benchmark.statistics import Interval
@@ -188,11 +194,11 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def percent(interval: Interval) -> str:
-    """Write a ratio in percent with its interval, the interval left out where it is a point."""
+    """Write a ratio in percent with its interval, the interval left out where it is a point or unknown."""
     value, low, high = (100 * end for end in interval)
     if math.isnan(value):
         return '-'
-    if math.isclose(low, high):
+    if math.isnan(low) or math.isclose(low, high):
         return f'{value:.2f}'
     return f'{value:.2f} ({low:.2f} to {high:.2f})'
 
@@ -200,6 +206,10 @@ def percent(interval: Interval) -> str:
 def number(value: float, digits: int = 2) -> str:
     """Write a number, `-` for none."""
     return '-' if math.isnan(value) else f'{value:.{digits}f}'
+
+
+def _shares(parts: Mapping[str, float]) -> str:
+    return ', '.join(f'{name} {100 * part:.1f}' for name, part in parts.items()) or '-'
 
 
 def _who(summary: CaseSummary) -> str:
@@ -215,6 +225,7 @@ def _growth_part(growths: Sequence[Growth]) -> list[str]:
         'Mean growth factors against the same samples at scale 1. The slope is that of log growth '
         'over log scale: 1 is linear in the scale, 2 in step with the area.',
         markdown_table(*growth_table(growths)),
+        growth_sentence(growths),
     ]
 
 

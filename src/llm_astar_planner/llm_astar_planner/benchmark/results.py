@@ -23,6 +23,9 @@ from typing import Any, NamedTuple
 
 import llm_astar_planner
 
+# The maps of the rows, kept beside them so that a folder can be reported on by itself.
+MAPS_FILE = 'maps.json'
+
 
 class ResultsError(RuntimeError):
     """A results folder that cannot be used or written; the message names the file."""
@@ -120,7 +123,10 @@ class ResultsFolder:
             raise ResultsError(message) from None
 
     def read(self) -> list[Row]:
-        """Read every whole row; one that a crash cut short is left out. Raises ResultsError."""
+        """Read every whole row, in order of key, so that figures do not hang on who came first.
+
+        A row that a crash cut short is left out. Raises ResultsError.
+        """
         text = _read(self.results)
         whole = text[: text.rfind('\n') + 1]
         reader = csv.DictReader(io.StringIO(whole))
@@ -128,7 +134,7 @@ class ResultsFolder:
             message = f'{self.results}: its columns are not those of version {_own_version()}'
             raise ResultsError(message)
         try:
-            return [_row(record) for record in reader]
+            return sorted((_row(record) for record in reader), key=lambda row: row.key)
         except (TypeError, ValueError) as error:
             message = f'{self.results}: line {reader.line_num}: {error}'
             raise ResultsError(message) from None

@@ -86,8 +86,9 @@ def carry_out(
     tasks: Sequence[Task],
     executor: Executor,
     at_once: int,
+    *,
     metadata: dict[str, Any],
-    step: Callable[[], None],
+    step: Callable[[], object],
 ) -> None:
     """Run tasks into a folder, `step` after each; the time goes into the metadata in any case."""
 

@@ -27,12 +27,17 @@ NOTHING = Interval(float('nan'), float('nan'), float('nan'))
 
 
 def mean_interval(values: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interval:
-    """Return the mean of `values` [n] with its interval; `groups` [n] names each value's map."""
+    """Return the mean of `values` [n] with its interval; `groups` [n] names each value's map.
+
+    One map says nothing of others: its interval is NaN, unless all values are alike.
+    """
     numbers = np.asarray(values, dtype=float)
     if numbers.size == 0:
         return NOTHING
     _, group = np.unique(np.asarray(groups), return_inverse=True)
     sums, counts = np.bincount(group, weights=numbers), np.bincount(group)
+    if len(sums) == 1 and np.ptp(numbers) > 0:
+        return Interval(float(numbers.mean()), float('nan'), float('nan'))
     # The same seed draws the same maps, so methods run on the same maps stay paired.
     random = np.random.default_rng(seed)
     times = random.multinomial(len(sums), np.full(len(sums), 1.0 / len(sums)), size=DRAWS)

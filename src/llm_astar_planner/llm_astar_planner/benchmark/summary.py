@@ -95,14 +95,14 @@ def summarise(rows: Sequence[Row], seed: int = 0, price: Price | None = None) ->
     cases = by_case(rows)
     baseline = cases.get(Case(BASELINE_METHOD), {})
     summaries = [_summarise(case, of, baseline, seed, price) for case, of in cases.items()]
-    return sorted(summaries, key=lambda summary: _place(summary.case))
+    return sorted(summaries, key=lambda summary: place(summary.case))
 
 
 def contrasts(rows: Sequence[Row], seed: int = 0) -> list[Contrast]:
     """Contrast every case that had waypoints with its method under none, at scale 1."""
     cases = by_case(rows)
     found = []
-    for case in sorted(cases, key=_place):
+    for case in sorted(cases, key=place):
         none = cases.get(Case(case.method))
         if case.source != 'none' and none is not None:
             found.append(_contrast(case, cases[case], none, seed))
@@ -199,8 +199,8 @@ def is_ablation(case: Case) -> bool:
     return case.source in ABLATIONS
 
 
-def _place(case: Case) -> tuple[int, str, bool, int, str]:
-    """Order as the paper's table does: methods, models before ablations."""
+def place(case: Case) -> tuple[int, str, bool, int, str]:
+    """Return the key to sort cases by: methods as in the paper, models before ablations."""
     known = case.method in METHOD_ORDER
     method = METHOD_ORDER.index(case.method) if known else len(METHOD_ORDER)
     ablation = ABLATIONS.index(case.source) if is_ablation(case) else -1
