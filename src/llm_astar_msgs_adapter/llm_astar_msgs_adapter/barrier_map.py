@@ -205,8 +205,7 @@ def parse_barrier_map(entry: object, where: str = 'barrier map') -> BarrierMap:
         range_x=range_x,
         range_y=range_y,
         horizontal_barriers=tuple(
-            _barrier(value, name, range_y, range_x)
-            for value, name in items('horizontal_barriers')
+            _barrier(value, name, range_y, range_x) for value, name in items('horizontal_barriers')
         ),
         vertical_barriers=tuple(
             _barrier(value, name, range_x, range_y) for value, name in items('vertical_barriers')

@@ -78,7 +78,8 @@ def _coarsen(occupied: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
     height, width = (-(-side // factor) for side in occupied.shape)
     padded = np.zeros((height * factor, width * factor), dtype=np.bool_)
     padded[: occupied.shape[0], : occupied.shape[1]] = occupied
-    return padded.reshape(height, factor, width, factor).any(axis=(1, 3))
+    blocks = padded.reshape(height, factor, width, factor)
+    return np.asarray(blocks.any(axis=(1, 3)))
 
 
 def _cover(occupied: NDArray[np.bool_], limit: int) -> tuple[list[_Run], bool]:
@@ -109,9 +110,7 @@ def _runs(occupied: NDArray[np.bool_], *, horizontal: bool) -> list[_Run]:
     change = np.diff(padded, axis=1)
     line, first = np.nonzero(change == 1)
     _, end = np.nonzero(change == -1)
-    return [
-        _Run(horizontal, int(a), int(b), int(c) - 1) for a, b, c in zip(line, first, end)
-    ]
+    return [_Run(horizontal, int(a), int(b), int(c) - 1) for a, b, c in zip(line, first, end)]
 
 
 def _to_cells(run: _Run, factor: int, shape: tuple[int, ...]) -> Barrier:

@@ -23,6 +23,7 @@ class GridMapError(ValueError):
     """A grid that cannot be a map; `field` names what is wrong with it."""
 
     def __init__(self, field: str, problem: str) -> None:
+        """Say what is wrong with which field."""
         super().__init__(f'{field}: {problem}')
         self.field = field
 
@@ -33,6 +34,9 @@ class Pose2D(NamedTuple):
     x: float
     y: float
     yaw: float = 0.0
+
+
+ORIGIN = Pose2D(0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +51,7 @@ class GridMap:
 
     cells: NDArray[np.int8]
     resolution: float = 1.0
-    origin: Pose2D = Pose2D(0.0, 0.0)
+    origin: Pose2D = ORIGIN
     frame_id: str = 'map'
 
     def __post_init__(self) -> None:
@@ -100,16 +104,18 @@ class GridMap:
         return blocked if allow_unknown else blocked | (self.cells < FREE)
 
     def world_to_grid(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Turn world points [n, 2] in metres into grid coordinates, cell centres at whole numbers."""
+        """Turn world points [n, 2] in metres into grid coordinates: cell centres are whole."""
         offset = np.asarray(points, dtype=np.float64).reshape(-1, 2) - self.origin[:2]
         cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
-        return offset @ np.array([[cos, -sin], [sin, cos]]) / self.resolution - 0.5
+        local: NDArray[np.float64] = offset @ np.array([[cos, -sin], [sin, cos]])
+        return local / self.resolution - 0.5
 
     def grid_to_world(self, points: ArrayLike) -> NDArray[np.float64]:
         """Turn grid coordinates [n, 2] (a cell's centre is its own x, y) into metres."""
         local = (np.asarray(points, dtype=np.float64).reshape(-1, 2) + 0.5) * self.resolution
         cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
-        return local @ np.array([[cos, sin], [-sin, cos]]) + self.origin[:2]
+        turned: NDArray[np.float64] = local @ np.array([[cos, sin], [-sin, cos]])
+        return turned + self.origin[:2]
 
     def world_to_cell(self, x: float, y: float) -> tuple[int, int]:
         """Return the cell (x, y) that holds a world point in metres, on the map or off it.

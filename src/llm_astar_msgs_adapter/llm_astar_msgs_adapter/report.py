@@ -48,9 +48,9 @@ class PlanReport:
     def level(self) -> bytes:
         """OK for a plan as asked, WARN for one whose source failed, ERROR for no plan."""
         if self.code != 0:
-            return DiagnosticStatus.ERROR
+            return bytes(DiagnosticStatus.ERROR)
         fine = self.source_status in ('OK', 'NONE')
-        return DiagnosticStatus.OK if fine else DiagnosticStatus.WARN
+        return bytes(DiagnosticStatus.OK if fine else DiagnosticStatus.WARN)
 
     @property
     def summary(self) -> str:
@@ -77,7 +77,8 @@ class ExchangeReport:
     @property
     def level(self) -> bytes:
         """OK for an answer, WARN for none."""
-        return DiagnosticStatus.OK if self.status in ('OK', 'NONE') else DiagnosticStatus.WARN
+        fine = self.status in ('OK', 'NONE')
+        return bytes(DiagnosticStatus.OK if fine else DiagnosticStatus.WARN)
 
     @property
     def summary(self) -> str:
@@ -85,7 +86,9 @@ class ExchangeReport:
         return self.detail or f'{self.status}: {len(self.waypoints)} waypoints by {self.label}'
 
 
-def report_to_message(report: PlanReport | ExchangeReport, name: str, stamp: Time) -> DiagnosticArray:
+def report_to_message(
+    report: PlanReport | ExchangeReport, name: str, stamp: Time
+) -> DiagnosticArray:
     """Write a report as one status, a key a field; `name` is the node's."""
     return status_to_message(name, report.level, report.summary, asdict(report), stamp)
 
@@ -124,6 +127,6 @@ def report_from_message(message: DiagnosticArray, kind: type[Value]) -> Value:
     return kind(**values)
 
 
-def _frozen(value: Any) -> Any:
+def _frozen(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     """Turn JSON's lists into tuples, as the reports hold them."""
     return tuple(_frozen(item) for item in value) if isinstance(value, list) else value

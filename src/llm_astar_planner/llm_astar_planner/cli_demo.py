@@ -66,8 +66,12 @@ def _graph(log: IO[str] | None) -> Iterator[None]:
     nodes = [
         subprocess.Popen(  # noqa: S603 - our own modules, no shell
             [
-                sys.executable, '-m', f'llm_astar_planner.nodes.{name}',
-                '--ros-args', '--params-file', parameters,
+                sys.executable,
+                '-m',
+                f'llm_astar_planner.nodes.{name}',
+                '--ros-args',
+                '--params-file',
+                parameters,
             ],
             stdout=log,
             stderr=subprocess.STDOUT if log else None,

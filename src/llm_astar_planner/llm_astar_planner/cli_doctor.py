@@ -37,7 +37,10 @@ ROS = {
     'rclpy': ('the nodes', 'apt install ros-jazzy-rclpy, or make install for the wheels'),
     'nav_msgs': ('the nodes', 'apt install ros-jazzy-common-interfaces, or make install'),
     'diagnostic_msgs': ('the nodes', 'apt install ros-jazzy-common-interfaces, or make install'),
-    'visualization_msgs': ('the nodes', 'apt install ros-jazzy-common-interfaces, or make install'),
+    'visualization_msgs': (
+        'the nodes',
+        'apt install ros-jazzy-common-interfaces, or make install',
+    ),
 }
 OPTIONAL = {
     'launch_ros': ('ros2 launch', 'apt install ros-jazzy-launch-ros; there is no wheel'),

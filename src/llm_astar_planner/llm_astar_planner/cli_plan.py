@@ -5,9 +5,15 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from collections.abc import Collection
 from typing import Any
 
-from llm_astar_msgs_adapter.barrier_map import BarrierMap, Point, find_barrier_map, load_barrier_maps
+from llm_astar_msgs_adapter.barrier_map import (
+    BarrierMap,
+    Point,
+    find_barrier_map,
+    load_barrier_maps,
+)
 
 from llm_astar_planner.planner import GridRules, Plan, Planner, PlanRequest
 from llm_astar_planner.search.methods import HEURISTICS, METHODS, compile_kernels
@@ -37,12 +43,17 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     parser.set_defaults(run=run)
     where = parser.add_argument_group('where')
     where.add_argument(
-        '--map', default='demo.json', metavar='FILE',
+        '--map',
+        default='demo.json',
+        metavar='FILE',
         help='barrier-map JSON: a path, or a name in maps/ (default: %(default)s)',
     )
     where.add_argument('--map-id', type=int, metavar='ID', help='map of the file (default: first)')
     where.add_argument(
-        '--pair', type=int, default=0, metavar='N',
+        '--pair',
+        type=int,
+        default=0,
+        metavar='N',
         help='start-goal pair of the map, where --start and --goal are not given (default: 0)',
     )
     where.add_argument('--start', type=int, nargs=2, metavar=('X', 'Y'))
@@ -52,7 +63,8 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     how.add_argument('--heuristic', default='euclidean', help=f'one of {", ".join(HEURISTICS)}')
     how.add_argument('--weight', type=float, default=2.0, help="weighted_astar's (default: 2)")
     how.add_argument(
-        '--no-corner-cutting', action='store_true',
+        '--no-corner-cutting',
+        action='store_true',
         help='forbid diagonal steps past blocked cells, as on a robot',
     )
     how.add_argument('--time-limit', type=float, default=60.0, metavar='SECONDS')
@@ -145,7 +157,11 @@ def plan_to_text(plan: Plan, offset: Point) -> str:
 
 def _check(arguments: argparse.Namespace) -> None:
     """Raise ValueError on what argparse could not know to be wrong."""
-    known = {'method': METHODS, 'heuristic': HEURISTICS, 'source': SOURCES}
+    known: dict[str, Collection[str]] = {
+        'method': METHODS,
+        'heuristic': HEURISTICS,
+        'source': SOURCES,
+    }
     for name, choices in known.items():
         value = getattr(arguments, name)
         if value not in choices:
@@ -191,7 +207,11 @@ def _source(
 
 
 def _draw(
-    arguments: argparse.Namespace, plan: Plan, planner: Planner, request: PlanRequest, offset: Point
+    arguments: argparse.Namespace,
+    plan: Plan,
+    planner: Planner,
+    request: PlanRequest,
+    offset: Point,
 ) -> None:
     # matplotlib takes most of a second to import; who draws nothing need not wait for it.
     from llm_astar_planner.plot import picture_of, save_picture  # noqa: PLC0415

@@ -153,7 +153,8 @@ class Planner:
         """
         neighbours = np.ones((3, 3)) if self.rules.corner_cutting else None
         labels, _ = ndimage.label(~self.blocked, structure=neighbours)
-        return labels.astype(np.int32, copy=False)
+        components: NDArray[np.int32] = labels.astype(np.int32, copy=False)
+        return components
 
     @cached_property
     def _waypoint_cells(self) -> NDArray[np.bool_]:

@@ -54,9 +54,7 @@ def picture_of(
         title = f'{plan.method}, guided by {plan.guided_by}: {outcome}'
     else:
         title = f'{plan.method}: {plan.code.name}, {plan.message}'
-    return Picture(
-        grid_map, start, goal, plan.path, plan.expanded, waypoints, title, offset
-    )
+    return Picture(grid_map, start, goal, plan.path, plan.expanded, waypoints, title, offset)
 
 
 def save_picture(picture: Picture, path: str | Path) -> None:
@@ -80,14 +78,13 @@ def draw(axes: Axes, picture: Picture) -> None:
         axes.plot(x, y, color=PATH, linewidth=2, label='path')
     labelled = set()
     for number, (x, y, verdict) in enumerate(picture.waypoints, start=1):
-        colour, marker = VERDICT_MARKERS[verdict]
         label = None if verdict in labelled else f'waypoint, {verdict.replace("_", " ")}'
         labelled.add(verdict)
-        _mark(axes, picture, (x, y), marker, colour, label, size=14)
+        _mark(axes, picture, (x, y), VERDICT_MARKERS[verdict], label, size=14)
         place = (x + picture.offset[0], y + picture.offset[1])
         axes.annotate(str(number), place, (7, 7), textcoords='offset points', zorder=5)
-    _mark(axes, picture, picture.start, 's', '#1f77b4', 'start', size=9)
-    _mark(axes, picture, picture.goal, 'D', '#17becf', 'goal', size=9)
+    _mark(axes, picture, picture.start, ('#1f77b4', 's'), 'start', size=9)
+    _mark(axes, picture, picture.goal, ('#17becf', 'D'), 'goal', size=9)
     axes.set_title(picture.title)
 
 
@@ -108,11 +105,12 @@ def _mark(
     axes: Axes,
     picture: Picture,
     point: tuple[float, float],
-    marker: str,
-    colour: str,
+    style: tuple[str, str],
     label: str | None,
+    *,
     size: int,
 ) -> None:
+    colour, marker = style
     axes.plot(
         point[0] + picture.offset[0],
         point[1] + picture.offset[1],

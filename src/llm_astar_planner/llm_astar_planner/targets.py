@@ -86,7 +86,7 @@ def judge(
 
 
 def target_list(judged: Sequence[JudgedWaypoint], start: Cell, goal: Cell) -> list[Waypoint]:
-    """Build T from the waypoints in use: start put before and goal after where they are missing."""
+    """Build T from the waypoints in use, start put before and goal after where missing."""
     targets: list[Waypoint] = [(point.x, point.y) for point in judged if point.verdict.used]
     if not targets or targets[0] != start:
         targets.insert(0, start)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from llm_astar_planner.search.result import Cell
 
 
-def path_problem(
+def path_problem(  # noqa: PLR0911 - one return a rule
     path: NDArray[np.int32],
     blocked: NDArray[np.bool_],
     start: Cell,

@@ -1,1 +1,1 @@
-"""The benchmark: samples, runs over them, figures with their uncertainty, and reports."""
+"""Replaying samples: datasets, metrics, statistics and reports."""

@@ -24,6 +24,9 @@ class Spread(NamedTuple):
     worst: float
 
 
+NO_SPREAD = Spread(*[float('nan')] * 4)
+
+
 def geometric_mean(ratios: ArrayLike) -> float:
     """G = (r_1 r_2 ... r_n)^(1/n), the paper's mean of ratios; NaN for no ratios.
 
@@ -42,7 +45,7 @@ def spread(values: ArrayLike) -> Spread:
     """Give mean = sum(v) / n, median, p95 (linear between ranks) and worst = max(v)."""
     array = np.asarray(values, dtype=float)
     if array.size == 0:
-        return Spread(*[float('nan')] * 4)
+        return NO_SPREAD
     median, p95 = np.percentile(array, (50, 95))
     return Spread(float(array.mean()), float(median), float(p95), float(array.max()))
 

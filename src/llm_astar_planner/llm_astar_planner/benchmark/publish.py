@@ -165,6 +165,6 @@ def _case_json(summary: CaseSummary) -> dict[str, Any]:
     for name in ('operation', 'storage', 'length'):
         ratio = getattr(summary, name)
         values[name] = {**ratio.mean._asdict(), 'spread': ratio.spread._asdict()}
-    for name in ('valid', 'seconds_source', 'seconds_search'):
+    for name in ('valid', 'seconds_source', 'seconds_search', 'seconds_round_trip'):
         values[name] = getattr(summary, name)._asdict()
     return values

@@ -43,7 +43,7 @@ TABLE_HEAD = (
 )  # fmt: skip
 SPREAD_HEAD = (
     'Case', 'Operation p95', 'worst', 'Length p95', 'worst', 'Optimal (%)',
-    'Source ms, median', 'p95', 'Search ms, median', 'p95',
+    'Source ms, median', 'p95', 'Search ms, median', 'p95', 'Round trip ms, median', 'p95',
 )  # fmt: skip
 WAYPOINT_HEAD = (
     'Case', 'Waypoints a sample', 'Verdicts (% of waypoints)', 'Tokens in', 'Tokens out', 'Cost',
@@ -133,6 +133,7 @@ def spread_table(summaries: Sequence[CaseSummary]) -> Table:
             number(100 * summary.optimal, 1),
             *(number(1e3 * value, 3) for value in summary.seconds_source[1:3]),
             *(number(1e3 * value, 3) for value in summary.seconds_search[1:3]),
+            *(number(1e3 * value, 3) for value in summary.seconds_round_trip[1:3]),
         )
         for summary in summaries
     ]
@@ -194,7 +195,7 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def percent(interval: Interval) -> str:
-    """Write a ratio in percent with its interval, the interval left out where it is a point or unknown."""
+    """Write a ratio in percent with its interval, left out where it is a point or unknown."""
     value, low, high = (100 * end for end in interval)
     if math.isnan(value):
         return '-'

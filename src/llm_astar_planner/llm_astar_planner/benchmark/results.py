@@ -50,7 +50,8 @@ class Row:
 
     `code` is the name of the result code. `operation`, `storage` and `length` (cells) are NaN
     where the case has none. `waypoints` and `path` (its turning points) are cells `x,y` joined by
-    `;`, `verdicts` belong to the waypoints.
+    `;`, `verdicts` belong to the waypoints. `seconds_round_trip` is what a call through the live
+    graph took, NaN without one.
     """
 
     map: int
@@ -73,6 +74,7 @@ class Row:
     waypoints: str = ''
     verdicts: str = ''
     path: str = ''
+    seconds_round_trip: float = math.nan
 
     @property
     def case(self) -> Case:
@@ -123,7 +125,7 @@ class ResultsFolder:
             raise ResultsError(message) from None
 
     def read(self) -> list[Row]:
-        """Read every whole row, in order of key, so that figures do not hang on who came first.
+        """Read every whole row, in order of samples, so that figures do not hang on who came first.
 
         A row that a crash cut short is left out. Raises ResultsError.
         """
@@ -134,7 +136,7 @@ class ResultsFolder:
             message = f'{self.results}: its columns are not those of version {_own_version()}'
             raise ResultsError(message)
         try:
-            return sorted((_row(record) for record in reader), key=lambda row: row.key)
+            return sorted((_row(record) for record in reader), key=lambda row: row.key[:3])
         except (TypeError, ValueError) as error:
             message = f'{self.results}: line {reader.line_num}: {error}'
             raise ResultsError(message) from None

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.benchmark.metrics import Spread, optimal, share, spread
+from llm_astar_planner.benchmark.metrics import NO_SPREAD, Spread, optimal, share, spread
 from llm_astar_planner.benchmark.results import Case, Row
 from llm_astar_planner.benchmark.statistics import (
     NOTHING,
@@ -57,6 +57,7 @@ class CaseSummary:
     completion_tokens: int = 0
     cost: float | None = None
     unanswered: int = 0
+    seconds_round_trip: Spread = NO_SPREAD
 
 
 @dataclass(frozen=True)
@@ -140,6 +141,7 @@ def _summarise(
         prompt_tokens=prompt_tokens,
         completion_tokens=completion_tokens,
         cost=_cost(prompt_tokens, completion_tokens, price),
+        seconds_round_trip=spread([t for row in every if (t := row.seconds_round_trip) >= 0]),
         unanswered=sum(row.source_status not in ANSWERS for row in every),
     )
 

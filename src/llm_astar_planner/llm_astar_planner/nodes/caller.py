@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import threading
 import time
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any
-
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -17,6 +17,7 @@ from llm_astar_msgs_adapter.path import pose_to_message
 from llm_astar_msgs_adapter.report import PlanReport, report_from_message
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
+from rclpy.client import Client
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
@@ -105,18 +106,24 @@ class Caller:
             goal=pose_to_message(goal, frame_id, Time()),
             tolerance=0.0,
         )
-        done = threading.Event()
         begin = time.perf_counter()
-        future = self._client.call_async(request)
-        future.add_done_callback(lambda _: done.set())
-        if not done.wait(seconds):
-            self._client.remove_pending_request(future)
-            raise CallerError(f'{self._client.srv_name} did not answer within {seconds:g} s')
+        path = self.ask(self._client, request, seconds).plan
         round_trip = time.perf_counter() - begin
-        path = future.result().plan
         key = (path.header.stamp.sec, path.header.stamp.nanosec)
         self.wait_for(lambda: key in self._reports, 'the report of a plan', seconds)
         return path, self._reports.pop(key), round_trip
+
+    def ask(self, client: Client, request: Any, seconds: float = DISCOVERY_SECONDS) -> Any:  # noqa: ANN401 - any service
+        """Call a service of the graph. Raises CallerError where it does not answer in time."""
+        if not client.wait_for_service(seconds):
+            raise CallerError(f'{client.srv_name} is not there')
+        done = threading.Event()
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: done.set())
+        if not done.wait(seconds):
+            client.remove_pending_request(future)
+            raise CallerError(f'{client.srv_name} did not answer within {seconds:g} s')
+        return future.result()
 
     def _on_report(self, message: DiagnosticArray) -> None:
         stamp = message.header.stamp
@@ -133,10 +140,8 @@ class Caller:
             self._arrived.notify_all()
 
     def _spin(self) -> None:
-        try:
+        with contextlib.suppress(ExternalShutdownException):
             self._executor.spin()
-        except ExternalShutdownException:
-            pass
 
 
 def _from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value
@@ -145,5 +150,3 @@ def _from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value
         return json.loads(text)
     except ValueError:
         return text
-
-

@@ -49,7 +49,7 @@ PARAMETERS = (
 class LlmClientNode(Node):
     """Serves `~/get_waypoints`; an empty path is no waypoints, and `~/exchange` says why."""
 
-    def __init__(self, **node_options: Any) -> None:
+    def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Set up the source. Raises ParameterError where its parameters do not fit."""
         super().__init__('llm_client_node', **node_options)
         self._grid_map: GridMap | None = None
@@ -61,7 +61,10 @@ class LlmClientNode(Node):
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
         together = ReentrantCallbackGroup()
         self.create_subscription(
-            OccupancyGrid, 'map', self._on_map, LATCHED,
+            OccupancyGrid,
+            'map',
+            self._on_map,
+            LATCHED,
             callback_group=MutuallyExclusiveCallbackGroup(),
         )
         self.create_service(

@@ -32,7 +32,7 @@ PARAMETERS = (
 class MapNode(Node):
     """Publishes `map` and serves `~/map`; a changed parameter publishes the new map."""
 
-    def __init__(self, **node_options: Any) -> None:
+    def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Load and publish the map. Raises ParameterError where there is none to load."""
         super().__init__('map_node', **node_options)
         self._publisher = self.create_publisher(OccupancyGrid, 'map', LATCHED)

@@ -36,9 +36,7 @@ class Parameter:
 
     def descriptor(self) -> ParameterDescriptor:
         """Return what `ros2 param describe` shows and rclpy enforces."""
-        descriptor = ParameterDescriptor(
-            description=self.description, read_only=self.fixed
-        )
+        descriptor = ParameterDescriptor(description=self.description, read_only=self.fixed)
         if self.choices:
             descriptor.additional_constraints = 'one of: ' + ', '.join(self.choices)
         if self.minimum is not None and self.maximum is not None:
@@ -78,7 +76,7 @@ class Parameters:
             raise ParameterError(problem)
         node.add_on_set_parameters_callback(self._on_set)
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - of the parameter's type
         """Return a parameter's current value."""
         return self._node.get_parameter(name).value
 

@@ -41,9 +41,7 @@ PARAMETERS = (
     Parameter(
         'max_planning_time', 5.0, 'Seconds for waypoints and search', minimum=0.01, maximum=3600.0
     ),
-    Parameter(
-        'source_timeout', 4.0, 'Seconds to wait for waypoints', minimum=0.0, maximum=3600.0
-    ),
+    Parameter('source_timeout', 4.0, 'Seconds to wait for waypoints', minimum=0.0, maximum=3600.0),
     Parameter(
         'llm_client', 'llm_client_node', 'Node to ask for waypoints; empty asks none', fixed=True
     ),
@@ -56,7 +54,7 @@ PARAMETERS = (
 class PlannerNode(Node):
     """Plans from `map`; see the README for its topics, services and parameters."""
 
-    def __init__(self, **node_options: Any) -> None:
+    def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Join the graph and compile the searches."""
         super().__init__('planner_node', **node_options)
         self._settings = Parameters(self, PARAMETERS)
@@ -90,12 +88,18 @@ class PlannerNode(Node):
     def _listen(self) -> None:
         alone, together = MutuallyExclusiveCallbackGroup(), ReentrantCallbackGroup()
         self.create_subscription(
-            OccupancyGrid, 'map', self._on_map, LATCHED,
+            OccupancyGrid,
+            'map',
+            self._on_map,
+            LATCHED,
             callback_group=MutuallyExclusiveCallbackGroup(),
         )
         self.create_service(GetPlan, '~/get_plan', self._on_get_plan, callback_group=together)
         self.create_subscription(
-            PoseWithCovarianceStamped, 'initialpose', self._on_initial_pose, RELIABLE,
+            PoseWithCovarianceStamped,
+            'initialpose',
+            self._on_initial_pose,
+            RELIABLE,
             callback_group=alone,
         )
         self.create_subscription(
@@ -130,7 +134,9 @@ class PlannerNode(Node):
                 return
             self._planner = Planner(self._grid_map, rules).prepare()
 
-    def _on_get_plan(self, request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
+    def _on_get_plan(
+        self, request: GetPlan.Request, response: GetPlan.Response
+    ) -> GetPlan.Response:
         response.plan = self._answer(request.start, request.goal)
         return response
 

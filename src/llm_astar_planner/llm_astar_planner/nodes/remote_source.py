@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections import OrderedDict
@@ -154,10 +155,8 @@ class RemoteSource:
         return WaypointReply(label=LABEL, status=status, detail=detail, seconds=seconds)
 
     def _spin(self) -> None:
-        try:
+        with contextlib.suppress(ExternalShutdownException):
             self._executor.spin()
-        except ExternalShutdownException:
-            pass
 
 
 def _request(query: WaypointQuery) -> GetPlan.Request:

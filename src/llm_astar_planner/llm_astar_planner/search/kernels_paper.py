@@ -77,7 +77,7 @@ def _sift_down(keys: Any, nodes: Any, i: int, size: int) -> None:
 def _estimate(
     node: int, height: int, kind: int, weight: float, goal: Any, target: Any, guided: bool
 ) -> float:
-    """w h(goal) + h(target), summed in the published order."""
+    """W h(goal) + h(target), summed in the published order."""
     x, y = node // height, node % height
     estimate = weight * distance(kind, x - goal[0], y - goal[1])
     if guided:
@@ -87,8 +87,16 @@ def _estimate(
 
 @njit(cache=True, nogil=True)
 def _rekey(
-    keys: Any, nodes: Any, size: int, g: Any,
-    height: int, kind: int, weight: float, goal: Any, target: Any, guided: bool,
+    keys: Any,
+    nodes: Any,
+    size: int,
+    g: Any,
+    height: int,
+    kind: int,
+    weight: float,
+    goal: Any,
+    target: Any,
+    guided: bool,
 ) -> None:
     """Give every OPEN entry its current g plus the new estimate; duplicates stay."""
     for i in range(size):
@@ -169,7 +177,9 @@ def paper_search(
         for move in range(8):
             nx, ny = x + _DX[move], y + _DY[move]
             if (
-                guided and nx == target[0] and ny == target[1]
+                guided
+                and nx == target[0]
+                and ny == target[1]
                 and not (target[0] == goal[0] and target[1] == goal[1])
             ):
                 if index + 1 < len(targets):
@@ -198,9 +208,7 @@ def paper_search(
                 if size == len(keys):
                     keys = np.concatenate((keys, np.empty(size)))
                     nodes = np.concatenate((nodes, np.empty(size, dtype=np.int64)))
-                keys[size] = new_g + _estimate(
-                    neighbour, height, kind, w, goal, target, guided
-                )
+                keys[size] = new_g + _estimate(neighbour, height, kind, w, goal, target, guided)
                 nodes[size] = neighbour
                 _sift_up(keys, nodes, size)
                 size += 1

@@ -69,7 +69,7 @@ class Method(Protocol):
 def astar(
     blocked: NDArray[np.bool_], start: Cell, goal: Cell, targets: ArrayLike, options: SearchOptions
 ) -> SearchResult:
-    """A*, exact to the paper's baseline: stale entries expand too, ties go by (f, x, y)."""
+    """Search by A*, exact to the paper's: stale entries expand too, ties go by (f, x, y)."""
     del targets
     return _search(blocked, start, goal, [], options, weight=1.0)
 
@@ -87,9 +87,7 @@ def dynamic_weighted_astar(
 ) -> SearchResult:
     """Dynamic weighted A*, exact to the paper's row: w = max(1, 2 * 0.99^k) at the k-th pop."""
     del targets
-    return _search(
-        blocked, start, goal, [], options, weight=DYNAMIC_WEIGHT, decay=DYNAMIC_DECAY
-    )
+    return _search(blocked, start, goal, [], options, weight=DYNAMIC_WEIGHT, decay=DYNAMIC_DECAY)
 
 
 def llm_astar(

@@ -52,5 +52,7 @@ def make_source(
     Raises SettingsError for settings that fit no source, and what the source raises on its files.
     """
     if settings.source not in SOURCES:
-        raise SettingsError(f'source: {settings.source!r} is unknown; there is {", ".join(SOURCES)}')
+        raise SettingsError(
+            f'source: {settings.source!r} is unknown; there is {", ".join(SOURCES)}'
+        )
     return SOURCES[settings.source](settings, dataset)

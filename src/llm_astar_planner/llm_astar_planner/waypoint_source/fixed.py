@@ -10,7 +10,7 @@ from llm_astar_planner.waypoint_source.base import WaypointQuery, WaypointReply
 
 @dataclass(frozen=True)
 class FixedReply:
-    """Answers every query with `text`; its points count from `offset`, the map's (x, y) minimum."""
+    """Answers every query with `text`; its points count from `offset`, the map's minimum."""
 
     text: str
     offset: tuple[int, int] = (0, 0)
