@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any
 
 from llm_astar_msgs_adapter.barrier_map import load_barrier_maps, save_barrier_maps
@@ -143,18 +144,15 @@ def run(args: argparse.Namespace) -> int:
     except ResultsError as error:
         return _complain(str(error), BAD_INPUT)
     code = OK
-    executor, at_once = _executor(args, sweep.askers)
-    metadata['parameters']['jobs'] = args.dask or at_once // 2
     try:
-        with progress(len(tasks)) as step:
+        with _executor(args, sweep.askers) as (executor, at_once), progress(len(tasks)) as step:
+            metadata['parameters']['jobs'] = args.dask or at_once // 2
             carry_out(folder, tasks, executor, at_once, metadata=metadata, step=step)
     except KeyboardInterrupt:
         left = 'the rows so far are kept; go on with --resume'
         code = _complain(f'interrupted: {left}', INTERRUPTED)
     except ResultsError as error:
         return _complain(str(error), INCOMPLETE)
-    finally:
-        executor.shutdown(wait=False, cancel_futures=True)
     return _close(args, folder, metadata, code)
 
 
@@ -249,13 +247,21 @@ def _save_maps(folder: ResultsFolder, sweep: Sweep) -> None:
         raise ResultsError(message) from None
 
 
-def _executor(args: argparse.Namespace, askers: Sequence[Asker]) -> tuple[Executor, int]:
-    """Return what runs the tasks and how many are handed to it at once."""
+@contextmanager
+def _executor(args: argparse.Namespace, askers: Sequence[Asker]) -> Iterator[tuple[Executor, int]]:
+    """Yield what runs the tasks and how many are handed to it at once."""
     if args.dask:
-        return connect(args.dask, askers)
+        with connect(args.dask, askers) as cluster:
+            yield cluster
+        return
     local = {'none', 'replay', *ablation_sources()}
     jobs = args.jobs or (1 if all(asker.name in local for asker in askers) else 8)
-    return ThreadPoolExecutor(jobs), 2 * jobs
+    executor = ThreadPoolExecutor(jobs)
+    try:
+        yield executor, 2 * jobs
+    finally:
+        # What is in flight may take long to answer, and nobody waits for it any more.
+        executor.shutdown(wait=False, cancel_futures=True)
 
 
 def _names(text: str) -> list[str]:

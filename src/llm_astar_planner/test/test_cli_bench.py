@@ -5,6 +5,9 @@ import csv
 import gzip
 import json
 import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -249,3 +252,26 @@ def test_replayed_reference_replies_give_the_reference_aggregates(undrawn, out, 
             ratios = [row[metric] / r['astar'][metric] for row, r in zip(golden, records)]
             mean = 100 * np.exp(np.log(ratios).mean())
             assert 100 * cases[case][metric]['value'] == pytest.approx(mean, abs=5e-5)
+
+
+def test_a_real_interrupt_ends_the_process_with_130(dataset, out):
+    """The signal, not a raised exception: the process ends itself and its rows are whole."""
+    script = (
+        'import sys, argparse\n'
+        'from llm_astar_planner import cli_bench\n'
+        'parser = argparse.ArgumentParser()\n'
+        'cli_bench.add_parser(parser.add_subparsers())\n'
+        'args = parser.parse_args()\n'
+        'sys.exit(args.run(args))\n'
+    )
+    words = ['bench', '--dataset', str(dataset), '--out', str(out), '--scales', '1-9']
+    command = [sys.executable, '-c', script, *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        process.stderr.readline()  # the first tenth is done
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert 'interrupted: the rows so far are kept' in error
+    lines = (out / 'results.csv').read_text().splitlines()
+    assert len(lines) > 10
+    assert len({line.count(',') for line in lines if '"' not in line}) == 1

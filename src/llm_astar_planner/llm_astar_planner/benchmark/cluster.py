@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 
 from llm_astar_planner.benchmark.engine import Asker
 
 
-def connect(address: str, askers: Sequence[Asker]) -> tuple[Executor, int]:
-    """Return an executor on the Dask scheduler at `address`, and how many tasks to hand it.
+@contextmanager
+def connect(address: str, askers: Sequence[Asker]) -> Iterator[tuple[Executor, int]]:
+    """Yield an executor on the Dask scheduler at `address`, and how many tasks to hand it.
 
     Workers need this package in the same version. Sources travel with the tasks, so they must be
     values: ablations and replays are, live endpoints are not. Raises ValueError.
@@ -31,10 +33,10 @@ def connect(address: str, askers: Sequence[Asker]) -> tuple[Executor, int]:
     except (OSError, ValueError) as error:
         message = f'--dask {address}: {error}'
         raise ValueError(message) from None
-    threads = sum(client.nthreads().values())
-    if not threads:
-        client.close()
-        message = f'--dask {address}: the cluster has no workers'
-        raise ValueError(message)
-    executor: Executor = client.get_executor(pure=False)
-    return executor, 4 * threads
+    with client:
+        threads = sum(client.nthreads().values())
+        if not threads:
+            message = f'--dask {address}: the cluster has no workers'
+            raise ValueError(message)
+        with client.get_executor(pure=False) as executor:
+            yield executor, 4 * threads

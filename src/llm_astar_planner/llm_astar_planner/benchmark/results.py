@@ -125,7 +125,7 @@ class ResultsFolder:
             raise ResultsError(message) from None
 
     def read(self) -> list[Row]:
-        """Read every whole row, in order of samples, so that figures do not hang on who came first.
+        """Read every whole row in order of samples; figures then do not hang on who came first.
 
         A row that a crash cut short is left out. Raises ResultsError.
         """
