@@ -6,6 +6,7 @@ import contextlib
 import json
 import threading
 import time
+from collections import OrderedDict
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any
@@ -21,10 +22,12 @@ from rclpy.client import Client
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-from llm_astar_planner.nodes.qos import RELIABLE
+from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
 
 # Discovery takes from milliseconds to seconds on a loaded machine.
 DISCOVERY_SECONDS = 30.0
+# Reports of other callers' plans come too, and nobody fetches them.
+KEPT_REPORTS = 256
 
 
 class CallerError(RuntimeError):
@@ -40,12 +43,13 @@ class Caller:
     def __init__(self, node: Node, planner: str = 'planner_node') -> None:
         """Attach to `node`, which must not be spun by anyone else."""
         self.node = node
-        self._planner = planner
+        # As the planner names itself in /diagnostics: with its namespace, without the slash.
+        self._planner = node.resolve_service_name(planner)[1:]
         self._arrived = threading.Condition()
-        self._reports: dict[tuple[int, int], PlanReport] = {}
+        self._reports: OrderedDict[tuple[int, int], PlanReport] = OrderedDict()
         self._health: dict[str, dict[str, Any]] = {}
         self._client = node.create_client(GetPlan, f'{planner}/get_plan')
-        node.create_subscription(DiagnosticArray, f'{planner}/report', self._on_report, RELIABLE)
+        node.create_subscription(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS)
         node.create_subscription(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
@@ -90,7 +94,8 @@ class Caller:
             if not client:
                 return has_map(planner)
             sees_client = self._health.get(planner, {}).get('llm_client_ready')
-            return has_map(planner) and has_map(f'{client}: waypoints') and bool(sees_client)
+            waypoints = f'{self.node.resolve_service_name(client)[1:]}: waypoints'
+            return has_map(planner) and has_map(waypoints) and bool(sees_client)
 
         self.wait_for(is_ready, f'{self._planner} ready with its map', DISCOVERY_SECONDS)
 
@@ -129,6 +134,8 @@ class Caller:
         stamp = message.header.stamp
         with self._arrived:
             self._reports[stamp.sec, stamp.nanosec] = report_from_message(message, PlanReport)
+            if len(self._reports) > KEPT_REPORTS:
+                self._reports.popitem(last=False)
             self._arrived.notify_all()
 
     def _on_health(self, message: DiagnosticArray) -> None:

@@ -20,7 +20,7 @@ from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
-from llm_astar_planner.nodes.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.run import run
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.share import find_file
@@ -57,7 +57,7 @@ class LlmClientNode(Node):
         self._settings = Parameters(self, PARAMETERS, _problem)
         self._source = _make_source(self._settings.values())
         self.add_post_set_parameters_callback(lambda _: self._remake_source())
-        self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', RELIABLE)
+        self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', REPORTS)
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
         together = ReentrantCallbackGroup()
         self.create_subscription(
@@ -130,7 +130,7 @@ class LlmClientNode(Node):
         failed = self._last is not None and self._last.level != DiagnosticStatus.OK
         level = DiagnosticStatus.WARN if failed else DiagnosticStatus.OK
         message = self._last.summary if self._last else 'not asked yet'
-        name = f'{self.get_name()}: waypoints'
+        name = f'{self.get_fully_qualified_name()[1:]}: waypoints'
         stamp = self.get_clock().now().to_msg()
         self._health_publisher.publish(status_to_message(name, level, message, values, stamp))
 

@@ -23,7 +23,7 @@ from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
-from llm_astar_planner.nodes.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.remote_source import RemoteSource
 from llm_astar_planner.nodes.reports import failure_report, plan_report
 from llm_astar_planner.nodes.run import run
@@ -80,7 +80,7 @@ class PlannerNode(Node):
 
     def _publish_to(self) -> None:
         self._plan_publisher = self.create_publisher(Path, 'plan', RELIABLE)
-        self._report_publisher = self.create_publisher(DiagnosticArray, '~/report', RELIABLE)
+        self._report_publisher = self.create_publisher(DiagnosticArray, '~/report', REPORTS)
         self._marker_publisher = self.create_publisher(MarkerArray, '~/markers', RELIABLE)
         self._explored_publisher = self.create_publisher(GridCells, '~/explored', RELIABLE)
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
@@ -152,7 +152,7 @@ class PlannerNode(Node):
         planner = self._planner
         if planner is None:
             self._tell(failure_report(ResultCode.UNKNOWN, 'no map has arrived yet'), stamp)
-            return Path()
+            return path_to_message([], '', stamp)
         grid_map = planner.grid_map
         ends = _ends(start, goal, grid_map)
         if isinstance(ends, PlanReport):
@@ -216,7 +216,7 @@ class PlannerNode(Node):
             'last_source_status': self._last.source_status if self._last else None,
         }
         level = DiagnosticStatus.OK if has_map else DiagnosticStatus.WARN
-        name = f'{self.get_name()}: planner'
+        name = f'{self.get_fully_qualified_name()[1:]}: planner'
         stamp = self.get_clock().now().to_msg()
         message = f'planning on {self._map_name()}'
         self._health_publisher.publish(status_to_message(name, level, message, values, stamp))

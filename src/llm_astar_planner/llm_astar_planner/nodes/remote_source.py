@@ -17,7 +17,7 @@ from nav_msgs.srv import GetPlan
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-from llm_astar_planner.nodes.qos import RELIABLE
+from llm_astar_planner.nodes.qos import REPORTS
 from llm_astar_planner.targets import snap
 from llm_astar_planner.waypoint_source.base import (
     SourceStatus,
@@ -59,7 +59,7 @@ class RemoteSource:
         self._client = self._node.create_client(GetPlan, service)
         self._exchanges: OrderedDict[tuple[int, int], ExchangeReport] = OrderedDict()
         self._arrived = threading.Condition()
-        self._node.create_subscription(DiagnosticArray, exchange, self._on_exchange, RELIABLE)
+        self._node.create_subscription(DiagnosticArray, exchange, self._on_exchange, REPORTS)
         self._executor = SingleThreadedExecutor(context=parent.context)
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._spin, name=LABEL, daemon=True)

@@ -1,0 +1,198 @@
+"""The translations between messages and values, with the real message classes."""
+
+import array
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.occupancy_grid import grid_from_message, grid_to_message
+from llm_astar_msgs_adapter.path import (
+    path_from_message,
+    path_to_message,
+    pose_from_message,
+    pose_to_message,
+)
+from llm_astar_msgs_adapter.report import (
+    ExchangeReport,
+    PlanReport,
+    ReportError,
+    report_from_message,
+    report_to_message,
+)
+from llm_astar_msgs_adapter.waypoints import (
+    expanded_from_message,
+    expanded_to_message,
+    waypoints_to_markers,
+)
+
+STAMP = Time(sec=5, nanosec=7)
+GRID = GridMap(
+    np.array([[0, 100, -1], [50, 65, 0]], dtype=np.int8), 0.25, Pose2D(-1.0, 2.0, 0.5), 'map'
+)
+REPORT = PlanReport(
+    code=0,
+    code_name='NONE',
+    message='42.7 cells',
+    method='llm_astar',
+    guided_by='replay:x',
+    source='replay',
+    source_status='OK',
+    source_detail='',
+    operation=281,
+    storage=298,
+    length=42.72792206135785,
+    seconds_source=0.001,
+    seconds_search=0.0005,
+    waypoints=((26.0, 9.0, 'accepted'), (60.0, 1.5, 'out_of_bounds')),
+    map_digest='abc',
+)
+
+
+def test_a_grid_comes_back_as_it_went():
+    message = grid_to_message(GRID, STAMP)
+    assert message.header.frame_id == 'map'
+    assert message.header.stamp == STAMP
+    back = grid_from_message(message)
+    np.testing.assert_array_equal(back.cells, GRID.cells)
+    assert (back.width, back.height) == (3, 2)
+    assert back.resolution == 0.25
+    assert back.origin == pytest.approx(GRID.origin)
+
+
+def change_of(path, value):
+    def change(message):
+        target = message
+        *parents, last = path.split('.')
+        for parent in parents:
+            target = getattr(target, parent)
+        setattr(target, last, value)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ('change', 'field'),
+    [
+        (change_of('header.frame_id', ''), 'frame_id'),
+        (change_of('info.resolution', 0.0), 'resolution'),
+        (change_of('info.resolution', math.nan), 'resolution'),
+        (change_of('info.width', 4), 'data'),
+        (change_of('data', array.array('b', [0] * 5)), 'data'),
+        (change_of('data', array.array('b', [0] * 5 + [101])), 'cells'),
+        (change_of('info.origin.position.x', math.nan), 'origin'),
+        (change_of('info.origin.orientation.w', 0.1), 'orientation'),
+        (change_of('info.origin.orientation.w', math.nan), 'orientation'),
+    ],
+)
+def test_a_malformed_map_names_its_field(change, field):
+    message = grid_to_message(GRID, STAMP)
+    change(message)
+    with pytest.raises(GridMapError, match=field):
+        grid_from_message(message)
+
+
+def test_a_map_on_a_slope_is_refused():
+    message = grid_to_message(GRID, STAMP)
+    quaternion = message.info.origin.orientation
+    quaternion.x, quaternion.z, quaternion.w = math.sqrt(0.5), 0.0, math.sqrt(0.5)
+    with pytest.raises(GridMapError, match='roll or pitch'):
+        grid_from_message(message)
+
+
+def test_an_empty_map_is_refused():
+    message = grid_to_message(GRID, STAMP)
+    message.info.width = message.info.height = 0
+    message.data = array.array('b')
+    with pytest.raises(GridMapError, match='cells'):
+        grid_from_message(message)
+
+
+def test_a_path_has_frame_and_stamp_on_every_pose_and_looks_along_itself():
+    points = [[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]]
+    message = path_to_message(points, 'map', STAMP, goal_yaw=1.0)
+    assert message.header.stamp == STAMP
+    assert all(pose.header.frame_id == 'map' for pose in message.poses)
+    assert all(pose.header.stamp == STAMP for pose in message.poses)
+    yaws = [pose_from_message(pose).yaw for pose in message.poses]
+    assert yaws == pytest.approx([0.0, math.pi / 2, 1.0])
+    np.testing.assert_array_equal(path_from_message(message), points)
+
+
+def test_an_empty_path_and_one_of_one_pose():
+    assert path_to_message([], 'map', STAMP).poses == []
+    assert path_from_message(path_to_message([], 'map', STAMP)).shape == (0, 2)
+    assert len(path_to_message([[1.0, 2.0]], 'map', STAMP).poses) == 1
+
+
+def test_a_pose_comes_back_and_one_that_is_not_finite_is_named():
+    pose = Pose2D(1.5, -2.0, 0.75)
+    assert pose_from_message(pose_to_message(pose, 'map', STAMP)) == pytest.approx(pose)
+    broken = PoseStamped()
+    broken.pose.position.y = math.inf
+    with pytest.raises(GridMapError, match='goal'):
+        pose_from_message(broken, 'goal')
+
+
+@pytest.mark.parametrize(
+    'report',
+    [
+        REPORT,
+        replace(REPORT, code=208, code_name='NO_VALID_PATH', length=None, waypoints=()),
+        ExchangeReport(
+            'replay:m', 'OK', '', 'm', 'few_shot', 'Path: [["\n]]', 10, 5, 0.2, ((1.0, 2.5),), 'd'
+        ),
+    ],
+)
+def test_reports_come_back_as_they_went(report):
+    message = report_to_message(report, 'planner_node', STAMP)
+    assert message.header.stamp == STAMP
+    assert report_from_message(message, type(report)) == report
+
+
+@pytest.mark.parametrize(
+    ('change', 'level'),
+    [
+        ({}, DiagnosticStatus.OK),
+        ({'source_status': 'TIMEOUT'}, DiagnosticStatus.WARN),
+        ({'code': 208}, DiagnosticStatus.ERROR),
+    ],
+)
+def test_the_level_tells_success_from_a_failed_source_from_no_plan(change, level):
+    message = report_to_message(replace(REPORT, **change), 'planner_node', STAMP)
+    assert message.status[0].level == level
+
+
+def test_a_message_that_is_no_report_says_so():
+    with pytest.raises(ReportError, match='statuses'):
+        report_from_message(DiagnosticArray(), PlanReport)
+    message = report_to_message(REPORT, 'planner_node', STAMP)
+    message.status[0].values[0].value = '{'
+    with pytest.raises(ReportError, match='code: is not JSON'):
+        report_from_message(message, PlanReport)
+    message.status[0].values.pop(0)
+    with pytest.raises(ReportError, match='code: is missing'):
+        report_from_message(message, PlanReport)
+
+
+def test_markers_start_by_clearing_and_colour_by_verdict():
+    waypoints = [(1.0, 0.0, 'accepted'), (2.0, 1.0, 'occupied')]
+    markers = waypoints_to_markers(waypoints, GRID, STAMP).markers
+    assert markers[0].action == markers[0].DELETEALL
+    spheres = [marker for marker in markers if marker.type == marker.SPHERE]
+    assert len({marker.id for marker in markers[1:]}) == 4
+    assert spheres[0].color != spheres[1].color
+    place = spheres[0].pose.position
+    np.testing.assert_allclose(GRID.world_to_grid([(place.x, place.y)]), [[1.0, 0.0]], atol=1e-9)
+
+
+def test_expanded_cells_come_back():
+    expanded = np.array([[True, False, True], [False, True, False]])
+    message = expanded_to_message(expanded, GRID, STAMP)
+    np.testing.assert_array_equal(expanded_from_message(message, GRID), expanded)
+    none = expanded_to_message(np.zeros_like(expanded), GRID, STAMP)
+    assert not expanded_from_message(none, GRID).any()

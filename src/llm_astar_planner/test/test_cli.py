@@ -1,0 +1,180 @@
+"""The command line as a user types it, without ROS."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from llm_astar_planner.cli import main
+from llm_astar_planner.share import find_file
+from PIL import Image
+
+KEYS = {
+    'code',
+    'code_name',
+    'path',
+    'waypoints',
+    'guided_by',
+    'operation',
+    'storage',
+    'length',
+    'seconds_source',
+    'seconds_search',
+}
+
+
+def run(capsys, *arguments):
+    code = main(list(arguments))
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def run_json(capsys, *arguments):
+    code, out, err = run(capsys, *arguments, '--json')
+    assert err == ''
+    return code, json.loads(out)
+
+
+@pytest.fixture
+def shifted(tmp_path):
+    """A map whose coordinates do not start at zero."""
+    path = tmp_path / 'shifted.json'
+    barriers = {'horizontal_barriers': [[110, -40, -15]], 'vertical_barriers': []}
+    entry = {'id': 0, 'range_x': [-50, 1], 'range_y': [100, 131], 'start_goal': [], **barriers}
+    path.write_text(json.dumps([entry]))
+    return str(path)
+
+
+def test_plan_prints_one_json_object(capsys):
+    code, plan = run_json(
+        capsys, 'plan', '--pair', '0', '--reply', 'Generated Path: [[31, 10], [27, 9], [60, 2]]'
+    )
+    assert code == 0
+    assert set(plan) >= KEYS
+    assert (plan['code'], plan['code_name']) == (0, 'NONE')
+    assert plan['path'][0] == [39, 18]
+    assert plan['path'][-1] == [7, 19]
+    assert plan['guided_by'] == 'reply'
+    assert plan['waypoints'][0] == {'x': 31.0, 'y': 10.0, 'verdict': 'accepted'}
+    assert plan['waypoints'][2]['verdict'] == 'out_of_bounds'
+
+
+def test_replayed_waypoints_guide_better_than_none_on_the_demo(capsys):
+    transcript = str(find_file('demo_transcript.jsonl', 'maps'))
+    replay = ['--source', 'replay', '--transcript', transcript]
+    figures = {
+        name: run_json(capsys, 'plan', *arguments)[1]['operation']
+        for name, arguments in {
+            'astar': ['--method', 'astar'],
+            'none': [],
+            'replay': replay,
+        }.items()
+    }
+    assert figures == {'astar': 721, 'none': 439, 'replay': 49}
+
+
+def test_coordinates_are_the_maps_own(capsys, shifted):
+    code, plan = run_json(
+        capsys, 'plan', '--map', shifted, '--start', '-30', '105', '--goal', '-30', '120',
+        '--reply', '[[-14, 110], [-14, 111]]',
+    )  # fmt: skip
+    assert code == 0
+    assert plan['path'][0] == [-30, 105]
+    assert [point['verdict'] for point in plan['waypoints']] == ['accepted', 'accepted']
+    assert plan['waypoints'][0]['x'] == -14
+
+
+def test_no_plan_is_exit_code_1_and_still_json(capsys):
+    code, plan = run_json(capsys, 'plan', '--start', '0', '0', '--goal', '5', '5')
+    assert code == 1
+    assert (plan['code'], plan['code_name']) == (205, 'START_OCCUPIED')
+    assert plan['path'] == []
+    assert plan['length'] is None
+
+
+def test_a_person_reads_the_plan(capsys):
+    code, out, _ = run(capsys, 'plan', '--reply', 'no idea')
+    assert code == 0
+    assert 'guided by  none (source reply, MALFORMED)' in out
+    assert 'no list of points' in out
+
+
+def test_the_picture_is_drawn_where_asked(capsys, tmp_path):
+    picture = tmp_path / 'new' / 'plan.png'
+    code, out, _ = run(capsys, 'plan', '--reply', '[[31, 10], [27, 10]]', '--png', str(picture))
+    assert code == 0
+    assert str(picture) in out
+    with Image.open(picture) as image:
+        assert image.width > 600
+        assert len(image.convert('RGB').getcolors(1 << 20)) > 10
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (['--method', 'theta'], ['--method', 'theta', 'weighted_astar']),
+        (['--heuristic', 'l7'], ['--heuristic', 'octile']),
+        (['--source', 'oracle9'], ['--source', 'oracle9', 'replay']),
+        (['--source', 'replay'], ['transcript']),
+        (['--source', 'replay', '--transcript', 'nowhere.jsonl'], ['nowhere.jsonl']),
+        (['--map', 'nowhere.json'], ['nowhere.json', 'demo.json']),
+        (['--map-id', '99'], ['99', 'holds 0, 1, 2']),
+        (['--pair', '99'], ['--pair 99']),
+        (['--start', '1', '1'], ['--goal']),
+        (['--weight', '0.5'], ['--weight']),
+        (['--time-limit', '-1'], ['--time-limit']),
+        (['--png', 'plan.xyz'], ['xyz']),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_code_2(capsys, arguments, words):
+    code, _, err = run(capsys, 'plan', *arguments)
+    assert code == 2
+    assert err.startswith('llm-astar: error: ')
+    assert err.count('\n') == 1
+    for word in words:
+        assert word in err
+
+
+def test_a_broken_map_names_file_map_and_field(capsys, tmp_path):
+    path = tmp_path / 'broken.json'
+    path.write_text('[{"id": 5, "range_x": [0, 51], "range_y": "wide"}]')
+    code, _, err = run(capsys, 'plan', '--map', str(path))
+    assert code == 2
+    for word in (str(path), 'id 5', 'range_y', 'wide'):
+        assert word in err
+
+
+def test_doctor_finds_what_is_here(capsys):
+    code, report = run_json(capsys, 'doctor')
+    findings = {finding['name']: finding for finding in report['findings']}
+    assert code == (0 if report['ok'] else 1)
+    for name in ('python', 'numpy', 'numba', 'searches', 'maps/', 'config/'):
+        assert findings[name]['found'], findings[name]
+    assert 'for ros2' in findings['ros2cli']['detail'] or findings['ros2cli']['found']
+
+
+def test_doctor_tells_how_to_get_what_is_missing(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'rclpy', None)
+    code, out, _ = run(capsys, 'doctor')
+    assert code == 1
+    line = next(line for line in out.splitlines() if ' rclpy ' in line)
+    assert line.startswith('MISSING')
+    assert 'make install' in line
+
+
+def test_help_teaches(capsys):
+    for arguments in ([], ['plan'], ['demo'], ['doctor']):
+        with pytest.raises(SystemExit) as end:
+            main([*arguments, '--help'])
+        assert end.value.code == 0
+        assert 'usage: llm-astar' in capsys.readouterr().out
+
+
+def test_plan_needs_no_ros():
+    program = (
+        'import sys; sys.modules["rclpy"] = sys.modules["nav_msgs"] = None; '
+        'from llm_astar_planner.cli import main; sys.exit(main(["plan"]))'
+    )
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert 'NONE (0)' in done.stdout

@@ -1,0 +1,418 @@
+"""The live graph: real processes, real DDS, and the faults a robot meets."""
+
+import contextlib
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.occupancy_grid import grid_from_message, grid_to_message
+from llm_astar_msgs_adapter.path import path_from_message, pose_to_message
+from llm_astar_planner.nodes.caller import Caller, CallerError
+from llm_astar_planner.nodes.qos import LATCHED, RELIABLE
+from llm_astar_planner.planner import Planner, PlanRequest
+from llm_astar_planner.share import find_file
+from nav_msgs.msg import OccupancyGrid, Path
+from nav_msgs.srv import GetMap
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.parameter import Parameter
+
+START, GOAL = Pose2D(39.0, 18.0), Pose2D(7.0, 19.0)
+DEMO = str(find_file('demo.yaml', 'config'))
+LABEL = 'replay:hand-written example'
+# Tests that start nodes of their own do so out of the sight of the shared graph.
+ALONE = '/alone'
+PATIENCE = 60.0
+
+
+@contextlib.contextmanager
+def process(name, *arguments, namespace=''):
+    """Run a node as a process of its own; give it back, and end it as Ctrl-C would."""
+    remap = ['-r', f'__ns:={namespace}'] if namespace else []
+    command = [sys.executable, '-m', f'llm_astar_planner.nodes.{name}']
+    options = ['--ros-args', '--params-file', DEMO, *remap, *arguments]
+    node = subprocess.Popen(
+        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    output = []
+    reader = threading.Thread(target=lambda: output.extend(node.stdout), daemon=True)
+    reader.start()
+    node.output = output
+    try:
+        yield node
+    finally:
+        if node.poll() is None:
+            node.send_signal(signal.SIGCONT)
+            node.send_signal(signal.SIGINT)
+        try:
+            node.wait(20.0)
+        except subprocess.TimeoutExpired:
+            node.kill()
+            node.wait()
+            raise
+        finally:
+            reader.join(10.0)
+            node.stdout.close()
+
+
+@contextlib.contextmanager
+def calling(namespace=''):
+    """Join the graph as a caller."""
+    node = rclpy.create_node('test_caller', namespace=namespace or None)
+    try:
+        with Caller(node) as caller:
+            yield caller
+    finally:
+        node.destroy_node()
+
+
+@pytest.fixture(scope='module', autouse=True)
+def _context():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+@pytest.fixture(scope='module')
+def nodes(_context):
+    with (
+        process('map_node') as map_node,
+        process('llm_client_node') as client,
+        process('planner_node') as planner,
+    ):
+        yield {'map': map_node, 'client': client, 'planner': planner}
+    for node in (map_node, client, planner):
+        assert node.returncode == 0, ''.join(node.output)
+        assert 'Traceback' not in ''.join(node.output)
+
+
+@pytest.fixture
+def caller(nodes):
+    with calling() as caller:
+        caller.wait_until_ready(client='llm_client_node')
+        yield caller
+
+
+def wait_for(condition, what):
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.02)
+
+
+def test_another_stack_gets_a_plan_that_says_what_guided_it(caller):
+    path, report, _ = caller.call(START, GOAL)
+    barrier_map = load_barrier_maps(find_file('demo.json', 'maps'))[0]
+    expected = Planner.for_barrier_map(barrier_map).plan(PlanRequest((39, 18), (7, 19), 'astar'))
+    assert report.code == 0
+    assert report.guided_by == LABEL
+    assert report.source_status == 'OK'
+    assert [verdict for *_, verdict in report.waypoints] == ['accepted'] * 5
+    assert report.waypoints[1][:2] == pytest.approx((31.0, 10.0))
+    assert report.operation == 49
+    assert report.length == pytest.approx(expected.length)
+    points = path_from_message(path)
+    assert points[0] == pytest.approx(START[:2])
+    assert points[-1] == pytest.approx(GOAL[:2])
+    assert np.hypot(*np.diff(points, axis=0).T).sum() == pytest.approx(report.length)
+    assert {pose.header.frame_id for pose in path.poses} == {'map'}
+    assert report.map_digest == barrier_map.to_grid().digest
+
+
+def test_a_late_joiner_gets_the_map(caller):
+    maps = []
+    caller.node.create_subscription(OccupancyGrid, 'map', maps.append, LATCHED)
+    wait_for(lambda: maps, 'the latched map')
+    service = caller.node.create_client(GetMap, 'map_node/map')
+    served = caller.ask(service, GetMap.Request()).map
+    assert grid_from_message(maps[0]).digest == grid_from_message(served).digest
+
+
+def test_four_clients_at_once_all_get_their_plans(nodes):
+    reports, errors = [], []
+
+    def work():
+        try:
+            with calling() as caller:
+                caller.wait_until_ready(client='llm_client_node')
+                for _ in range(5):
+                    reports.append(caller.call(START, GOAL, seconds=PATIENCE)[1])
+        except CallerError as error:
+            errors.append(error)
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(2 * PATIENCE)
+    assert errors == []
+    assert len(reports) == 20
+    assert {(report.code, report.guided_by, report.operation) for report in reports} == {
+        (0, LABEL, 49)
+    }
+
+
+def test_rviz_buttons_plan_and_a_goal_without_a_start_says_so(caller):
+    paths = []
+    caller.node.create_subscription(Path, 'plan', paths.append, RELIABLE)
+    goal = caller.node.create_publisher(PoseStamped, 'goal_pose', RELIABLE)
+    initial = caller.node.create_publisher(PoseWithCovarianceStamped, 'initialpose', RELIABLE)
+    wait_for(lambda: goal.get_subscription_count() and initial.get_subscription_count(), 'RViz')
+    wait_for(lambda: caller.node.count_publishers('plan'), 'plan')
+
+    def codes():
+        return [report.code_name for report in list(caller._reports.values())]
+
+    goal.publish(pose_to_message(GOAL, 'map', Time()))
+    wait_for(lambda: 'TF_ERROR' in codes(), 'the report of a goal without a start')
+    pose = pose_to_message(START, 'map', Time())
+    start = PoseWithCovarianceStamped(header=pose.header)
+    start.pose.pose = pose.pose
+    initial.publish(start)
+    deadline = time.monotonic() + PATIENCE
+    while not paths and time.monotonic() < deadline:
+        goal.publish(pose_to_message(GOAL, 'map', Time()))
+        time.sleep(0.5)
+    assert paths
+    assert path_from_message(paths[0])[-1] == pytest.approx(GOAL[:2])
+    assert paths[0].header.frame_id == 'map'
+
+
+@pytest.mark.parametrize(
+    ('start', 'goal', 'frame', 'code'),
+    [
+        (START, GOAL, 'odom', 'TF_ERROR'),
+        (Pose2D(-9.0, 3.0), GOAL, 'map', 'START_OUTSIDE_MAP'),
+        (START, Pose2D(60.0, 3.0), 'map', 'GOAL_OUTSIDE_MAP'),
+        (Pose2D(20.0, 15.0), GOAL, 'map', 'START_OCCUPIED'),
+        (START, Pose2D(0.0, 0.0), 'map', 'GOAL_OCCUPIED'),
+        (Pose2D(float('nan'), 3.0), GOAL, 'map', 'UNKNOWN'),
+    ],
+)
+def test_a_request_that_cannot_be_met_gets_its_code_and_an_empty_path(
+    caller, start, goal, frame, code
+):
+    path, report, _ = caller.call(start, goal, frame)
+    assert report.code_name == code
+    assert report.message
+    assert path.poses == []
+
+
+def test_an_empty_frame_means_the_maps(caller):
+    assert caller.call(START, GOAL, '')[1].code == 0
+
+
+def set_parameter(caller, node, name, value):
+    client = caller.node.create_client(SetParameters, f'{node}/set_parameters')
+    message = Parameter(name, value=value).to_parameter_msg()
+    return caller.ask(client, SetParameters.Request(parameters=[message])).results[0]
+
+
+def test_parameters_are_checked_when_set_and_say_what_there_is(caller):
+    for node, name, value, word in [
+        ('planner_node', 'method', 'theta', 'dynamic_weighted_astar'),
+        ('planner_node', 'max_planning_time', -1.0, 'max_planning_time'),
+        ('planner_node', 'max_planning_time', 'soon', 'DOUBLE'),
+        ('planner_node', 'llm_client', 'other', 'llm_client'),
+        ('llm_client_node', 'source', 'oracle9', 'replay'),
+        ('llm_client_node', 'transcript', 'nowhere.jsonl', 'nowhere.jsonl'),
+        ('map_node', 'map_file', 'nowhere.json', 'demo.json'),
+        ('map_node', 'map_id', 99, 'holds 0, 1, 2'),
+    ]:
+        result = set_parameter(caller, node, name, value)
+        assert not result.successful, (name, value)
+        assert word in result.reason
+    assert caller.call(START, GOAL)[1].operation == 49
+
+
+def test_parameters_are_described(caller):
+    client = caller.node.create_client(DescribeParameters, 'planner_node/describe_parameters')
+    names = ['method', 'max_planning_time', 'occupied_threshold', 'llm_client']
+    request = DescribeParameters.Request(names=names)
+    method, limit, threshold, llm_client = caller.ask(client, request).descriptors
+    assert 'llm_astar' in method.additional_constraints
+    assert limit.floating_point_range[0].from_value > 0
+    assert threshold.integer_range[0].to_value == 100
+    assert llm_client.read_only
+    assert all(item.description for item in (method, limit, threshold, llm_client))
+
+
+def test_a_changed_method_counts_from_the_next_plan(caller):
+    assert set_parameter(caller, 'planner_node', 'method', 'astar').successful
+    try:
+        report = caller.call(START, GOAL)[1]
+        assert (report.method, report.operation, report.guided_by) == ('astar', 721, 'none')
+    finally:
+        assert set_parameter(caller, 'planner_node', 'method', 'llm_astar').successful
+
+
+def test_a_map_changed_by_parameter_reaches_the_planner(caller):
+    maps = load_barrier_maps(find_file('demo.json', 'maps'))
+    assert set_parameter(caller, 'map_node', 'map_id', 1).successful
+    try:
+        caller.wait_until_ready(maps[1].to_grid().digest, client='llm_client_node')
+        report = caller.call(Pose2D(6.0, 22.0), Pose2D(41.0, 5.0))[1]
+        assert (report.code, report.guided_by, report.operation) == (0, LABEL, 47)
+    finally:
+        assert set_parameter(caller, 'map_node', 'map_id', 0).successful
+        caller.wait_until_ready(maps[0].to_grid().digest, client='llm_client_node')
+
+
+def free_map(width):
+    return GridMap(np.zeros((20, width), dtype=np.int8))
+
+
+def now(caller):
+    return caller.node.get_clock().now().to_msg()
+
+
+def test_a_malformed_map_is_refused_and_the_last_good_one_stays():
+    with process('planner_node', namespace=ALONE) as planner, calling(ALONE) as caller:
+        publisher = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        good = free_map(30)
+        publisher.publish(grid_to_message(good, now(caller)))
+        caller.wait_until_ready(good.digest)
+        broken = grid_to_message(free_map(40), now(caller))
+        broken.info.resolution = 0.0
+        publisher.publish(broken)
+        wait_for(lambda: 'map refused' in ''.join(planner.output), 'the refusal')
+        report = caller.call(Pose2D(3.0, 3.0), Pose2D(15.0, 15.0))[1]
+        assert (report.code, report.map_digest) == (0, good.digest)
+        better = free_map(50)
+        publisher.publish(grid_to_message(better, now(caller)))
+        caller.wait_until_ready(better.digest)
+    assert planner.returncode == 0
+
+
+def test_a_caller_before_the_first_map_is_told():
+    with process('planner_node', namespace=ALONE) as planner, calling(ALONE) as caller:
+        wait_for(lambda: 'ready' in ''.join(planner.output), 'the planner')
+        path, report, _ = caller.call(START, GOAL)
+        assert (report.code_name, path.poses) == ('UNKNOWN', [])
+        assert 'no map' in report.message
+
+
+def test_a_client_killed_mid_call_never_stops_the_plan():
+    """The client falls silent while asked, a map arrives meanwhile, and then it is killed."""
+    with (
+        process('llm_client_node', namespace=ALONE) as client,
+        process('planner_node', '-p', 'source_timeout:=3.0', namespace=ALONE),
+        calling(ALONE) as caller,
+        calling(ALONE) as other,
+    ):
+        publisher = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        old, new = free_map(30), free_map(31)
+        publisher.publish(grid_to_message(old, now(caller)))
+        caller.wait_until_ready(old.digest, client='llm_client_node')
+        assert caller.call(Pose2D(3.0, 3.0), Pose2D(15.0, 15.0))[1].source_status == 'MISSING'
+        client.send_signal(signal.SIGSTOP)
+        answers = []
+        asking = threading.Thread(
+            target=lambda: answers.append(caller.call(Pose2D(3.0, 3.0), Pose2D(15.0, 15.0)))
+        )
+        asking.start()
+        time.sleep(0.3)
+        publisher.publish(grid_to_message(new, now(caller)))
+        other.wait_until_ready(new.digest)
+        assert answers == []
+        client.send_signal(signal.SIGKILL)
+        asking.join(PATIENCE)
+        path, report, _ = answers[0]
+        assert report.code == 0
+        assert len(path.poses) == 13
+        assert report.map_digest == old.digest
+        assert report.guided_by == 'none'
+        assert report.source_status in ('TIMEOUT', 'UNREACHABLE')
+        assert 'llm_client_node' in report.source_detail
+        assert caller.call(Pose2D(3.0, 3.0), Pose2D(15.0, 15.0))[1].map_digest == new.digest
+
+
+def test_a_graph_without_a_client_plans_and_says_so():
+    with (
+        process('map_node', namespace=ALONE),
+        process('planner_node', namespace=ALONE),
+        calling(ALONE) as caller,
+    ):
+        caller.wait_until_ready()
+        report = caller.call(START, GOAL)[1]
+        assert (report.code, report.guided_by) == (0, 'none')
+        assert report.source_status == 'UNREACHABLE'
+        assert report.operation == 439
+
+
+def test_names_follow_the_namespace():
+    with (
+        process('map_node', namespace='/robot1'),
+        process('llm_client_node', namespace='/robot1'),
+        process('planner_node', namespace='/robot1'),
+        calling('/robot1') as caller,
+    ):
+        caller.wait_until_ready(client='llm_client_node')
+        assert caller.call(START, GOAL)[1].guided_by == LABEL
+
+
+@pytest.mark.parametrize('name', ['map_node', 'llm_client_node', 'planner_node'])
+@pytest.mark.parametrize('ending', [signal.SIGINT, signal.SIGTERM])
+def test_a_node_ends_cleanly(name, ending):
+    with process(name, namespace=ALONE) as node:
+        ready = 'published' if name == 'map_node' else 'ready'
+        wait_for(lambda: ready in ''.join(node.output), name)
+        node.send_signal(ending)
+        node.send_signal(ending)
+        assert node.wait(20.0) == 0
+    assert 'Traceback' not in ''.join(node.output)
+
+
+@pytest.mark.parametrize(
+    ('name', 'parameter', 'words'),
+    [
+        ('map_node', 'map_file:=nowhere.json', ['nowhere.json', 'demo.json']),
+        ('map_node', 'resolution:=-1.0', ['resolution']),
+        ('llm_client_node', 'source:=oracle9', ['source', 'oracle9', 'replay']),
+        ('planner_node', 'method:=theta', ['method', 'theta', 'llm_astar']),
+        ('planner_node', 'weight:=heavy', ['weight']),
+    ],
+)
+def test_a_parameter_that_cannot_be_is_one_line_at_start(name, parameter, words):
+    with process(name, '-p', parameter, namespace=ALONE) as node:
+        assert node.wait(PATIENCE) == 2
+    output = ''.join(node.output)
+    assert 'Traceback' not in output
+    for word in words:
+        assert word in output
+
+
+def test_the_benchmark_node_replays_samples_and_prints_the_ratios():
+    module = 'llm_astar_planner.nodes.benchmark_node'
+    arguments = ['--limit', '5', '--ros-args', '-r', f'__ns:={ALONE}']
+    with (
+        process('llm_client_node', namespace=ALONE),
+        process('planner_node', namespace=ALONE),
+    ):
+        done = subprocess.run(
+            [sys.executable, '-m', module, *arguments],
+            capture_output=True,
+            text=True,
+            timeout=2 * PATIENCE,
+        )
+    assert done.returncode == 0, done.stderr
+    assert '5 samples, 5 solved, llm_astar over astar' in done.stdout
+    assert 'operation' in done.stdout
+
+
+def test_the_benchmark_node_without_a_dataset_says_what_there_is():
+    module = 'llm_astar_planner.nodes.benchmark_node'
+    done = subprocess.run(
+        [sys.executable, '-m', module, '--dataset', 'nowhere.json'], capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert 'demo.json' in done.stderr
+    assert 'Traceback' not in done.stderr

@@ -1,0 +1,67 @@
+"""What is installed, and that the installed files are the checkout's."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from llm_astar_planner.share import find_file
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ('llm_astar_msgs_adapter', 'llm_astar_planner')
+PREFIX = Path(sys.prefix)
+needs_install = pytest.mark.skipif(
+    not (PREFIX / 'share' / 'llm_astar_planner').is_dir(), reason='not installed with make install'
+)
+
+
+@needs_install
+@pytest.mark.parametrize('folder', ['maps', 'config'])
+def test_maps_and_parameter_files_are_installed_as_they_are(folder):
+    installed = PREFIX / 'share' / 'llm_astar_planner' / folder
+    here = {path.name: path.read_bytes() for path in (ROOT / folder).iterdir()}
+    there = {path.name: path.read_bytes() for path in installed.iterdir()}
+    assert there == here
+
+
+@needs_install
+@pytest.mark.parametrize('package', PACKAGES)
+def test_the_ament_index_knows_the_packages(package):
+    index = PREFIX / 'share' / 'ament_index' / 'resource_index' / 'packages' / package
+    assert index.is_file()
+    assert (PREFIX / 'share' / package / 'package.xml').is_file()
+
+
+@needs_install
+def test_ros2_run_would_find_the_nodes():
+    folder = PREFIX / 'lib' / 'llm_astar_planner'
+    names = {path.name for path in folder.iterdir() if path.stat().st_mode & 0o111}
+    assert names >= {'map_node', 'llm_client_node', 'planner_node', 'benchmark_node'}
+
+
+@needs_install
+def test_the_command_is_installed():
+    done = subprocess.run(
+        [PREFIX / 'bin' / 'llm-astar', 'plan', '--json'], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)['code'] == 0
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_package_xml_is_format_3_and_agrees_with_setup(package):
+    folder = ROOT / 'src' / package
+    root = ElementTree.parse(folder / 'package.xml').getroot()
+    assert root.get('format') == '3'
+    assert root.findtext('name') == package
+    assert root.findtext('license') == 'Apache-2.0'
+    assert root.findtext('export/build_type') == 'ament_python'
+    assert f"version='{root.findtext('version')}'" in (folder / 'setup.py').read_text()
+    assert (folder / package / 'py.typed').is_file()
+
+
+def test_a_file_that_is_not_there_lists_those_that_are():
+    with pytest.raises(FileNotFoundError, match=r'demo\.json'):
+        find_file('nowhere.json', 'maps')
