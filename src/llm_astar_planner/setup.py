@@ -25,19 +25,23 @@ setup(
     description='LLM-A*: a ROS 2 global planner guided by a language model',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed']},
+    package_data={NAME: ['py.typed'], f'{NAME}.benchmark': ['*.j2']},
     data_files=data_files,
     python_requires='>=3.10',
     # The ROS messages come from apt or from the wheels; `make install` picks.
     install_requires=[
         'setuptools',
+        'jinja2',
         'llm_astar_msgs_adapter',
         'matplotlib',
         'numba',
         'numpy',
+        'pillow',
         'scipy',
+        'shapely>=2',
+        'tqdm',
     ],
-    extras_require={'test': ['pytest', 'hypothesis']},
+    extras_require={'cluster': ['dask[distributed]'], 'test': ['pytest', 'hypothesis']},
     entry_points={
         'console_scripts': [
             'llm-astar = llm_astar_planner.cli:main',
