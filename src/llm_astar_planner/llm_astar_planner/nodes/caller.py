@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import threading
 import time
@@ -19,10 +18,11 @@ from llm_astar_msgs_adapter.report import PlanReport, report_from_message
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from rclpy.client import Client
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.run import spin
 
 # Discovery takes from milliseconds to seconds on a loaded machine.
 DISCOVERY_SECONDS = 30.0
@@ -53,7 +53,9 @@ class Caller:
         node.create_subscription(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
-        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread = threading.Thread(
+            target=spin, args=(self._executor, node.context), daemon=True
+        )
 
     def __enter__(self) -> Caller:
         self._thread.start()
@@ -145,10 +147,6 @@ class Caller:
                     value.key: _from_json(value.value) for value in status.values
                 }
             self._arrived.notify_all()
-
-    def _spin(self) -> None:
-        with contextlib.suppress(ExternalShutdownException):
-            self._executor.spin()
 
 
 def _from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 import time
 from collections import OrderedDict
@@ -14,10 +13,11 @@ from llm_astar_msgs_adapter.grid_map import GridMap
 from llm_astar_msgs_adapter.path import path_from_message, path_to_message
 from llm_astar_msgs_adapter.report import ExchangeReport, ReportError, report_from_message
 from nav_msgs.srv import GetPlan
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.qos import REPORTS
+from llm_astar_planner.nodes.run import spin
 from llm_astar_planner.targets import snap
 from llm_astar_planner.waypoint_source.base import (
     SourceStatus,
@@ -62,7 +62,9 @@ class RemoteSource:
         self._node.create_subscription(DiagnosticArray, exchange, self._on_exchange, REPORTS)
         self._executor = SingleThreadedExecutor(context=parent.context)
         self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._spin, name=LABEL, daemon=True)
+        self._thread = threading.Thread(
+            target=spin, args=(self._executor, parent.context), name=LABEL, daemon=True
+        )
         self._thread.start()
 
     @property
@@ -153,10 +155,6 @@ class RemoteSource:
     def _failure(self, status: SourceStatus, detail: str, begin: float) -> WaypointReply:
         seconds = time.monotonic() - begin
         return WaypointReply(label=LABEL, status=status, detail=detail, seconds=seconds)
-
-    def _spin(self) -> None:
-        with contextlib.suppress(ExternalShutdownException):
-            self._executor.spin()
 
 
 def _request(query: WaypointQuery) -> GetPlan.Request:

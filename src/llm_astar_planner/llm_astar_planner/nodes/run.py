@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 import rclpy
 from llm_astar_msgs_adapter.barrier_map import BarrierMapError
 from llm_astar_msgs_adapter.grid_map import GridMapError
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.context import Context
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -24,6 +26,18 @@ USER_ERRORS = (
 )
 
 
+def spin(executor: Executor, context: Context) -> None:
+    """Spin until the context or the executor is shut down, and return quietly then."""
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        pass
+    except RCLError:
+        # A signal may end the context between two steps of the executor.
+        if context.ok():
+            raise
+
+
 def run(
     make_node: Callable[[], Node],
     args: Sequence[str] | None = None,
@@ -36,10 +50,10 @@ def run(
         try:
             executor = make_executor()
             executor.add_node(node)
-            executor.spin()
+            spin(executor, node.context)
         finally:
             node.destroy_node()
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except KeyboardInterrupt:
         pass
     except USER_ERRORS as error:
         sys.stderr.write(f'error: {error}\n')

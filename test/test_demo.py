@@ -1,0 +1,33 @@
+"""The demo as a user runs it: one command, a plan, a picture, nothing left behind."""
+
+import subprocess
+import sys
+
+from PIL import Image
+
+
+def demo(*arguments):
+    command = [sys.executable, '-m', 'llm_astar_planner.cli', 'demo', *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def test_the_demo_plans_draws_and_stops(tmp_path):
+    picture = tmp_path / 'out' / 'demo.png'
+    done = demo('--png', str(picture))
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ''
+    assert 'answer     NONE' in done.stdout
+    assert 'guided by  replay:hand-written example' in done.stdout
+    assert '49 expansions' in done.stdout
+    assert 'stopped the nodes' in done.stdout
+    with Image.open(picture) as image:
+        colours = {colour for _, colour in image.convert('RGB').getcolors(1 << 20)}
+    assert (214, 39, 40) in colours  # the path
+    assert (188, 215, 240) in colours  # expanded cells
+
+
+def test_the_demo_shows_waypoints_that_were_refused(tmp_path):
+    done = demo('--pair', '2', '--png', str(tmp_path / 'demo.png'))
+    assert done.returncode == 0, done.stderr
+    assert 'occupied' in done.stdout
+    assert 'out of bounds' in done.stdout
