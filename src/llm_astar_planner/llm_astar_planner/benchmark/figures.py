@@ -116,11 +116,11 @@ def showcase_figure(
         _draw_cells(axes, blocked, (guided.order[:count], GREY))
         if last:
             axes.plot(*zip(*guided.path), color=PATH, linewidth=2)
-        _draw_points(axes, ends, waypoints)
+        draw_points(axes, ends, waypoints)
         axes.set_title(f'LLM-A* towards {aim}:\n{count} expansions', fontsize=9)
     _draw_cells(panels[-1], blocked, (guided.order, GREY), (plain.order, PINK))
     panels[-1].plot(*zip(*plain.path), color=PATH, linewidth=2)
-    _draw_points(panels[-1], ends, ())
+    draw_points(panels[-1], ends, ())
     panels[-1].set_title(f'A* (pink beyond grey):\n{len(plain.order)} expansions', fontsize=9)
     return figure
 
@@ -147,7 +147,7 @@ def map_figure(barrier_map: BarrierMap) -> Figure:
     for pair, sample in enumerate(barrier_map.samples):
         start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
         axes.plot(*zip(start, goal), color='#9aa0ac', linewidth=0.6, linestyle=':')
-        _draw_points(axes, (start, goal), ())
+        draw_points(axes, (start, goal), ())
         axes.annotate(str(pair), start, textcoords='offset points', xytext=(4, 3), fontsize=7)
     axes.set_title(f'map {barrier_map.id}', fontsize=9)
     return figure
@@ -182,7 +182,8 @@ def _draw_cells(
     axes.set_yticks([])
 
 
-def _draw_points(axes: Axes, ends: tuple[Cell, Cell], waypoints: Sequence[Cell]) -> None:
+def draw_points(axes: Axes, ends: tuple[Cell, Cell], waypoints: Sequence[Cell]) -> None:
+    """Mark waypoints with stars, start blue and goal green."""
     for point in waypoints:
         axes.plot(*point, '*', color=STAR, markersize=13, markeredgecolor='black')
     for cell, colour in zip(ends, (START, GOAL)):
