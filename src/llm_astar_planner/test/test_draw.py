@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from llm_astar_planner import cli
 from llm_astar_planner.benchmark.animation import save_animation
 from llm_astar_planner.benchmark.figures import (
     SHOWCASE,
@@ -12,6 +11,8 @@ from llm_astar_planner.benchmark.figures import (
 )
 from llm_astar_planner.benchmark.trace import distance, trace
 from PIL import Image
+
+from llm_astar_planner import cli
 
 
 @pytest.mark.parametrize('name', ['a.png', 'a.svg', 'deep/a.gif'])
