@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.barrier_map import load_barrier_maps, save_barrier_maps
@@ -225,6 +226,7 @@ def _sweep(args: argparse.Namespace) -> Sweep:
         parse_ranges(args.scales, '--scales'),
         args.scale_samples,
         args.seed,
+        [Path(args.transcript)] if args.transcript else [],
     )
 
 

@@ -3,6 +3,7 @@
 import argparse
 import csv
 import gzip
+import hashlib
 import json
 import os
 import signal
@@ -102,6 +103,8 @@ def test_a_replay_is_named_by_its_model_and_ablations_stand_beside(
     assert model['cost'] == pytest.approx(170e-6)
     assert {'llm_astar/oracle', 'llm_only/replay/few_shot/parrot'} < set(cases)
     assert 'parrot' in summary['headline']
+    digests = json.loads((out / 'metadata.json').read_text())['files']
+    assert digests == {'replies.jsonl': hashlib.sha256(transcript.read_bytes()).hexdigest()}
 
 
 def test_a_transcript_that_lacks_samples_is_incomplete_and_says_which(

@@ -182,18 +182,17 @@ class ResultsFolder:
 
 
 def describe_run(
-    dataset: str | Path, parameters: Mapping[str, Any], prompts: Mapping[str, str] | None = None
+    dataset: str | Path, parameters: Mapping[str, Any], files: Sequence[str | Path] = ()
 ) -> dict[str, Any]:
-    """Return the metadata of a run: versions, parameters, digests of data and prompts, machine.
+    """Return the metadata of a run: versions, parameters, digests of its data, machine.
 
-    `prompts` are template texts by name.
+    `files` are what else decides the rows, such as transcripts and prompts. Raises OSError.
     """
-    texts = prompts or {}
     return {
         'version': _own_version(),
         'parameters': dict(parameters),
-        'dataset': {'file': Path(dataset).name, 'sha256': _digest(Path(dataset).read_bytes())},
-        'prompts': {name: _digest(text.encode()) for name, text in texts.items()},
+        'dataset': {'file': Path(dataset).name, 'sha256': _digest(dataset)},
+        'files': {Path(file).name: _digest(file) for file in files},
         'machine': describe_machine(),
         'packages': {name: _version(name) for name in ('numpy', 'numba', 'scipy', 'shapely')},
     }
@@ -268,8 +267,8 @@ def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     return value
 
 
-def _digest(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()
+def _digest(path: str | Path) -> str:
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def _own_version() -> str:

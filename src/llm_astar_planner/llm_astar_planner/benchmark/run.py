@@ -35,6 +35,7 @@ class Sweep:
     """What a run covers.
 
     Scale 1 runs all `samples`; every other scale, and scale 1 with them, `scale_samples` drawn.
+    `files` are transcripts and prompts whose digests belong to the run.
     """
 
     dataset: Path
@@ -45,6 +46,7 @@ class Sweep:
     scales: Sequence[int] = (1,)
     scale_samples: int = 10
     seed: int = 0
+    files: Sequence[Path] = ()
 
     def tasks(self, done: frozenset[tuple[int, int, int, Case]] = frozenset()) -> list[Task]:
         """Return the tasks that are not `done`."""
@@ -65,7 +67,7 @@ def begin(
     Going on asks again what no source answered. Raises ResultsError where rows of another dataset,
     version or seed lie there.
     """
-    metadata = describe_run(sweep.dataset, parameters)
+    metadata = describe_run(sweep.dataset, parameters, sweep.files)
     if not (resume and folder.results.exists()):
         folder.start()
         folder.write_json('metadata.json', metadata)
