@@ -38,7 +38,6 @@ def write(path, *exchanges):
     writer = TranscriptWriter(path)
     for exchange in exchanges:
         writer.write(exchange)
-    writer.close()
     return path
 
 
@@ -91,11 +90,11 @@ def test_a_live_run_is_found_by_digest_and_cells(tmp_path):
         assert word in missing.detail
 
 
-def test_a_coarse_lattice_is_mapped_to_the_centres_of_its_blocks(tmp_path):
+def test_a_coarse_lattice_is_mapped_back_to_free_cells(tmp_path):
     grid_map = MAP.to_grid()
     live = replace(EXCHANGE, map=grid_map.digest, pair='2,2->7,7', response='[[1, 2]]', unit=4)
     source = ReplaySource(write(tmp_path / 't.jsonl', live))
-    assert source.waypoints(ask()).waypoints == ((5.5, 9.5),)
+    assert source.waypoints(ask()).waypoints == ((5.0, 8.0),)
 
 
 def test_failures_and_odd_answers_keep_their_status(tmp_path):

@@ -48,8 +48,6 @@ def test_written_and_read_back(tmp_path):
     for exchange in (EXCHANGE, live):
         writer = TranscriptWriter(path)
         writer.write(exchange)
-        writer.close()
-        writer.close()
     assert read_transcript(path) == [EXCHANGE, live]
     assert list(json.loads(path.read_text().splitlines()[0])) == FIELDS
 
@@ -62,7 +60,6 @@ def test_a_cut_off_last_line_is_left_out_with_a_warning(tmp_path, caplog):
     assert 'line 2: cut off' in caplog.text
     writer = TranscriptWriter(path)
     writer.write(EXCHANGE)
-    writer.close()
     assert read_transcript(path) == [EXCHANGE, EXCHANGE]
 
 
@@ -72,7 +69,6 @@ def test_a_last_line_without_its_end_counts(tmp_path):
     assert read_transcript(path) == [EXCHANGE]
     writer = TranscriptWriter(path)
     writer.write(EXCHANGE)
-    writer.close()
     assert len(read_transcript(path)) == 2
 
 
@@ -132,5 +128,4 @@ def test_lines_from_many_threads_stay_whole(tmp_path):
         thread.start()
     for thread in threads:
         thread.join()
-    writer.close()
     assert read_transcript(path) == [big] * 80

@@ -8,6 +8,8 @@ from typing import NamedTuple, Protocol
 
 from llm_astar_msgs_adapter.grid_map import GridMap
 
+from llm_astar_planner.prompts.message import Message
+
 Waypoint = tuple[float, float]
 
 
@@ -55,7 +57,8 @@ class WaypointReply:
     """What a source answered: waypoints in grid coordinates (x, y), as it gave them, unjudged.
 
     `label` says who answered, such as `replay:gpt-3.5` or `none`. `text` is the raw reply,
-    bounded; `detail` a sentence on what went wrong, if anything did.
+    bounded; `detail` a sentence on what went wrong, if anything did. `messages` is what the model
+    was asked, last of all; `unit` how many cells one step of its coordinates was.
     """
 
     waypoints: tuple[Waypoint, ...] = ()
@@ -68,6 +71,8 @@ class WaypointReply:
     prompt_tokens: int = 0
     completion_tokens: int = 0
     seconds: float = 0.0
+    messages: tuple[Message, ...] = ()
+    unit: int = 1
 
 
 class WaypointSource(Protocol):

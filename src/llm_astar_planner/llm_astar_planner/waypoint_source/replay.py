@@ -62,7 +62,7 @@ class ReplaySource:
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the recorded answer in grid coordinates; MISSING where there is none."""
-        sample, (x, y) = self._resolver.resolve(query)
+        sample, lattice = self._resolver.resolve(query)
         key = _Key(sample, self.model, self.prompt)
         exchange = self._exchanges.get(key)
         if exchange is None:
@@ -74,12 +74,9 @@ class ReplaySource:
             answer = answer._replace(
                 status=exchange.status if failed else answer.status, detail=detail
             )
-        # A lattice point stands for the centre of its block of unit x unit cells.
-        half = (exchange.unit - 1) / 2
         return WaypointReply(
-            waypoints=tuple(
-                (px * exchange.unit + half - x, py * exchange.unit + half - y)
-                for px, py in answer.waypoints
+            waypoints=lattice.coarsened(exchange.unit).to_cells(
+                answer.waypoints, query.grid_map, (query.start, query.goal)
             ),
             label=f'replay:{self.model}',
             status=answer.status,

@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.grid_map import GridMap
 
+from llm_astar_planner.prompts.lattice import Lattice
 from llm_astar_planner.waypoint_source.base import SampleKey, WaypointQuery
 
 # The paper scales its maps up to 10 times; rasterising more would only cost.
 MAX_SCALE = 10
-
-
-class Lattice(NamedTuple):
-    """The lattice coordinates (x, y) of cell (0, 0): what is added to a cell to name it."""
-
-    x: int = 0
-    y: int = 0
 
 
 def live_key(query: WaypointQuery) -> SampleKey:

@@ -145,10 +145,10 @@ def _message(value: object, name: str) -> Message:
 
 
 class TranscriptWriter:
-    """Append exchanges to a transcript, each line flushed as it is written. Thread-safe."""
+    """Append exchanges to a transcript; each is on disk before `write` returns. Thread-safe."""
 
     def __init__(self, path: str | Path) -> None:
-        """Open `path` for appending; a cut-off last line is removed, so that the rest stays good.
+        """Append to `path`; a cut-off last line is removed, so that the rest stays good.
 
         Raises TranscriptError where the file cannot be written.
         """
@@ -157,21 +157,17 @@ class TranscriptWriter:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             _end_last_line(self.path)
-            self._file = self.path.open('a', encoding='utf-8', errors='replace')
+            with self.path.open('a', encoding='utf-8'):
+                pass
         except OSError as error:
             raise TranscriptError(f'{self.path}: {error.strerror or error}') from None
 
     def write(self, exchange: Exchange) -> None:
         """Append one exchange. Raises OSError where the disk refuses it."""
         line = json.dumps(exchange.to_json(), allow_nan=False) + '\n'
-        with self._lock:
-            self._file.write(line)
-            self._file.flush()
-
-    def close(self) -> None:
-        """Close the file; closing twice is fine."""
-        with self._lock:
-            self._file.close()
+        # Opened anew for each: answers are rare, and no file is left open by a source replaced.
+        with self._lock, self.path.open('a', encoding='utf-8') as file:
+            file.write(line)
 
 
 def _end_last_line(path: Path) -> None:
