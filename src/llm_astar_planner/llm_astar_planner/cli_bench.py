@@ -22,16 +22,21 @@ from llm_astar_planner.benchmark.run import Sweep, begin, carry_out, unanswered
 from llm_astar_planner.benchmark.samples import load_samples, parse_ranges
 from llm_astar_planner.benchmark.summary import summarise
 from llm_astar_planner.benchmark.thresholds import missed, parse_threshold
+from llm_astar_planner.prompts.template import TEMPLATES, template_path
 from llm_astar_planner.search.methods import HEURISTICS
 from llm_astar_planner.share import find_file
 from llm_astar_planner.waypoint_source.ablation import ablation_sources
-from llm_astar_planner.waypoint_source.factory import SOURCES, SourceSettings
+from llm_astar_planner.waypoint_source.factory import SOURCES
+from llm_astar_planner.waypoint_source.settings import DEFAULT_PROMPT, SourceSettings
 
+# Requests in flight unless --jobs says.
+LIVE_JOBS = 8
 OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 EPILOG = """\
 examples:
   llm-astar bench                                 every method and ablation, no key needed
   llm-astar bench --source replay --transcript replies.jsonl --out out/replies
+  llm-astar bench --source endpoint --model gpt-4o-mini --prompt few_shot,cot --limit 50
   llm-astar bench --scales 1-10 --limit 100       with the growth of work over the scale
   llm-astar bench --fail-under llm_astar/oracle:operation=60 --fail-under llm_astar:valid=100
 
@@ -98,6 +103,15 @@ def _add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
     group.add_argument('--model', type=_names, default=[], metavar='NAMES')
     group.add_argument(
         '--transcript', default='', metavar='FILE', help='what the source replay answers from'
+    )
+    group.add_argument(
+        '--base-url',
+        default=SourceSettings.base_url,
+        metavar='URL',
+        help="endpoint's (OpenAI)",
+    )
+    group.add_argument(
+        '--api-key-env', default='', metavar='NAME', help='the variable that holds its key'
     )
     group.add_argument('--heuristic', default='euclidean', choices=tuple(HEURISTICS))
     group.add_argument('--weight', type=float, default=2.0, metavar='W', help="weighted A*'s (2)")
@@ -208,7 +222,16 @@ def _check(args: argparse.Namespace) -> None:
 
 def _sweep(args: argparse.Namespace) -> Sweep:
     dataset = find_file(args.dataset, 'maps')
-    settings = SourceSettings(transcript=args.transcript, timeout_s=args.time_limit)
+    settings = SourceSettings(
+        base_url=args.base_url,
+        api_key_env=args.api_key_env,
+        transcript=args.transcript,
+        timeout_s=args.time_limit,
+        max_concurrent=args.jobs or LIVE_JOBS,
+        # The samples bound the calls.
+        max_calls_per_hour=0,
+        record=str(ResultsFolder(args.out).transcript),
+    )
     askers = make_askers(
         args.source,
         args.prompt,
@@ -226,14 +249,23 @@ def _sweep(args: argparse.Namespace) -> Sweep:
         parse_ranges(args.scales, '--scales'),
         args.scale_samples,
         args.seed,
-        [Path(args.transcript)] if args.transcript else [],
+        _deciding_files(args),
     )
+
+
+def _deciding_files(args: argparse.Namespace) -> list[Path]:
+    """Return the transcript and the prompts, which decide rows as the dataset does."""
+    files = [Path(args.transcript)] if args.transcript else []
+    if 'endpoint' in args.source:
+        prompts = args.prompt or [DEFAULT_PROMPT]
+        files += [template_path(p) if p in TEMPLATES else Path(p).expanduser() for p in prompts]
+    return files
 
 
 def _parameters(args: argparse.Namespace) -> dict[str, Any]:
     names = (
         'maps', 'limit', 'scales', 'scale_samples', 'seed', 'methods', 'source', 'prompt', 'model',
-        'heuristic', 'weight', 'time_limit', 'price', 'jobs',
+        'base_url', 'heuristic', 'weight', 'time_limit', 'price', 'jobs',
     )  # fmt: skip
     return {name: getattr(args, name) for name in names}
 
@@ -257,7 +289,7 @@ def _executor(args: argparse.Namespace, askers: Sequence[Asker]) -> Iterator[tup
             yield cluster
         return
     local = {'none', 'replay', *ablation_sources()}
-    jobs = args.jobs or (1 if all(asker.name in local for asker in askers) else 8)
+    jobs = args.jobs or (1 if all(asker.name in local for asker in askers) else LIVE_JOBS)
     executor = ThreadPoolExecutor(jobs)
     try:
         yield executor, 2 * jobs

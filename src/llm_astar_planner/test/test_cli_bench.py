@@ -38,7 +38,6 @@ def record(path, exchanges, model='parrot'):
         writer.write(
             Exchange(map_id, pair, 1, model, 'few_shot', (), text, 7, 5, 0.1, SourceStatus.OK)
         )
-    writer.close()
 
 
 @pytest.fixture(scope='module')
@@ -122,6 +121,43 @@ def test_a_transcript_that_lacks_samples_is_incomplete_and_says_which(
     assert '2 of 2 samples' in capsys.readouterr().err
 
 
+def test_a_live_endpoint_is_recorded_and_its_transcript_replays_the_same(
+    undrawn, dataset, out, tmp_path, capsys, chat_server
+):
+    live = ('--base-url', chat_server.base_url, '--model', 'parrot-1', '--prompt', 'few_shot,cot')
+    words = ('bench', '--dataset', dataset, '--maps', '1', '--methods', 'llm_astar', '--json')
+    assert llm_astar(*words, '--source', 'endpoint', '--out', out, *live) == 0
+    summary = json.loads(capsys.readouterr().out)
+    cases = {case['case']: case for case in summary['cases']}
+    assert len(chat_server.requests) == 20
+    assert cases['llm_astar/endpoint/cot/parrot-1']['prompt_tokens'] == 1000
+    metadata = json.loads((out / 'metadata.json').read_text())
+    assert set(metadata['files']) == {'few_shot.txt', 'cot.txt'}
+    assert metadata['parameters']['jobs'] == 8
+    transcript = out / 'transcript.jsonl'
+    assert len(transcript.read_text().splitlines()) == 20
+    replay = ('--source', 'replay', '--transcript', transcript, '--out', tmp_path / 'again')
+    assert llm_astar(*words, *replay) == 0
+    again = {case['case']: case for case in json.loads(capsys.readouterr().out)['cases']}
+    for prompt in ('few_shot', 'cot'):
+        replayed = again[f'llm_astar/replay/{prompt}/parrot-1']
+        asked = cases[f'llm_astar/endpoint/{prompt}/parrot-1']
+        for metric in ('operation', 'storage', 'length', 'verdicts', 'completion_tokens'):
+            assert replayed[metric] == asked[metric]
+
+
+def test_an_endpoint_that_fails_is_incomplete_and_resumed(
+    dataset, undrawn, out, chat_server, capsys
+):
+    chat_server.script = [chat_server.error(401, 'who are you')]
+    live = ('--base-url', chat_server.base_url, '--model', 'parrot-1', '--source', 'endpoint')
+    words = ('bench', '--dataset', dataset, '--maps', '1', '--methods', 'llm_astar')
+    assert llm_astar(*words, '--out', out, *live) == 3
+    assert '10 samples without an answer (AUTH 10)' in capsys.readouterr().err
+    chat_server.script = [chat_server.completion('Generated Path: [[25, 15]]')]
+    assert llm_astar(*words, '--out', out, *live, '--resume') == 0
+
+
 def test_a_missed_threshold_is_exit_code_one(undrawn, dataset, out, capsys):
     words = ('bench', '--dataset', dataset, '--maps', '0', '--methods', 'llm_astar')
     sources = ('--source', 'oracle', '--out', out)
@@ -176,6 +212,8 @@ def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
         (('--methods', 'dijkstra'), "--methods 'dijkstra' is unknown; there is astar"),
         (('--source', 'tea_leaves'), "--source 'tea_leaves' is unknown"),
         (('--source', 'replay'), 'transcript'),
+        (('--source', 'endpoint'), '--model'),
+        (('--source', 'endpoint', '--model', 'm', '--prompt', 'haiku'), 'haiku'),
         (('--scales', 'x'), '--scales'),
         (('--maps', '90-99'), '--maps 90-99'),
         (('--weight', '0.5'), '--weight'),

@@ -8,8 +8,14 @@ from dataclasses import replace
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
 
 from llm_astar_planner.benchmark.engine import Asker
+from llm_astar_planner.prompts.template import load_template
 from llm_astar_planner.waypoint_source.ablation import ablation_sources
-from llm_astar_planner.waypoint_source.factory import SourceSettings, make_source
+from llm_astar_planner.waypoint_source.factory import make_source
+from llm_astar_planner.waypoint_source.settings import (
+    DEFAULT_PROMPT,
+    SettingsError,
+    SourceSettings,
+)
 from llm_astar_planner.waypoint_source.transcript import read_transcript
 
 
@@ -57,8 +63,17 @@ def _combinations(
             if (not models or pair[0] in models) and (not prompts or pair[1] in prompts)
         ]
         pairs = fitting or pairs
+    elif settings.source == 'endpoint' and not models:
+        raise SettingsError('model: --source endpoint needs --model')
     askers = []
     for model, prompt in pairs:
         source = make_source(replace(settings, model=model, prompt=prompt), dataset)
-        askers.append(Asker(source, settings.source, prompt, model))
+        askers.append(Asker(source, settings.source, _prompt_name(settings, prompt), model))
     return askers
+
+
+def _prompt_name(settings: SourceSettings, prompt: str) -> str:
+    """Return the name a prompt goes by in rows and transcripts; a file's is its stem."""
+    if settings.source == 'replay':
+        return prompt
+    return load_template(prompt or DEFAULT_PROMPT).name
