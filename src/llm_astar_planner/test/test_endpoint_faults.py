@@ -1,4 +1,5 @@
 """Every row of the failure table, with the fault injected over real HTTP."""
+# ruff: noqa: ARG005 - the rows of a table look alike
 
 import json
 import logging
