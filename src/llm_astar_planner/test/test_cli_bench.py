@@ -218,7 +218,6 @@ def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
         (('--maps', '90-99'), '--maps 90-99'),
         (('--weight', '0.5'), '--weight'),
         (('--time-limit', '0'), '--time-limit'),
-        (('--dask', 'tcp://127.0.0.1:1'), '--dask'),
     ],
 )
 def test_bad_usage_is_named(dataset, out, words, part):

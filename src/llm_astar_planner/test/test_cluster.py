@@ -57,6 +57,14 @@ def test_rows_are_the_same_row_for_row(cluster):
     assert len(spread) == 30
 
 
+@pytest.mark.filterwarnings('default')
+def test_a_cluster_that_is_not_there_is_named(monkeypatch):
+    pytest.importorskip('distributed', reason='the extra cluster is not installed')
+    monkeypatch.setattr('llm_astar_planner.benchmark.cluster.CONNECT_S', 0.3)
+    with pytest.raises(ValueError, match=r'--dask tcp://127\.0\.0\.1:1: '):
+        connect('tcp://127.0.0.1:1', [Asker()]).__enter__()
+
+
 def test_a_source_that_cannot_travel_is_refused_before_anything_runs():
     class Live:
         name = 'live'

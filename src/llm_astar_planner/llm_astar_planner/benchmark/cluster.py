@@ -9,6 +9,8 @@ from contextlib import contextmanager
 
 from llm_astar_planner.benchmark.engine import Asker
 
+CONNECT_S = 10
+
 
 @contextmanager
 def connect(address: str, askers: Sequence[Asker]) -> Iterator[tuple[Executor, int]]:
@@ -29,7 +31,7 @@ def connect(address: str, askers: Sequence[Asker]) -> Iterator[tuple[Executor, i
         message = "--dask needs the extra: pip install 'llm_astar_planner[cluster]'"
         raise ValueError(message) from None
     try:
-        client = Client(address, timeout=10)
+        client = Client(address, timeout=CONNECT_S)
     except (OSError, ValueError) as error:
         message = f'--dask {address}: {error}'
         raise ValueError(message) from None
