@@ -38,7 +38,11 @@ def compare_figure(
 ) -> Figure:
     """Set plans of one sample side by side with what they expanded, the paper's Figure 2."""
     panel, aspect = 6.2, grid_map.height / grid_map.width
-    figure = Figure(figsize=(panel * len(plans), panel * aspect + 1.2), layout='constrained')
+    height = panel * aspect + 1.4
+    figure = Figure(figsize=(panel * len(plans), height))
+    # Room for the legend below; legends outside the axes came with matplotlib 3.7.
+    legend = 0.7 / height
+    figure.set_layout_engine('constrained', rect=(0.0, legend, 1.0, 1.0 - legend))
     panels = np.atleast_1d(figure.subplots(1, len(plans)))
     for axes, plan, title in zip(panels, plans, titles):
         draw(axes, picture_of(plan, grid_map, *ends))
@@ -47,9 +51,7 @@ def compare_figure(
     marks = {
         text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels())
     }
-    figure.legend(
-        list(marks.values()), list(marks), loc='outside lower center', ncols=6, frameon=False
-    )
+    figure.legend(list(marks.values()), list(marks), loc='lower center', ncol=6, frameon=False)
     return figure
 
 

@@ -77,7 +77,7 @@ def report(
         '## Waypoints, tokens, cost',
         markdown_table(WAYPOINT_HEAD, waypoint_table(summaries)),
         *_growth_part(growths),
-        *(f'![{caption}]({file})\n\n*{caption}*' for file, caption in pictures),
+        *(f'![{caption}]({file})\n\n{caption}' for file, caption in pictures),
         '## Table 1 of the paper, as printed',
         'On its own 1000 samples, so not to be set against the rows above unless they are too.',
         markdown_table(TABLE_HEAD, PAPER_TABLE),
