@@ -170,6 +170,23 @@ def test_a_repair_that_makes_it_worse_is_not_used(chat_server):
     assert len(reply.messages) == 1
 
 
+def test_a_follow_up_that_fails_leaves_the_first_exchange(chat_server):
+    chat_server.script = [
+        chat_server.completion('Generated Path: [[25, 15]]'),
+        chat_server.error(401),
+    ]
+    reply = source_for(chat_server, repair_rounds=1).waypoints(QUERY)
+    assert reply.waypoints == ((25.0, 15.0),)
+    assert len(reply.messages) == 1
+    assert len(chat_server.requests) == 2
+
+
+def test_no_time_is_no_request(chat_server):
+    reply = source_for(chat_server).waypoints(replace(QUERY, time_limit=0.0))
+    assert reply.status is SourceStatus.TIMEOUT
+    assert chat_server.requests == []
+
+
 def test_without_repair_rounds_the_first_answer_stands(chat_server):
     chat_server.script = [chat_server.completion('Generated Path: [[25, 15]]')]
     assert source_for(chat_server).waypoints(QUERY).waypoints == ((25.0, 15.0),)

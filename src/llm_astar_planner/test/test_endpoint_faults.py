@@ -1,5 +1,4 @@
 """Every row of the failure table, with the fault injected over real HTTP."""
-# ruff: noqa: ARG005 - the rows of a table look alike
 
 import json
 import logging
@@ -254,6 +253,18 @@ def test_names_that_do_not_resolve(chat_server, monkeypatch, no_names, host, sta
     assert time.monotonic() - started < 1.0 + GENEROUS
     assert reply.status is status
     assert word in reply.detail
+
+
+@pytest.mark.parametrize('proxy', ['socks5://127.0.0.1:1', 'nonsense://127.0.0.1', 'http://:x'])
+def test_proxy_settings_that_do_not_work(monkeypatch, chat_server, no_names, proxy):
+    monkeypatch.setenv('ALL_PROXY', proxy)
+    monkeypatch.setenv('ROBOT_KEY', 'one-two-three')
+    source = source_for(
+        chat_server, base_url='http://fails.example/v1', api_key_env='ROBOT_KEY', timeout_s=2.0
+    )
+    reply = source.waypoints(QUERY)
+    assert reply.status in (SourceStatus.ERROR, SourceStatus.UNREACHABLE), reply
+    assert 'in the source' not in reply.detail
 
 
 def test_an_auth_failure_is_not_repeated(chat_server):

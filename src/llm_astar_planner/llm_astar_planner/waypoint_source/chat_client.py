@@ -57,6 +57,8 @@ class ChatClient:
         Raises EndpointFailure; its text holds no key.
         """
         self.breaker.check()
+        if time.monotonic() >= deadline:
+            raise EndpointFailure(SourceStatus.TIMEOUT, 'no time is left', is_ours=True)
         try:
             completion = self._with_retries(messages, deadline, schema, late_s)
         except EndpointFailure as failure:

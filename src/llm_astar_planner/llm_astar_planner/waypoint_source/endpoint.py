@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -130,17 +131,15 @@ class EndpointSource:
         messages = self.template.render(description)
         if self.client.dialect.response_format != 'text':
             messages = ask_for_json(messages, thinks=self.template.thinks)
+        talk.messages = messages
         self._say(talk, messages)
 
     def _ask_for_a_list(self, talk: _Talk) -> None:
         """Ask once more where the reply held no list; the failure of that changes nothing."""
         if talk.answer.status is not SourceStatus.MALFORMED or not talk.has_time():
             return
-        first = talk.answer
-        try:
+        with contextlib.suppress(EndpointFailure):
             self._say(talk, _followed_by(talk, ASK_FOR_A_LIST))
-        except EndpointFailure:
-            talk.answer = first
 
     def _repair(self, talk: _Talk) -> None:
         """Tell the model what collides, and keep the answer with the fewest faults."""
@@ -169,12 +168,12 @@ class EndpointSource:
     def _say(self, talk: _Talk, messages: tuple[Message, ...]) -> None:
         """Send the messages and read the answer into the talk. Raises EndpointFailure."""
         asked = time.monotonic()
-        talk.messages = messages
         schema = path_schema(thinks=self.template.thinks)
         completion = self.client.complete(messages, talk.deadline, schema, self._late_s)
         talk.last_seconds = time.monotonic() - asked
         talk.prompt_tokens += completion.prompt_tokens
         talk.completion_tokens += completion.completion_tokens
+        talk.messages = messages
         talk.text = completion.text
         talk.answer = _answer(completion)
         talk.waypoints = talk.lattice.to_cells(

@@ -46,6 +46,7 @@ def post_json(
             _in_time(_post(url, body, headers, limit, use_proxies=use_proxies), limit)
         )
     finally:
+        loop.run_until_complete(loop.shutdown_asyncgens())
         loop.close()
 
 
@@ -68,7 +69,7 @@ async def _post(
         async with (
             httpx.AsyncClient(
                 trust_env=use_proxies,
-                verify=_tls() if url.lower().startswith('https:') else False,
+                verify=_tls(),
                 timeout=timeout,
             ) as client,
             client.stream('POST', url, json=body, headers=dict(headers)) as response,
@@ -87,6 +88,10 @@ async def _post(
         raise _timeout(limit) from None
     except (httpx.UnsupportedProtocol, httpx.LocalProtocolError, httpx.InvalidURL) as error:
         raise EndpointFailure(SourceStatus.ERROR, type(error).__name__) from None
+    except (ImportError, ValueError) as error:
+        # Raised for a proxy variable that is malformed, or of a kind that needs another package.
+        detail = f'the proxy settings of the environment do not work: {type(error).__name__}'
+        raise EndpointFailure(SourceStatus.ERROR, detail) from None
     except (httpx.TransportError, OSError) as error:
         detail = f'{httpx.URL(url).host} is unreachable: {type(error).__name__}: {error}'
         raise EndpointFailure(SourceStatus.UNREACHABLE, detail, retryable=True) from None
