@@ -83,7 +83,6 @@ def _add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
 
 
 def _add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    names = (*SOURCES, *ablation_sources())
     group.add_argument(
         '--methods',
         type=_names,
@@ -96,7 +95,7 @@ def _add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
         type=_names,
         default=[],
         metavar='NAMES',
-        help=f'of {", ".join(dict.fromkeys(names))} (default: the ablations, which also go '
+        help=f'of {", ".join(SOURCES)} (default: the ablations, which also go '
         'beside every other source)',
     )
     group.add_argument('--prompt', type=_names, default=[], metavar='NAMES')
@@ -205,12 +204,11 @@ def _complain(message: str, code: int) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Raise ValueError on what argparse could not know to be wrong."""
-    known = {'methods': ALL_METHODS, 'source': (*SOURCES, *ablation_sources())}
+    known = {'methods': ALL_METHODS, 'source': tuple(SOURCES)}
     for option, names in known.items():
         for name in getattr(args, option):
             if name not in names:
-                there = ', '.join(dict.fromkeys(names))
-                message = f'--{option} {name!r} is unknown; there is {there}'
+                message = f'--{option} {name!r} is unknown; there is {", ".join(names)}'
                 raise ValueError(message)
     if not args.weight >= 1.0:
         message = f'--weight {args.weight} is not 1 or more'
