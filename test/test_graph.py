@@ -1,6 +1,5 @@
 """The live graph: real processes, real DDS, and the faults a robot meets."""
 
-import contextlib
 import signal
 import subprocess
 import sys
@@ -12,66 +11,29 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from graph_tools import (
+    ALONE,
+    GOAL,
+    PATIENCE,
+    START,
+    calling,
+    process,
+    set_parameter,
+    wait_for,
+)
 from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.occupancy_grid import grid_from_message, grid_to_message
 from llm_astar_msgs_adapter.path import path_from_message, pose_to_message
-from llm_astar_planner.nodes.caller import Caller, CallerError
+from llm_astar_planner.nodes.caller import CallerError
 from llm_astar_planner.nodes.qos import LATCHED, RELIABLE
 from llm_astar_planner.planner import Planner, PlanRequest
 from llm_astar_planner.share import find_file
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetMap
-from rcl_interfaces.srv import DescribeParameters, SetParameters
-from rclpy.parameter import Parameter
+from rcl_interfaces.srv import DescribeParameters
 
-START, GOAL = Pose2D(39.0, 18.0), Pose2D(7.0, 19.0)
-DEMO = str(find_file('demo.yaml', 'config'))
 LABEL = 'replay:hand-written example'
-# Tests that start nodes of their own do so out of the sight of the shared graph.
-ALONE = '/alone'
-PATIENCE = 60.0
-
-
-@contextlib.contextmanager
-def process(name, *arguments, namespace=''):
-    """Run a node as a process of its own; give it back, and end it as Ctrl-C would."""
-    remap = ['-r', f'__ns:={namespace}'] if namespace else []
-    command = [sys.executable, '-m', f'llm_astar_planner.nodes.{name}']
-    options = ['--ros-args', '--params-file', DEMO, *remap, *arguments]
-    node = subprocess.Popen(
-        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-    output = []
-    reader = threading.Thread(target=lambda: output.extend(node.stdout), daemon=True)
-    reader.start()
-    node.output = output
-    try:
-        yield node
-    finally:
-        if node.poll() is None:
-            node.send_signal(signal.SIGCONT)
-            node.send_signal(signal.SIGINT)
-        try:
-            node.wait(20.0)
-        except subprocess.TimeoutExpired:
-            node.kill()
-            node.wait()
-            raise
-        finally:
-            reader.join(10.0)
-            node.stdout.close()
-
-
-@contextlib.contextmanager
-def calling(namespace=''):
-    """Join the graph as a caller."""
-    node = rclpy.create_node('test_caller', namespace=namespace or None)
-    try:
-        with Caller(node) as caller:
-            yield caller
-    finally:
-        node.destroy_node()
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -99,13 +61,6 @@ def caller(nodes):
     with calling() as caller:
         caller.wait_until_ready(client='llm_client_node')
         yield caller
-
-
-def wait_for(condition, what):
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline, what
-        time.sleep(0.02)
 
 
 def test_another_stack_gets_a_plan_that_says_what_guided_it(caller):
@@ -208,12 +163,6 @@ def test_a_request_that_cannot_be_met_gets_its_code_and_an_empty_path(
 
 def test_an_empty_frame_means_the_maps(caller):
     assert caller.call(START, GOAL, '')[1].code == 0
-
-
-def set_parameter(caller, node, name, value):
-    client = caller.node.create_client(SetParameters, f'{node}/set_parameters')
-    message = Parameter(name, value=value).to_parameter_msg()
-    return caller.ask(client, SetParameters.Request(parameters=[message])).results[0]
 
 
 def test_parameters_are_checked_when_set_and_say_what_there_is(caller):

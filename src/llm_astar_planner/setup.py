@@ -25,12 +25,13 @@ setup(
     description='LLM-A*: a ROS 2 global planner guided by a language model',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed'], f'{NAME}.benchmark': ['*.j2']},
+    package_data={NAME: ['py.typed', 'prompts/*.txt', 'benchmark/*.j2']},
     data_files=data_files,
     python_requires='>=3.10',
     # The ROS messages come from apt or from the wheels; `make install` picks.
     install_requires=[
         'setuptools',
+        'httpx',
         'jinja2',
         'llm_astar_msgs_adapter',
         'matplotlib',
@@ -41,7 +42,11 @@ setup(
         'shapely>=2',
         'tqdm',
     ],
-    extras_require={'cluster': ['dask[distributed]'], 'test': ['pytest', 'hypothesis']},
+    extras_require={
+        'cluster': ['dask[distributed]'],
+        'local-llm': ['xllamacpp'],
+        'test': ['pytest', 'hypothesis'],
+    },
     entry_points={
         'console_scripts': [
             'llm-astar = llm_astar_planner.cli:main',

@@ -60,19 +60,27 @@ class PlanReport:
 
 @dataclass(frozen=True)
 class ExchangeReport:
-    """One exchange with a waypoint source: what was asked, answered and spent. No secrets."""
+    """One exchange with a waypoint source: what was asked, answered and spent. No secrets.
+
+    `messages` are (role, content), `waypoints` (x, y) in grid coordinates, `unit` the cells one
+    step of the reply's own coordinates was. With `map_digest` and `pair` (`x0,y0->x1,y1` in
+    cells) it can be replayed as a line of a transcript.
+    """
 
     label: str
     status: str
     detail: str
     model: str
     prompt: str
+    messages: tuple[tuple[str, str], ...]
     text: str
+    unit: int
     prompt_tokens: int
     completion_tokens: int
     seconds: float
     waypoints: tuple[tuple[float, float], ...]
     map_digest: str
+    pair: str
 
     @property
     def level(self) -> bytes:

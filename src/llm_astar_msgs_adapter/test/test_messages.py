@@ -144,7 +144,20 @@ def test_a_pose_comes_back_and_one_that_is_not_finite_is_named():
         REPORT,
         replace(REPORT, code=208, code_name='NO_VALID_PATH', length=None, waypoints=()),
         ExchangeReport(
-            'replay:m', 'OK', '', 'm', 'few_shot', 'Path: [["\n]]', 10, 5, 0.2, ((1.0, 2.5),), 'd'
+            'replay:m',
+            'OK',
+            '',
+            'm',
+            'few_shot',
+            (('user', 'where?'),),
+            'Path: [["\n]]',
+            1,
+            10,
+            5,
+            0.2,
+            ((1.0, 2.5),),
+            'd',
+            '1,1->2,2',
         ),
     ],
 )

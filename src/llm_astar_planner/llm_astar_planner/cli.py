@@ -18,9 +18,19 @@ from llm_astar_planner import (
     cli_draw,
     cli_plan,
     cli_report,
+    cli_serve,
 )
 
-COMMANDS = (cli_plan, cli_demo, cli_bench, cli_report, cli_draw, cli_dataset, cli_doctor)
+COMMANDS = (
+    cli_plan,
+    cli_demo,
+    cli_bench,
+    cli_report,
+    cli_draw,
+    cli_dataset,
+    cli_doctor,
+    cli_serve,
+)
 # Mistakes in what the user gave: one line on stderr, exit code 2.
 USER_ERRORS = (BarrierMapError, GridMapError, OSError, ValueError)
 

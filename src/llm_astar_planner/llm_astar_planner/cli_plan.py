@@ -15,18 +15,24 @@ from llm_astar_msgs_adapter.barrier_map import (
     load_barrier_maps,
 )
 
+from llm_astar_planner.cli_source import add_source_arguments, source_settings
 from llm_astar_planner.planner import GridRules, Plan, Planner, PlanRequest
+from llm_astar_planner.prompts.query import PathQuery, parse_query
 from llm_astar_planner.search.methods import HEURISTICS, METHODS, compile_kernels
 from llm_astar_planner.share import find_file
 from llm_astar_planner.waypoint_source.base import SampleKey, WaypointSource
-from llm_astar_planner.waypoint_source.factory import SOURCES, SourceSettings, make_source
+from llm_astar_planner.waypoint_source.factory import SOURCES, make_asker, make_source
 from llm_astar_planner.waypoint_source.fixed import FixedReply
 
 EPILOG = """\
 examples:
   llm-astar plan
   llm-astar plan --map demo.json --map-id 0 --pair 1 --method astar --png out/astar.png
-  llm-astar plan --start 5 5 --goal 20 20 --reply "Generated Path: [[26, 9], [25, 23]]" --json
+  llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
+  llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
+  llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids
+    horizontal barriers centered at [[10, 0, 25], [15, 30, 50]] and vertical barriers at
+    [[25, 10, 22]]."
 """
 
 
@@ -58,6 +64,11 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     )
     where.add_argument('--start', type=int, nargs=2, metavar=('X', 'Y'))
     where.add_argument('--goal', type=int, nargs=2, metavar=('X', 'Y'))
+    where.add_argument(
+        '--query',
+        metavar='TEXT',
+        help="a sentence instead: of the dataset's own form, or any with --source endpoint",
+    )
     how = parser.add_argument_group('how')
     how.add_argument('--method', default='llm_astar', help=f'one of {", ".join(METHODS)}')
     how.add_argument('--heuristic', default='euclidean', help=f'one of {", ".join(HEURISTICS)}')
@@ -69,10 +80,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     )
     how.add_argument('--time-limit', type=float, default=60.0, metavar='SECONDS')
     guide = parser.add_argument_group('guidance')
-    guide.add_argument('--source', default='none', help=f'one of {", ".join(SOURCES)}')
-    guide.add_argument('--transcript', default='', metavar='FILE', help='what replay answers from')
-    guide.add_argument('--model', default='', help='model whose exchanges replay answers from')
-    guide.add_argument('--prompt', default='', help='prompt whose exchanges replay answers from')
+    add_source_arguments(guide)
     guide.add_argument('--reply', metavar='TEXT', help="a model's reply, used instead of a source")
     output = parser.add_argument_group('output')
     output.add_argument('--png', metavar='FILE', help='draw the plan')
@@ -82,10 +90,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
 def run(arguments: argparse.Namespace) -> int:
     """Plan, print, draw; return 0 for a plan and 1 for none. Raises ValueError on bad input."""
     _check(arguments)
-    maps = load_barrier_maps(find_file(arguments.map, 'maps'))
-    map_id = maps[0].id if arguments.map_id is None else arguments.map_id
-    barrier_map = find_barrier_map(maps, map_id)
-    start, goal = _ends(arguments, barrier_map)
+    maps, (barrier_map, start, goal) = _problem(arguments)
     compile_kernels()
     planner = Planner(
         barrier_map.to_grid(),
@@ -174,6 +179,20 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ValueError(f'--time-limit {arguments.time_limit} is not above 0 seconds')
 
 
+def _problem(arguments: argparse.Namespace) -> tuple[list[BarrierMap], PathQuery]:
+    """Return the maps and which problem on them is asked, by sentence or by numbers."""
+    if arguments.query is not None:
+        ask = None
+        if arguments.source == 'endpoint':
+            ask = make_asker(source_settings(arguments))
+        question = parse_query(arguments.query, ask)
+        return [question.barrier_map], question
+    maps = load_barrier_maps(find_file(arguments.map, 'maps'))
+    map_id = maps[0].id if arguments.map_id is None else arguments.map_id
+    barrier_map = find_barrier_map(maps, map_id)
+    return maps, PathQuery(barrier_map, *_ends(arguments, barrier_map))
+
+
 def _ends(arguments: argparse.Namespace, barrier_map: BarrierMap) -> tuple[Point, Point]:
     if arguments.start is not None:
         return tuple(arguments.start), tuple(arguments.goal)
@@ -197,12 +216,7 @@ def _source(
 ) -> WaypointSource:
     if arguments.reply is not None:
         return FixedReply(arguments.reply, (barrier_map.range_x[0], barrier_map.range_y[0]))
-    settings = SourceSettings(
-        source=arguments.source,
-        transcript=arguments.transcript,
-        model=arguments.model,
-        prompt=arguments.prompt,
-    )
+    settings = source_settings(arguments)
     return make_source(settings, dataset=maps)
 
 

