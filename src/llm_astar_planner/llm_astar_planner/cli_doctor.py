@@ -32,6 +32,9 @@ REQUIRED = {
     'numba': ('the searches', 'pip install numba'),
     'scipy': ('the planner', 'pip install scipy'),
     'matplotlib': ('pictures', 'pip install matplotlib'),
+    'shapely': ('the benchmark', 'pip install shapely'),
+    'jinja2': ('the benchmark', 'pip install jinja2'),
+    'tqdm': ('the benchmark', 'pip install tqdm'),
 }
 ROS = {
     'rclpy': ('the nodes', 'apt install ros-jazzy-rclpy, or make install for the wheels'),

@@ -12,6 +12,7 @@ from llm_astar_msgs_adapter.barrier_map import BarrierMap
 from llm_astar_planner.prompts.message import Message
 from llm_astar_planner.prompts.query import Asker, QueryError
 from llm_astar_planner.prompts.template import load_template
+from llm_astar_planner.waypoint_source.ablation import ablation_sources
 from llm_astar_planner.waypoint_source.base import WaypointSource
 from llm_astar_planner.waypoint_source.cache import CachedSource
 from llm_astar_planner.waypoint_source.chat_client import ChatClient
@@ -127,6 +128,11 @@ def _none(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
     return NoSource()
 
 
+def _ablation(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    del dataset
+    return ablation_sources()[settings.source]
+
+
 def _recorded(
     source: WaypointSource, settings: SourceSettings, dataset: Dataset
 ) -> WaypointSource:
@@ -139,4 +145,5 @@ SOURCES: dict[str, Callable[[SourceSettings, Dataset], WaypointSource]] = {
     'none': _none,
     'replay': _replay,
     'endpoint': _endpoint,
+    **dict.fromkeys(ablation_sources(), _ablation),
 }

@@ -1,0 +1,79 @@
+"""The sources a run asks: those named, for each prompt and model, and the ablations beside."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from llm_astar_msgs_adapter.barrier_map import BarrierMap
+
+from llm_astar_planner.benchmark.engine import Asker
+from llm_astar_planner.prompts.template import load_template
+from llm_astar_planner.waypoint_source.ablation import ablation_sources
+from llm_astar_planner.waypoint_source.factory import make_source
+from llm_astar_planner.waypoint_source.settings import (
+    DEFAULT_PROMPT,
+    SettingsError,
+    SourceSettings,
+)
+from llm_astar_planner.waypoint_source.transcript import read_transcript
+
+
+def make_askers(
+    names: Sequence[str],
+    prompts: Sequence[str],
+    models: Sequence[str],
+    *,
+    settings: SourceSettings,
+    dataset: Sequence[BarrierMap],
+    seed: int = 0,
+) -> list[Asker]:
+    """Make the askers of a run; the first is that of no source.
+
+    Every named source is made for every prompt and model (`settings` with these put in). A replay
+    without them gets all its transcript holds. All ablations come along where a named source is
+    none of them. Raises ValueError for a source that cannot be made.
+    """
+    ablations = ablation_sources(seed)
+    asked = [name for name in names if name != 'none']
+    chosen = [name for name in asked if name in ablations]
+    if len(chosen) < len(asked) or not asked:
+        chosen = list(ablations)
+    askers = [Asker()]
+    for name in asked:
+        if name not in ablations:
+            askers += _combinations(replace(settings, source=name), prompts, models, dataset)
+    return askers + [Asker(ablations[name], name) for name in chosen]
+
+
+def _combinations(
+    settings: SourceSettings,
+    prompts: Sequence[str],
+    models: Sequence[str],
+    dataset: Sequence[BarrierMap],
+) -> list[Asker]:
+    pairs = [(model, prompt) for model in models or ('',) for prompt in prompts or ('',)]
+    if settings.source == 'replay' and settings.transcript:
+        held = dict.fromkeys(
+            (exchange.model, exchange.prompt) for exchange in read_transcript(settings.transcript)
+        )
+        fitting = [
+            pair
+            for pair in held
+            if (not models or pair[0] in models) and (not prompts or pair[1] in prompts)
+        ]
+        pairs = fitting or pairs
+    elif settings.source == 'endpoint' and not models:
+        raise SettingsError('model: --source endpoint needs --model')
+    askers = []
+    for model, prompt in pairs:
+        source = make_source(replace(settings, model=model, prompt=prompt), dataset)
+        askers.append(Asker(source, settings.source, _prompt_name(settings, prompt), model))
+    return askers
+
+
+def _prompt_name(settings: SourceSettings, prompt: str) -> str:
+    """Return the name a prompt goes by in rows and transcripts; a file's is its stem."""
+    if settings.source == 'replay':
+        return prompt
+    return load_template(prompt or DEFAULT_PROMPT).name

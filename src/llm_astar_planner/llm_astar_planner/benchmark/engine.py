@@ -1,0 +1,292 @@
+"""Run methods with waypoint sources over samples, rows as they come.
+
+A task is one sample at one scale under all its cases. Each source is asked once a task and its
+answer given to every method, so a sweep costs one request a sample, prompt and model. Tasks are
+values and `run_task` a plain function, so any concurrent.futures executor can take them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+from llm_astar_msgs_adapter.barrier_map import BarrierMap, Sample
+from numpy.typing import NDArray
+
+from llm_astar_planner.benchmark.results import Case, Row
+from llm_astar_planner.benchmark.samples import BenchmarkSample
+from llm_astar_planner.planner import NOT_ASKED, Plan, Planner, PlanRequest
+from llm_astar_planner.result_code import ResultCode
+from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS, compile_kernels
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.sight import walls_of
+from llm_astar_planner.waypoint_source.base import (
+    SampleKey,
+    SourceStatus,
+    WaypointQuery,
+    WaypointReply,
+    WaypointSource,
+)
+
+BASELINE = Case('astar')
+LLM_ONLY = 'llm_only'
+ALL_METHODS = (*METHODS, LLM_ONLY)
+# What a source said, or did not, when the blame is not the waypoints'.
+ANSWERED = {status.value for status in (
+    SourceStatus.OK, SourceStatus.NONE, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED,
+)}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Asker:
+    """A source under the name, prompt and model its rows are filed under."""
+
+    source: WaypointSource | None = None
+    name: str = 'none'
+    prompt: str = ''
+    model: str = ''
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What all cases of a run share; see PlanRequest."""
+
+    heuristic: str = 'euclidean'
+    weight: float = 2.0
+    time_limit: float = 60.0
+
+
+@dataclass(frozen=True)
+class Task:
+    """One sample at one scale; `cases` pairs each case with the index of its asker."""
+
+    sample: BenchmarkSample
+    scale: int
+    cases: tuple[tuple[Case, int], ...]
+    askers: tuple[Asker, ...]
+    settings: Settings = field(default_factory=Settings)
+
+
+def plan_cases(methods: Sequence[str], askers: Sequence[Asker]) -> list[tuple[Case, int]]:
+    """Pair methods with askers: waypoint methods with each, the others with none. A* is first.
+
+    `askers[0]` must be the one of no source; `llm_only` leaves it out.
+    """
+    cases = [(BASELINE, 0)]
+    for method in methods:
+        if method not in WAYPOINT_METHODS and method != LLM_ONLY:
+            cases.append((Case(method), 0))
+            continue
+        for index, asker in enumerate(askers):
+            if asker.source is not None or method != LLM_ONLY:
+                cases.append((Case(method, asker.name, asker.prompt, asker.model), index))
+    return list(dict.fromkeys(cases))
+
+
+def plan_tasks(
+    samples: Iterable[tuple[BenchmarkSample, int]],
+    cases: Sequence[tuple[Case, int]],
+    askers: Sequence[Asker],
+    settings: Settings,
+    done: frozenset[tuple[int, int, int, Case]] = frozenset(),
+) -> list[Task]:
+    """Make the tasks of samples at scales, without the rows that are `done` (their keys)."""
+    tasks = []
+    for sample, scale in dict.fromkeys(samples):
+        left = tuple(
+            (case, index) for case, index in cases if (*sample.key, scale, case) not in done
+        )
+        if left:
+            tasks.append(Task(sample, scale, left, tuple(askers), settings))
+    return tasks
+
+
+def run_tasks(
+    tasks: Iterable[Task], executor: Executor, at_once: int, keep: Callable[[list[Row]], None]
+) -> None:
+    """Run tasks with at most `at_once` in flight; `keep` gets each task's rows as it ends.
+
+    An exception, KeyboardInterrupt among them, cancels what has not begun and passes on.
+    """
+    for rows in _completed(tasks, executor, at_once):
+        keep(rows)
+
+
+def run_task(task: Task) -> list[Row]:
+    """Ask each source of the task once and plan every case."""
+    _warm_up()
+    scaled = replace(task.sample.barrier_map, samples=(task.sample.sample,)).scale(task.scale)
+    planner = _planner(replace(scaled, samples=()))
+    sample = scaled.samples[0]
+    ends = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
+    key = SampleKey(*task.sample.key, task.scale)
+    replies: dict[int, tuple[WaypointReply, float]] = {}
+    rows = []
+    for case, index in task.cases:
+        source = task.askers[index].source
+        if source is not None and index not in replies:
+            query = WaypointQuery(planner.grid_map, *ends, task.settings.time_limit, key)
+            replies[index] = _ask(source, query)
+        reply, seconds = replies.get(index, (NOT_ASKED, 0.0))
+        row = _row(planner, key, ends, case, reply=reply, settings=task.settings)
+        rows.append(replace(row, seconds_source=seconds))
+    return rows
+
+
+def plan_again(barrier_map: BarrierMap, sample: Sample, row: Row, settings: Settings) -> Plan:
+    """Plan a row of scale 1 once more with the waypoints it had, to see what it expanded."""
+    planner = _planner(replace(barrier_map, samples=()))
+    reply = WaypointReply(parse_points(row.waypoints), label=row.source)
+    request = PlanRequest(
+        barrier_map.to_cell(sample.start),
+        barrier_map.to_cell(sample.goal),
+        row.method,
+        _Answered(row.source, reply) if row.waypoints else None,
+        settings.heuristic,
+        settings.weight,
+        settings.time_limit,
+    )
+    return planner.plan(request)
+
+
+def parse_points(text: str) -> tuple[tuple[float, float], ...]:
+    """Read the points of a row back. Raises ValueError where they are none."""
+    points = (item.split(',') for item in text.split(';') if item)
+    return tuple((float(x), float(y)) for x, y in points)
+
+
+def _completed(tasks: Iterable[Task], executor: Executor, at_once: int) -> Iterator[list[Row]]:
+    waiting: set[Future[list[Row]]] = set()
+    left = iter(tasks)
+    try:
+        while True:
+            while len(waiting) < at_once and (task := next(left, None)) is not None:
+                waiting.add(executor.submit(run_task, task))
+            if not waiting:
+                return
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+@lru_cache(maxsize=1)
+def _warm_up() -> None:
+    """Compile before anything is timed."""
+    compile_kernels()
+
+
+@lru_cache(maxsize=16)
+def _planner(barrier_map: BarrierMap) -> Planner:
+    return Planner.for_barrier_map(barrier_map).prepare()
+
+
+def _ask(source: WaypointSource, query: WaypointQuery) -> tuple[WaypointReply, float]:
+    begin = time.perf_counter()
+    try:
+        reply = source.waypoints(query)
+    except Exception as error:  # noqa: BLE001 - one bad answer must not end a sweep
+        reply = WaypointReply(
+            label=source.name, status=SourceStatus.ERROR, detail=f'{type(error).__name__}: {error}'
+        )
+    return reply, time.perf_counter() - begin
+
+
+@dataclass(frozen=True)
+class _Answered:
+    """A source that has already been asked."""
+
+    name: str
+    reply: WaypointReply
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return the answer there is."""
+        del query
+        return self.reply
+
+
+def _row(
+    planner: Planner,
+    key: SampleKey,
+    ends: tuple[Cell, Cell],
+    case: Case,
+    *,
+    reply: WaypointReply,
+    settings: Settings,
+) -> Row:
+    if case.method == LLM_ONLY:
+        return _llm_only(planner, key, ends, case, reply)
+    source = None if reply is NOT_ASKED else _Answered(case.source, reply)
+    request = PlanRequest(
+        *ends,
+        case.method,
+        source,
+        settings.heuristic,
+        settings.weight,
+        settings.time_limit,
+        sample=key,
+    )
+    plan = planner.plan(request)
+    found = plan.code is ResultCode.NONE
+    return replace(
+        _empty_row(key, case, reply, plan.code),
+        operation=float(plan.operation),
+        storage=float(plan.storage),
+        length=plan.length if found else float('nan'),
+        seconds_search=plan.seconds_search,
+        guided_by=plan.guided_by,
+        verdicts=';'.join(point.verdict.value for point in plan.waypoints),
+        path=_points(turning_points(plan.path)),
+    )
+
+
+def _llm_only(
+    planner: Planner, key: SampleKey, ends: tuple[Cell, Cell], case: Case, reply: WaypointReply
+) -> Row:
+    """Take the waypoints for the path: valid if every straight leg is a line of sight.
+
+    An answer without points is the straight line; no answer is no path.
+    """
+    points = [ends[0], *(point for point in reply.waypoints if point not in ends), ends[1]]
+    answered = reply.status in (SourceStatus.OK, SourceStatus.NO_WAYPOINTS)
+    if not (answered and walls_of(planner.grid_map).clear_along(points)):
+        return _empty_row(key, case, reply, ResultCode.NO_VALID_PATH)
+    steps = np.diff(np.array(points, dtype=float), axis=0)
+    return replace(
+        _empty_row(key, case, reply, ResultCode.NONE),
+        length=float(np.hypot(*steps.T).sum()),
+        path=_points(points),
+    )
+
+
+def _empty_row(key: SampleKey, case: Case, reply: WaypointReply, code: ResultCode) -> Row:
+    return Row(
+        int(key.map),
+        int(key.pair),
+        key.scale,
+        *case,
+        code.name,
+        source_status=reply.status.value,
+        prompt_tokens=reply.prompt_tokens,
+        completion_tokens=reply.completion_tokens,
+        waypoints=_points(reply.waypoints),
+    )
+
+
+def turning_points(path: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the first, the last and every cell of a path [n, 2] at which it turns."""
+    if len(path) < 3:
+        return path
+    steps = np.diff(path, axis=0)
+    turns = np.any(steps[1:] != steps[:-1], axis=1)
+    return np.asarray(path[np.concatenate([[True], turns, [True]])])
+
+
+def _points(points: Iterable[Iterable[float]]) -> str:
+    return ';'.join(','.join(f'{value:g}' for value in point) for point in points)

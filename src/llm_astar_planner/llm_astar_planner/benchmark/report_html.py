@@ -1,0 +1,108 @@
+"""The report as one self-contained HTML page: tables, figures inline, a browser of samples."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader
+from llm_astar_msgs_adapter.barrier_map import BarrierMap
+from markupsafe import Markup
+
+from llm_astar_planner.benchmark import report_md as tables
+from llm_astar_planner.benchmark.figures import case_label
+from llm_astar_planner.benchmark.findings import growth_sentence, headline, sentence
+from llm_astar_planner.benchmark.results import Row
+from llm_astar_planner.benchmark.scalability import Growth
+from llm_astar_planner.benchmark.summary import CaseSummary, Contrast, by_case, place
+
+MEDIA_TYPES = {'.png': 'image/png', '.gif': 'image/gif'}
+
+
+def html_report(
+    summaries: Sequence[CaseSummary],
+    contrasts: Sequence[Contrast],
+    growths: Sequence[Growth],
+    metadata: Mapping[str, Any],
+    *,
+    rows: Sequence[Row],
+    maps: Sequence[BarrierMap],
+    pictures: Sequence[tuple[Path, str]] = (),
+) -> str:
+    """Write the page; `pictures` are (file, caption). It asks the network for nothing."""
+    environment = Environment(
+        loader=PackageLoader('llm_astar_planner', 'benchmark'), autoescape=True
+    )
+    growth_head, growth_rows = tables.growth_table(growths)
+    page: str = environment.get_template('report.html.j2').render(
+        headline=_plain(headline(contrasts)),
+        provenance=_plain(tables.provenance(metadata, summaries)),
+        sentences=[_plain(sentence(contrast)) for contrast in contrasts if contrast.samples],
+        main=(tables.TABLE_HEAD, tables.main_table(summaries)),
+        added=(tables.CONTRAST_HEAD, tables.contrast_table(contrasts)),
+        spread=(tables.SPREAD_HEAD, tables.spread_table(summaries)),
+        waypoints=(tables.WAYPOINT_HEAD, tables.waypoint_table(summaries)),
+        growth=(growth_head, growth_rows),
+        grown=growth_sentence(growths),
+        paper=(tables.TABLE_HEAD, tables.PAPER_TABLE),
+        pictures=[(_inline(path), caption) for path, caption in pictures],
+        data=_script_json(browser_data(rows, maps)),
+    )
+    return page
+
+
+def browser_data(rows: Sequence[Row], maps: Sequence[BarrierMap]) -> dict[str, Any]:
+    """Return what the browser of samples shows: maps, cases, and the rows of scale 1."""
+    cases = dict(sorted(by_case(rows).items(), key=lambda item: place(item[0])))
+    samples = sorted({(row.map, row.pair) for row in rows if row.scale == 1})
+    wanted = {map_id for map_id, _ in samples}
+    return {
+        'maps': {m.id: _map(m) for m in maps if m.id in wanted},
+        'cases': [case_label(case) for case in cases],
+        'samples': [
+            [*sample, [_entry(found.get(sample)) for found in cases.values()]]
+            for sample in samples
+        ],
+    }
+
+
+def _map(barrier_map: BarrierMap) -> dict[str, Any]:
+    """Describe a map in cells, counted from its corner."""
+    (x_min, x_max), (y_min, y_max) = barrier_map.range_x, barrier_map.range_y
+    return {
+        'size': [x_max - x_min, y_max - y_min],
+        'h': [[y - y_min, a - x_min, b - x_min] for y, a, b in barrier_map.horizontal_barriers],
+        'v': [[x - x_min, a - y_min, b - y_min] for x, a, b in barrier_map.vertical_barriers],
+        'pairs': [
+            [*barrier_map.to_cell(sample.start), *barrier_map.to_cell(sample.goal), sample.query]
+            for sample in barrier_map.samples
+        ],
+    }
+
+
+def _entry(row: Row | None) -> list[Any] | None:
+    if row is None:
+        return None
+    numbers = [None if value != value else round(value, 3) for value in (  # noqa: PLR0124 - NaN
+        row.operation, row.storage, row.length,
+    )]  # fmt: skip
+    return [row.code, *numbers, row.source_status, row.waypoints, row.verdicts, row.path]
+
+
+def _plain(text: str) -> str:
+    """Take Markdown's code marks out of a sentence."""
+    return text.replace('`', '')
+
+
+def _inline(path: Path) -> str:
+    data = base64.b64encode(path.read_bytes()).decode()
+    return f'data:{MEDIA_TYPES[path.suffix]};base64,{data}'
+
+
+def _script_json(values: Mapping[str, Any]) -> Markup:
+    """Write JSON that cannot end the script element it stands in, whatever a model wrote."""
+    text = json.dumps(values, separators=(',', ':'), allow_nan=False)
+    return Markup(text.replace('<', '\\u003c'))  # noqa: S704 - no < is left in it

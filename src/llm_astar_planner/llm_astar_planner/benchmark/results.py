@@ -1,0 +1,291 @@
+"""The results folder: rows as they come, and what is known about the run.
+
+`results.csv` has a row a sample and case, failures included. A row is on disk before the next
+sample is waited for, so an interrupted run loses none; `--resume` goes on behind the last whole
+one.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import hashlib
+import io
+import json
+import math
+import os
+import platform
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import llm_astar_planner
+
+# The maps of the rows, kept beside them so that a folder can be reported on by itself.
+MAPS_FILE = 'maps.json'
+
+
+class ResultsError(RuntimeError):
+    """A results folder that cannot be used or written; the message names the file."""
+
+
+class Case(NamedTuple):
+    """What was run: a method and whose waypoints it was given."""
+
+    method: str
+    source: str = 'none'
+    prompt: str = ''
+    model: str = ''
+
+    def __str__(self) -> str:
+        """Write it as method/source/prompt/model without the empty parts."""
+        return '/'.join(part for part in self if part)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One sample under one case, a line of results.csv.
+
+    `code` is the name of the result code. `operation`, `storage` and `length` (cells) are NaN
+    where the case has none. `waypoints` and `path` (its turning points) are cells `x,y` joined by
+    `;`, `verdicts` belong to the waypoints. `seconds_round_trip` is what a call through the live
+    graph took, NaN without one.
+    """
+
+    map: int
+    pair: int
+    scale: int
+    method: str
+    source: str
+    prompt: str
+    model: str
+    code: str
+    operation: float = math.nan
+    storage: float = math.nan
+    length: float = math.nan
+    seconds_source: float = 0.0
+    seconds_search: float = 0.0
+    source_status: str = 'NONE'
+    guided_by: str = 'none'
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    waypoints: str = ''
+    verdicts: str = ''
+    path: str = ''
+    seconds_round_trip: float = math.nan
+
+    @property
+    def case(self) -> Case:
+        """The case the row belongs to."""
+        return Case(self.method, self.source, self.prompt, self.model)
+
+    @property
+    def key(self) -> tuple[int, int, int, Case]:
+        """What no two rows of a run share: map, pair, scale and case."""
+        return self.map, self.pair, self.scale, self.case
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a valid path."""
+        return self.code == 'NONE'
+
+
+FIELDS = {field.name: str(field.type) for field in dataclasses.fields(Row)}
+
+
+class ResultsFolder:
+    """A folder of results, new or gone on with."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Name the folder; nothing is touched yet."""
+        self.path = Path(path)
+        self.results = self.path / 'results.csv'
+        self.transcript = self.path / 'transcript.jsonl'
+
+    def start(self) -> None:
+        """Begin a new results.csv. Raises ResultsError where there is one already."""
+        if self.results.exists():
+            message = f'{self.results}: exists; go on with --resume or name another --out'
+            raise ResultsError(message)
+        self._write('results.csv', _csv_line(list(FIELDS)))
+
+    def append(self, rows: Iterable[Row]) -> None:
+        """Write rows to disk. Raises ResultsError, say on a full disk; earlier rows are kept."""
+        text = ''.join(_csv_line([_text(value) for value in _values(row)]) for row in rows)
+        try:
+            with self.results.open('a', encoding='utf-8', newline='') as file:
+                file.write(text)
+        except OSError as error:
+            message = (
+                f'{self.results}: {error.strerror or error}; the rows before are kept, '
+                'make room and go on with --resume'
+            )
+            raise ResultsError(message) from None
+
+    def read(self) -> list[Row]:
+        """Read every whole row in order of samples; figures then do not hang on who came first.
+
+        A row that a crash cut short is left out. Raises ResultsError.
+        """
+        text = _read(self.results)
+        whole = text[: text.rfind('\n') + 1]
+        reader = csv.DictReader(io.StringIO(whole))
+        if list(reader.fieldnames or []) != list(FIELDS):
+            message = f'{self.results}: its columns are not those of version {_own_version()}'
+            raise ResultsError(message)
+        try:
+            return sorted((_row(record) for record in reader), key=lambda row: row.key[:3])
+        except (TypeError, ValueError) as error:
+            message = f'{self.results}: line {reader.line_num}: {error}'
+            raise ResultsError(message) from None
+
+    def rewrite(self, rows: Iterable[Row]) -> None:
+        """Replace results.csv by these rows, in one step."""
+        lines = [list(FIELDS), *([_text(value) for value in _values(row)] for row in rows)]
+        self._write('results.csv', ''.join(_csv_line(line) for line in lines))
+
+    def write_json(self, name: str, values: Mapping[str, Any]) -> None:
+        """Write a JSON file into the folder; what is not a number becomes null."""
+        text = json.dumps(_finite(values), indent=1, allow_nan=False, default=str)
+        self._write(name, text + '\n')
+
+    def write_text(self, name: str, text: str) -> Path:
+        """Write a text file into the folder and return its path."""
+        return self._write(name, text)
+
+    def read_json(self, name: str) -> dict[str, Any]:
+        """Read a JSON object of the folder. Raises ResultsError."""
+        try:
+            values = json.loads(_read(self.path / name))
+        except ValueError as error:
+            message = f'{self.path / name}: not JSON: {error}'
+            raise ResultsError(message) from None
+        if not isinstance(values, dict):
+            message = f'{self.path / name}: a JSON object is expected'
+            raise ResultsError(message)
+        return values
+
+    def _write(self, name: str, text: str) -> Path:
+        path = self.path / name
+        draft = path.with_name(f'.{name}.draft')
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            draft.write_text(text, encoding='utf-8', newline='')
+            draft.replace(path)
+        except OSError as error:
+            draft.unlink(missing_ok=True)
+            message = f'{path}: {error.strerror or error}'
+            raise ResultsError(message) from None
+        return path
+
+
+def describe_run(
+    dataset: str | Path, parameters: Mapping[str, Any], files: Sequence[str | Path] = ()
+) -> dict[str, Any]:
+    """Return the metadata of a run: versions, parameters, digests of its data, machine.
+
+    `files` are what else decides the rows, such as transcripts and prompts. Raises OSError.
+    """
+    return {
+        'version': _own_version(),
+        'parameters': dict(parameters),
+        'dataset': {'file': Path(dataset).name, 'sha256': _digest(dataset)},
+        'files': {Path(file).name: _digest(file) for file in files},
+        'machine': describe_machine(),
+        'packages': {name: _version(name) for name in ('numpy', 'numba', 'scipy', 'shapely')},
+    }
+
+
+def describe_machine() -> dict[str, Any]:
+    """Say what machine this is: processor, cores, memory in GiB, system, Python."""
+    return {
+        'processor': _processor(),
+        'cores': os.cpu_count(),
+        'memory_gib': round(os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 2**30, 1),
+        'system': f'{platform.system()} {platform.machine()}',
+        'python': platform.python_version(),
+    }
+
+
+def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Say in what two runs differ that makes their rows no longer one set of results."""
+    changed = [] if before.get('version') == now['version'] else ['version']
+    if before.get('dataset', {}).get('sha256') != now['dataset']['sha256']:
+        changed.append('dataset')
+    old = before.get('parameters', {})
+    return changed + [
+        f'{name} ({old.get(name)} before)'
+        for name in ('seed', 'heuristic', 'weight', 'time_limit')
+        if old.get(name) != now['parameters'].get(name)
+    ]
+
+
+def _values(row: Row) -> list[Any]:
+    return [getattr(row, name) for name in FIELDS]
+
+
+def _text(value: object) -> str:
+    if isinstance(value, float):
+        return '' if math.isnan(value) else repr(round(value, 9))
+    return str(value)
+
+
+def _csv_line(values: Sequence[str]) -> str:
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator='\n').writerow(values)
+    return buffer.getvalue()
+
+
+def _row(record: Mapping[str, str]) -> Row:
+    values: dict[str, Any] = dict(record)
+    for name, kind in FIELDS.items():
+        if kind == 'int':
+            values[name] = int(record[name])
+        elif kind == 'float':
+            values[name] = float(record[name]) if record[name] else math.nan
+    return Row(**values)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        message = f'{path}: {getattr(error, "strerror", None) or error}'
+        raise ResultsError(message) from None
+
+
+def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
+    """Replace NaN and infinities, which JSON has not, by None."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    return value
+
+
+def _digest(path: str | Path) -> str:
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+
+
+def _own_version() -> str:
+    return llm_astar_planner.__version__
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return 'missing'
+
+
+def _processor() -> str:
+    try:
+        lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
+    except OSError:
+        lines = []
+    names = (line.partition(':')[2].strip() for line in lines if line.startswith('model name'))
+    return next(names, platform.processor() or 'unknown')

@@ -1,0 +1,76 @@
+"""`llm-astar dataset`: make barrier-map datasets and check them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from llm_astar_msgs_adapter.barrier_map import save_barrier_maps
+
+from llm_astar_planner.benchmark.check import check_file
+from llm_astar_planner.benchmark.generate import GenerationError, MapRules, generate
+
+OK, BAD_INPUT = 0, 2
+
+
+def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the sub-command `dataset` with `generate` and `check`."""
+    parser = subparsers.add_parser('dataset', help='make or check barrier-map datasets')
+    actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
+    make = actions.add_parser('generate', help='make a dataset, the same one for the same seed')
+    make.add_argument('--seed', type=int, default=0, help='what the maps are drawn from (0)')
+    make.add_argument('--maps', type=int, default=100, metavar='N', help='number of maps (100)')
+    make.add_argument('--pairs', type=int, default=10, metavar='N', help='pairs a map (10)')
+    make.add_argument(
+        '--size', type=int, nargs=2, default=(50, 30), metavar=('W', 'H'),
+        help='largest coordinates (50 30)',
+    )  # fmt: skip
+    make.add_argument('--out', required=True, metavar='FILE', help='the JSON file to write')
+    make.add_argument('--pictures', metavar='DIR', help='also draw every map into this folder')
+    make.set_defaults(run=run)
+    check = actions.add_parser('check', help='validate a dataset file')
+    check.add_argument('file', metavar='FILE')
+    check.add_argument('--json', action='store_true', help='print the findings as JSON')
+    check.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run `dataset`. Returns 0, or 2 where the checked dataset has errors; raises ValueError."""
+    return _generate(args) if args.action == 'generate' else _check(args)
+
+
+def _generate(args: argparse.Namespace) -> int:
+    if args.maps < 1 or args.pairs < 1:
+        raise GenerationError('--maps and --pairs: 1 is the least')
+    rules = MapRules(size=tuple(args.size), pairs=args.pairs)
+    maps = list(generate(args.seed, args.maps, rules))
+    save_barrier_maps(maps, args.out)
+    print(f'{args.out}: {len(maps)} maps, {len(maps) * args.pairs} samples, seed {args.seed}')
+    if args.pictures:
+        # Drawing is the only thing here that needs matplotlib.
+        from llm_astar_planner.benchmark.figures import save_map_pictures  # noqa: PLC0415
+
+        print(f'{args.pictures}: {len(save_map_pictures(maps, args.pictures))} pictures')
+    return OK
+
+
+def _check(args: argparse.Namespace) -> int:
+    summary, findings = check_file(args.file)
+    errors = sum(finding.error for finding in findings)
+    if args.json:
+        found = [finding._asdict() for finding in findings]
+        print(json.dumps({**summary._asdict(), 'errors': errors, 'findings': found}))
+        return BAD_INPUT if errors else OK
+    for finding in findings:
+        print(finding)
+    print(
+        f'{Path(args.file)}: {summary.maps} maps, {summary.samples} samples, '
+        f'{errors} errors, {len(findings) - errors} notes'
+    )
+    if summary.detours:
+        low, middle, high = np.percentile(summary.detours, (0, 50, 100))
+        print(f'mean detour of a map: {low:.2f} to {high:.2f}, median {middle:.2f}')
+    return BAD_INPUT if errors else OK
