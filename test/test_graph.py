@@ -1,10 +1,13 @@
 """The live graph: real processes, real DDS, and the faults a robot meets."""
 
+import csv
+import json
 import signal
 import subprocess
 import sys
 import threading
 import time
+from operator import itemgetter
 
 import numpy as np
 import pytest
@@ -25,6 +28,7 @@ from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.occupancy_grid import grid_from_message, grid_to_message
 from llm_astar_msgs_adapter.path import path_from_message, pose_to_message
+from llm_astar_planner.cli import main
 from llm_astar_planner.nodes.caller import CallerError
 from llm_astar_planner.nodes.qos import LATCHED, RELIABLE
 from llm_astar_planner.planner import Planner, PlanRequest
@@ -339,22 +343,55 @@ def test_a_parameter_that_cannot_be_is_one_line_at_start(name, parameter, words)
         assert word in output
 
 
-def test_the_benchmark_node_replays_samples_and_prints_the_ratios():
+def run_benchmark_node(*arguments):
     module = 'llm_astar_planner.nodes.benchmark_node'
-    arguments = ['--limit', '5', '--ros-args', '-r', f'__ns:={ALONE}']
+    command = [sys.executable, '-m', module, *arguments, '--ros-args', '-r', f'__ns:={ALONE}']
+    return subprocess.run(command, capture_output=True, text=True, timeout=3 * PATIENCE)
+
+
+def rows_of(folder):
+    """Return the rows of a results folder without what a clock decides."""
+    clocks = ('seconds_source', 'seconds_search', 'seconds_round_trip')
+    with (folder / 'results.csv').open() as file:
+        return [
+            {name: value for name, value in row.items() if name not in clocks}
+            for row in csv.DictReader(file)
+        ]
+
+
+def test_the_live_benchmark_gives_the_rows_of_the_benchmark_without_a_graph(tmp_path):
+    """Row for row, through GetPlan: what the graph adds is time alone."""
+    live, direct = tmp_path / 'live', tmp_path / 'direct'
+    selection = ['--limit', '12', '--maps', '0-3', '--methods', 'llm_astar']
     with (
-        process('llm_client_node', namespace=ALONE),
-        process('planner_node', namespace=ALONE),
+        process('llm_client_node', '-p', 'source:=oracle', namespace=ALONE),
+        process('planner_node', '-p', 'method:=weighted_astar', namespace=ALONE),
+        calling(ALONE) as caller,
     ):
-        done = subprocess.run(
-            [sys.executable, '-m', module, *arguments],
-            capture_output=True,
-            text=True,
-            timeout=2 * PATIENCE,
-        )
-    assert done.returncode == 0, done.stderr
-    assert '5 samples, 5 solved, llm_astar over astar' in done.stdout
-    assert 'operation' in done.stdout
+        done = run_benchmark_node(*selection, '--out', str(live))
+        assert done.returncode == 0, done.stderr
+        # The planner is left as it was found.
+        caller.wait_until_ready()
+        assert caller.call(Pose2D(3.0, 3.0), Pose2D(4.0, 4.0))[1].method == 'weighted_astar'
+        again = run_benchmark_node(*selection, '--out', str(live), '--resume')
+        assert again.returncode == 0, again.stderr
+    assert main(['bench', *selection, '--source', 'oracle', '--out', str(direct)]) == 0
+    rows = rows_of(live)
+    keys = {(row['method'], row['source']) for row in rows}
+    assert keys == {('astar', 'none'), ('llm_astar', 'none'), ('llm_astar', 'oracle')}
+    assert len(rows) == 36
+    order = itemgetter('map', 'pair', 'method', 'source')
+    expected = [row for row in rows_of(direct) if (row['method'], row['source']) in keys]
+    assert sorted(rows, key=order) == sorted(expected, key=order)
+    summary = json.loads((live / 'summary.json').read_text())
+    assert all(case['seconds_round_trip']['p95'] > 0 for case in summary['cases'])
+
+
+def test_the_benchmark_node_without_a_planner_says_so_and_loses_nothing(tmp_path):
+    done = run_benchmark_node('--limit', '2', '--out', str(tmp_path / 'out'))
+    assert done.returncode == 3
+    assert 'planner_node' in done.stderr
+    assert 'Traceback' not in done.stderr
 
 
 def test_the_benchmark_node_without_a_dataset_says_what_there_is():

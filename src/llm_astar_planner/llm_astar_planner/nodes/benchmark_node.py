@@ -1,177 +1,174 @@
-"""benchmark_node: replays a dataset's samples through the live graph and prints the ratios.
+"""benchmark_node: replays a dataset's samples through the live graph, GetPlan by GetPlan.
 
-It publishes each map itself (no map_node beside it), sets the planner's method, and calls
-GetPlan sample by sample, so that transport and nodes are part of what is measured.
+The figures are those of `llm-astar bench`, with what transport and nodes cost beside them.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+import time
+from collections.abc import Sequence
+from pathlib import Path
 
-import numpy as np
 import rclpy
-from llm_astar_msgs_adapter.barrier_map import BarrierMap, BarrierMapError, load_barrier_maps
-from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.occupancy_grid import grid_to_message
-from llm_astar_msgs_adapter.report import PlanReport
-from nav_msgs.msg import OccupancyGrid
-from rcl_interfaces.srv import SetParameters
-from rclpy.node import Node
-from rclpy.parameter import Parameter
+from llm_astar_msgs_adapter.barrier_map import (
+    BarrierMapError,
+    load_barrier_maps,
+    save_barrier_maps,
+)
+from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from llm_astar_planner.benchmark.engine import ANSWERED
+from llm_astar_planner.benchmark.progress import progress
+from llm_astar_planner.benchmark.publish import publish
+from llm_astar_planner.benchmark.report_md import text_report
+from llm_astar_planner.benchmark.results import (
+    MAPS_FILE,
+    ResultsError,
+    ResultsFolder,
+    describe_run,
+    differences,
+)
+from llm_astar_planner.benchmark.samples import BenchmarkSample, SelectionError, load_samples
 from llm_astar_planner.nodes.caller import Caller, CallerError
-from llm_astar_planner.nodes.qos import LATCHED
+from llm_astar_planner.nodes.live_run import Key, LiveRun
 from llm_astar_planner.search.methods import METHODS
 from llm_astar_planner.share import find_file
 
-BASELINE = 'astar'
+OK, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 2, 3, 130
+EPILOG = """\
+Start planner_node and llm_client_node first, and no map_node: this node publishes the maps. It
+sets the planner's `method`, `use_waypoints` and `corner_cutting` and puts them back at the end.
 
-
-class Row(NamedTuple):
-    """One sample planned by one method, with its round trip in seconds."""
-
-    map: int
-    pair: int
-    method: str
-    report: PlanReport
-    round_trip: float
+exit codes: 0 ok, 2 bad usage or input, 3 the graph broke off, 130 interrupted
+"""
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run benchmark_node; return 0, 2 on bad input, 3 where the graph broke off, 130 on Ctrl-C."""
-    arguments = _arguments(remove_ros_args(args if args is not None else sys.argv)[1:])
+    """Run benchmark_node and return its exit code."""
+    arguments = _arguments(remove_ros_args(sys.argv if args is None else args)[1:])
     try:
-        maps = load_barrier_maps(find_file(arguments.dataset, 'maps'))
-    except (BarrierMapError, FileNotFoundError) as error:
-        sys.stderr.write(f'error: {error}\n')
-        return 2
-    rclpy.init(args=args)
-    node = rclpy.create_node('benchmark_node')
-    rows: list[Row] = []
-    code = 0
-    try:
-        with Caller(node, arguments.planner) as caller:
-            rows.extend(_replay(caller, maps, arguments))
-    except CallerError as error:
-        sys.stderr.write(f'error: {error}\n')
-        code = 3
-    except KeyboardInterrupt:
-        code = 130
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
-    sys.stdout.write(summary(rows))
-    return code
+        dataset = find_file(arguments.dataset, 'maps')
+        samples = load_samples(dataset, arguments.maps, arguments.limit, arguments.seed)
+        folder = ResultsFolder(arguments.out)
+        parameters = {'methods': arguments.methods, 'limit': arguments.limit}
+        parameters |= {'maps': arguments.maps, 'seed': arguments.seed, 'live': True}
+        metadata = describe_run(dataset, parameters)
+        done = _begin(folder, metadata, dataset, resume=arguments.resume)
+    except (BarrierMapError, FileNotFoundError, ResultsError, SelectionError) as error:
+        return _complain(str(error), BAD_INPUT)
+    begun = time.monotonic()
+    code = _replay(args, arguments, folder, samples, done)
+    metadata['seconds'] = time.monotonic() - begun
+    return _close(folder, metadata, arguments.seed, code)
 
 
 def _arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog='benchmark_node',
-        description='Replay start-goal samples through the live graph and print the ratios to '
-        'A*. Start planner_node and llm_client_node first, and no map_node.',
+        description='Replay start-goal samples through the live graph; write a results folder.',
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
         '--dataset',
-        default='demo.json',
+        default='samples_1000.json',
         metavar='FILE',
         help='barrier maps: a path, or a name in maps/ (default: %(default)s)',
     )
-    parser.add_argument('--limit', type=int, metavar='N', help='samples at most (default: all)')
+    parser.add_argument('--maps', metavar='RANGES', help='map ids, such as 50-99 or 0-9,12')
+    parser.add_argument('--limit', type=int, metavar='N', help='draw N of the samples')
+    parser.add_argument('--seed', type=int, default=0, help='of the draw (0)')
     parser.add_argument(
-        '--method', default='llm_astar', choices=tuple(METHODS), help='compared with astar'
+        '--methods',
+        default=['llm_astar'],
+        type=lambda text: text.split(','),
+        metavar='NAMES',
+        help=f'beside astar, of {", ".join(METHODS)} (default: llm_astar)',
     )
+    parser.add_argument('--out', default='out/live', metavar='DIR', help='(default: %(default)s)')
+    parser.add_argument('--resume', action='store_true', help='go on with an interrupted run')
     parser.add_argument('--planner', default='planner_node', help="the planner node's name")
+    parser.add_argument(
+        '--client', default='llm_client_node', help="the waypoint client's name; '' for none"
+    )
     arguments = parser.parse_args(argv)
     if arguments.limit is not None and arguments.limit < 1:
         parser.error(f'--limit {arguments.limit} is not 1 or more')
+    for name in arguments.methods:
+        if name not in METHODS:
+            parser.error(f'--methods {name!r} is unknown; there is {", ".join(METHODS)}')
     return arguments
 
 
-class _PlannerParameters:
-    """Sets the method of the planner node."""
-
-    def __init__(self, node: Node, planner: str) -> None:
-        self._client = node.create_client(SetParameters, f'{planner}/set_parameters')
-
-    def set_method(self, caller: Caller, method: str) -> None:
-        """Set the method. Raises CallerError where the planner refuses or is silent."""
-        request = SetParameters.Request(
-            parameters=[Parameter('method', value=method).to_parameter_msg()]
-        )
-        result = caller.ask(self._client, request).results[0]
-        if not result.successful:
-            raise CallerError(f'method {method} was refused: {result.reason}')
-
-
-def _samples(maps: list[BarrierMap], limit: int | None) -> Iterator[tuple[BarrierMap, list[int]]]:
-    """Yield each map with the indices of the pairs to replay."""
-    left = sum(len(barrier_map.samples) for barrier_map in maps) if limit is None else limit
-    for barrier_map in maps:
-        pairs = list(range(min(left, len(barrier_map.samples))))
-        left -= len(pairs)
-        if pairs:
-            yield barrier_map, pairs
+def _begin(
+    folder: ResultsFolder, metadata: dict[str, object], dataset: Path, *, resume: bool
+) -> frozenset[Key]:
+    """Start the folder, or go on with it; return the keys of the rows it has."""
+    if not (resume and folder.results.exists()):
+        folder.start()
+        folder.write_json('metadata.json', metadata)
+        save_barrier_maps(load_barrier_maps(dataset), folder.path / MAPS_FILE)
+        return frozenset()
+    changed = differences(folder.read_json('metadata.json'), metadata)
+    if changed:
+        message = f'{folder.path}: cannot go on, another run made it: {", ".join(changed)} differ'
+        raise ResultsError(message)
+    rows = [row for row in folder.read() if row.source_status in ANSWERED]
+    folder.rewrite(rows)
+    return frozenset(row.key for row in rows)
 
 
 def _replay(
-    caller: Caller, maps: list[BarrierMap], arguments: argparse.Namespace
-) -> Iterator[Row]:
-    """Plan every sample by the baseline and by the method; yield a row each."""
-    publisher = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
-    parameters = _PlannerParameters(caller.node, arguments.planner)
-    methods = list(dict.fromkeys((BASELINE, arguments.method)))
-    for barrier_map, pairs in _samples(maps, arguments.limit):
-        grid_map = barrier_map.to_grid()
-        publisher.publish(grid_to_message(grid_map, caller.node.get_clock().now().to_msg()))
-        caller.wait_until_ready(grid_map.digest)
-        for method in methods:
-            parameters.set_method(caller, method)
-            for pair in pairs:
-                yield _plan(caller, barrier_map, grid_map, pair, method)
+    args: Sequence[str] | None,
+    arguments: argparse.Namespace,
+    folder: ResultsFolder,
+    samples: Sequence[BenchmarkSample],
+    done: frozenset[Key],
+) -> int:
+    """Replay into the folder; a row is kept as soon as it comes."""
+    # Ctrl-C must reach Python, to put the planner's parameters back before the end.
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node('benchmark_node')
+    try:
+        with Caller(node, arguments.planner) as caller:
+            caller.wait_for_planner()
+            with LiveRun(caller, arguments.planner, arguments.client) as run:
+                cases = run.cases(arguments.methods)
+                with progress(len(samples) * len(cases) - len(done), 'plan') as step:
+                    for rows in run.rows(samples, cases, done):
+                        folder.append(rows)
+                        step()
+    except (CallerError, ResultsError) as error:
+        return _complain(str(error), INCOMPLETE)
+    except KeyboardInterrupt:
+        return _complain('interrupted: rows so far are kept; go on with --resume', INTERRUPTED)
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return OK
 
 
-def _plan(
-    caller: Caller, barrier_map: BarrierMap, grid_map: GridMap, pair: int, method: str
-) -> Row:
-    sample = barrier_map.samples[pair]
-    cells = [barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)]
-    start, goal = (Pose2D(*place) for place in grid_map.grid_to_world(cells).tolist())
-    _, report, round_trip = caller.call(start, goal)
-    return Row(barrier_map.id, pair, method, report, round_trip)
+def _close(folder: ResultsFolder, metadata: dict[str, object], seed: int, code: int) -> int:
+    """Write what is read of a run, and print it."""
+    try:
+        rows = folder.read()
+        if not rows:
+            return code
+        folder.write_json('metadata.json', metadata)
+        publish(folder, metadata, load_barrier_maps(folder.path / MAPS_FILE))
+    except ResultsError as error:
+        return _complain(str(error), INCOMPLETE)
+    sys.stdout.write(text_report(rows, seed) + '\n')
+    sys.stderr.write(f'{len(rows)} rows: {folder.path}/report.html\n')
+    return code
 
 
-def summary(rows: Sequence[Row]) -> str:
-    """Return the ratios to A* over the samples that both methods solved, as text.
-
-    Geometric means of the ratios on the same sample (LLM-A* paper, sec. 4.3).
-    """
-    baseline = {(row.map, row.pair): row.report for row in rows if row.method == BASELINE}
-    others = [row for row in rows if row.method != BASELINE or len(baseline) == len(rows)]
-    solved = [
-        (row.report, baseline[row.map, row.pair])
-        for row in others
-        if row.report.code == 0
-        and (row.map, row.pair) in baseline
-        and baseline[row.map, row.pair].code == 0
-    ]
-    if not solved:
-        return f'{len(rows)} plans, no sample solved by both methods\n'
-    lines = [f'{len(others)} samples, {len(solved)} solved, {others[0].method} over {BASELINE}:']
-    for name in ('operation', 'storage', 'length'):
-        ratios = [getattr(ours, name) / getattr(theirs, name) for ours, theirs in solved]
-        lines.append(f'  {name:9}  {100 * np.exp(np.mean(np.log(ratios))):7.2f} %')
-    guides: dict[str, int] = {}
-    for row in others:
-        guides[row.report.guided_by] = guides.get(row.report.guided_by, 0) + 1
-    counts = ', '.join(f'{name} {count}' for name, count in sorted(guides.items()))
-    lines.append(f'  guided by  {counts}')
-    times = np.percentile([1000 * row.round_trip for row in rows], [50, 95, 99])
-    lines.append('  round trip {:.2f} / {:.2f} / {:.2f} ms (p50 / p95 / p99)'.format(*times))
-    return '\n'.join(lines) + '\n'
+def _complain(message: str, code: int) -> int:
+    sys.stderr.write(f'error: {message}\n')
+    return code
 
 
 if __name__ == '__main__':

@@ -25,7 +25,7 @@ from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.run import spin
 
 # Discovery takes from milliseconds to seconds on a loaded machine.
-DISCOVERY_SECONDS = 30.0
+DISCOVERY_SECONDS = 15.0
 # Reports of other callers' plans come too, and nobody fetches them.
 KEPT_REPORTS = 256
 
@@ -79,13 +79,17 @@ class Caller:
             if not self._arrived.wait_for(condition, seconds):
                 raise CallerError(f'{what} did not come within {seconds:g} s')
 
+    def wait_for_planner(self) -> None:
+        """Wait until the planner's service is there. Raises CallerError."""
+        if not self._client.wait_for_service(DISCOVERY_SECONDS):
+            raise CallerError(f'{self._client.srv_name} is not there; is {self._planner} running?')
+
     def wait_until_ready(self, map_digest: str | None = None, *, client: str = '') -> None:
         """Wait until the planner plans on that map (or on any) and sees its waypoint client.
 
         `client` names a client that must have the map too. Raises CallerError.
         """
-        if not self._client.wait_for_service(DISCOVERY_SECONDS):
-            raise CallerError(f'{self._client.srv_name} is not there; is {self._planner} running?')
+        self.wait_for_planner()
 
         def has_map(name: str) -> bool:
             digest = self._health.get(name, {}).get('map_digest')

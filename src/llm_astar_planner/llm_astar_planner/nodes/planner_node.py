@@ -45,6 +45,7 @@ PARAMETERS = (
     Parameter(
         'llm_client', 'llm_client_node', 'Node to ask for waypoints; empty asks none', fixed=True
     ),
+    Parameter('use_waypoints', True, 'Whether to ask for waypoints'),
     Parameter('occupied_threshold', 65, 'Occupancy that blocks', minimum=1, maximum=100),
     Parameter('allow_unknown', True, 'Whether paths may cross unknown cells'),
     Parameter('corner_cutting', False, 'Whether diagonal steps may pass blocked corners'),
@@ -173,7 +174,7 @@ class PlannerNode(Node):
             start=grid_map.world_to_cell(start.x, start.y),
             goal=grid_map.world_to_cell(goal.x, goal.y),
             method=self._settings['method'],
-            source=self._source,
+            source=self._source if self._settings['use_waypoints'] else None,
             heuristic=self._settings['heuristic'],
             weight=self._settings['weight'],
             time_limit=self._settings['max_planning_time'],
