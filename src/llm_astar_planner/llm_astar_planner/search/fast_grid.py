@@ -183,6 +183,7 @@ def exact_astar(
     corner_cutting: bool = False,
     stop: NDArray[np.uint8] | None = None,
     want_expanded: bool = True,
+    every_move: bool = False,
 ) -> BoundedResult:
     """Find a cheapest path with A* (octile, ties to larger g, no stale pops).
 
@@ -193,7 +194,7 @@ def exact_astar(
     """
     grid = as_grid(blocked, corner_cutting=corner_cutting)
     with grid.workspace() as workspace:
-        result = _run_exact(grid, workspace, start, goal, stop, want_expanded)
+        result = _run_exact(grid, workspace, start, goal, stop, want_expanded, every_move)
     if result is not None:
         return result
     if grid.coarse() is grid:
@@ -208,6 +209,7 @@ def _run_exact(
     goal: Cell,
     stop: NDArray[np.uint8] | None,
     want_expanded: bool,
+    every_move: bool,
 ) -> BoundedResult | None:
     first, last = grid.index(start), grid.index(goal)
     if grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
@@ -226,6 +228,7 @@ def _run_exact(
             grid.diagonal,
             first,
             last,
+            every_move or grid.price.size > 0,
             generation,
             workspace.records,
             workspace.pool,

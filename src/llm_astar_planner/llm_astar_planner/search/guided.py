@@ -110,12 +110,13 @@ class GuidedSearch:
 
     def run(self):
         grid = self.grid
+        kb = kernels_bucket
         ws = grid.borrow()
+        self.plain = None
         n = max(ws.pool.size, 1024)
         self.pool = np.empty(n, np.int64)
         self.keys = np.empty(n, np.int64)
-        gh = np.zeros(_BUCKETS + 1, np.int32)
-        ph = np.zeros(_BUCKETS + 1, np.int32)
+        heads = np.zeros(_BUCKETS + 1, np.int32)
         c = self.c = np.zeros(kernels.G_SIZE, np.int64)
         s, g = self._ends
         c[kernels.G_START], c[kernels.G_GOAL] = s, g
@@ -131,11 +132,34 @@ class GuidedSearch:
         if self.landmarks is not None:
             marks = self.landmarks.marks
             active = self.landmarks.active(grid, self.start, self.goal)
-        kernels.begin(grid.price.size > 0, ws.records, self.pool, self.keys, ph, marks, active, c)
-        shift = 5
+        kernels.begin(
+            ws.records, self.pool, self.keys, heads, grid.price.size > 0, marks, active, c
+        )
         targets = np.zeros((1, 5), np.int64)
         self.first_op = None
-        self.events = []
+        pl = None
+        pops = 0
+        injected = kb.NO_PATH
+        gshift = 5
+        k = kernels
+        c[k.G_SHARE] = round(SHARE * k.ONE)
+        c[k.G_CREDIT] = int(c[k.G_LEAST] * self.slack)
+
+        def rk(proving, fresh=False):
+            k.rekey(
+                ws.records,
+                self.pool,
+                self.keys,
+                heads,
+                targets,
+                marks,
+                active,
+                proving,
+                fresh,
+                5 if proving else gshift,
+                c,
+            )
+
         while True:
             if self._pending is not None:
                 p, self._pending = self._pending, None
@@ -145,25 +169,17 @@ class GuidedSearch:
                     + grid.straight
                     * max(abs(targets[0, 0] - self.start[0]), abs(targets[0, 1] - self.start[1]))
                 ) * 1.7
-                shift = 5
-                while (_BUCKETS << shift) < key0 - c[kernels.G_BOUND]:
-                    shift += 1
-                while (
-                    kernels.retarget(
-                        ws.records, self.pool, self.keys, gh, ph, shift, targets, marks, active, c
-                    )
-                    == kernels_bucket.NEED_SPACE
-                ):
-                    self._grow()
-            st = kernels.advance(
+                gshift = 5
+                while (_BUCKETS << gshift) < key0 - c[k.G_BOUND]:
+                    gshift += 1
+                rk(False, True)
+            st = k.advance(
                 grid.moves,
                 grid.price,
                 ws.records,
                 self.pool,
                 self.keys,
-                gh,
-                ph,
-                shift,
+                heads,
                 targets,
                 marks,
                 active,
@@ -171,23 +187,75 @@ class GuidedSearch:
                 SLICE,
                 self.stop,
             )
-            if st == kernels_bucket.NEED_SPACE:
+            if st == kb.NEED_SPACE:
                 self._grow()
                 continue
-            if self.first_op is None and c[kernels.G_BEST] < kernels_bucket.NO_PATH:
-                self.first_op = c[kernels.G_GUIDED] + c[kernels.G_PROOF]
-                self.first = c[kernels.G_BEST]
-            if st == kernels_bucket.FOUND:
-                if (
-                    self.max_suboptimality is None
-                    or c[kernels.G_BEST] * kernels.ONE <= c[kernels.G_BOUND] * c[kernels.G_RATIO]
-                ):
+            if self.first_op is None and c[k.G_BEST] < kb.NO_PATH:
+                self.first_op = c[k.G_GUIDED] + c[k.G_PROOF] + pops
+                self.first = c[k.G_BEST]
+            if st == kb.FOUND:
+                if self.max_suboptimality is None or k.is_met(c):
                     break
+                rk(True)
                 continue
-            if st in (kernels_bucket.EXHAUSTED, kernels_bucket.STOPPED):
+            if st in (kb.EXHAUSTED, kb.STOPPED):
                 break
+            if st == k.SWITCH:
+                if c[k.G_PROVING]:
+                    c[k.G_CREDIT] = max(c[k.G_CREDIT], c[k.G_PROOF])
+                    rk(False)
+                else:
+                    c[k.G_CREDIT] = int(c[k.G_GUIDED] * GROW)
+                    rk(True)
+                continue
+            if st == k.WORKED:
+                if pl is None:
+                    pl = grid.borrow()
+                    pc = pl.control
+                    pc[:] = 0
+                    gen = pl.next_generation()
+                if pc[kb.A_STARTED] and c[k.G_BEST] < pc[kb.A_BEST]:
+                    pc[kb.A_BEST] = injected = c[k.G_BEST]
+                st = kb.astar(
+                    grid.moves,
+                    grid.price,
+                    grid.width,
+                    grid.straight,
+                    grid.diagonal,
+                    s,
+                    g,
+                    self.every,
+                    gen,
+                    pl.records,
+                    pl.pool,
+                    pl.heads,
+                    pc,
+                    self.stop,
+                    max(4, pops // 8),
+                )
+                if st == kb.NEED_SPACE:
+                    pl.grow_pool()
+                pops = pc[kb.A_OPERATION]
+                if pc[kb.A_BEST] < injected and pc[kb.A_BEST] < c[k.G_BEST]:
+                    c[k.G_BEST] = pc[kb.A_BEST]
+                if st == kb.FOUND:
+                    c[k.G_BOUND] = c[k.G_BEST] = pc[kb.A_BEST]
+                    break
+                if st == kb.EXHAUSTED:
+                    break
+                c[k.G_BOUND] = max(c[k.G_BOUND], pc[kb.A_BUCKET] << 5)
+                c[k.G_LEAST] = max(c[k.G_LEAST], pops)
+                if k.is_met(c):
+                    break
         grid.give_back(ws)
+        self.pops = pops
+        self.pstore = 0
+        if pl is not None:
+            self.pstore = pc[kb.A_STORAGE]
+            grid.give_back(pl)
         return st, c
+
+    every = False
 
     def _grow(self):
         self.pool = np.concatenate((self.pool, np.empty_like(self.pool)))
@@ -195,3 +263,5 @@ class GuidedSearch:
 
 
 PASSABS = 3.0
+SHARE = 0.6
+GROW = 1.25

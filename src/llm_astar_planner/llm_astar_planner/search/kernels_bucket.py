@@ -3,8 +3,8 @@
 Cells are numbered row by row, `index = y * width + x`. A legal move is a bit of `moves[index]`:
 bits 0 to 3 are +x, +y, -x, -y, bits 4 to 7 the diagonals +x+y, -x+y, -x-y, +x-y. Lengths are
 whole numbers, `straight` and `diagonal` units a step. Each cell has a record of two int32:
-its g, and a tag `generation << 12 | target << 4 | closed << 3 | move that led here`. A record of
-another generation counts as never seen, so a query clears nothing.
+its g, and a tag `generation << 12 | counted << 11 | target << 4 | closed << 3 | move that led
+here`. A record of another generation counts as never seen, so a query clears nothing.
 """
 
 from __future__ import annotations
@@ -132,19 +132,22 @@ def astar(
     diagonal: int,
     start: int,
     goal: int,
+    every_move: bool,
     generation: int,
     records: NDArray[np.int32],
     pool: NDArray[np.int64],
     heads: NDArray[np.int32],
     control: NDArray[np.int64],
     stop: NDArray[np.uint8],
+    quota: int,
 ) -> int:
-    """Run or resume an exact A*; return how the call ended.
+    """Run or resume an exact A* for `quota` expansions; return how the call ended.
 
     `heads` is a ring of buckets, each 1 << BUCKET_BITS units of f wide and last in, first out;
     entries live in `pool` as `cell << 32 | next entry + 1`. After NEED_SPACE call again with a
     longer pool of the same beginning. `price` is empty, or the surcharge of each cell in 1/256:
-    a move costs its length times 1 plus the mean of the surcharges at its two ends.
+    a move costs its length times 1 plus the mean of the surcharges at its two ends. `every_move`
+    tries the moves that uniform costs make pointless too; graded costs need it.
     """
     graded = price.size > 0
     ring = heads.size - 1
@@ -179,6 +182,7 @@ def astar(
         top = control[A_TOP]
         live = control[A_LIVE]
     status = RUNNING
+    spent = 0
     while True:
         while live > 0 and heads[bucket & ring] == 0:
             bucket += 1
@@ -187,6 +191,8 @@ def astar(
             break
         if top + 8 > pool.size:
             status = NEED_SPACE
+            break
+        if spent >= quota:
             break
         slot = bucket & ring
         entry = heads[slot]
@@ -201,6 +207,7 @@ def astar(
             continue
         records[2 * cell + 1] = cell_tag | CLOSED
         operation += 1
+        spent += 1
         if operation & POLL_MASK == 0 and stop[0] != 0:
             records[2 * cell + 1] = cell_tag
             operation -= 1
@@ -212,7 +219,7 @@ def astar(
             break
         y = np.int64((cell + 0.5) * per_width)
         x = cell - y * width
-        row = EVERY_MOVE if graded or cell == start else (cell_tag & 7) << 8
+        row = EVERY_MOVE if every_move or cell == start else (cell_tag & 7) << 8
         mask = np.int64(WORTHWHILE[row | moves[cell]])
         while mask:
             move = LOWEST[mask]
@@ -292,6 +299,7 @@ def solve(
     diagonal: int,
     start: int,
     goal: int,
+    every_move: bool,
     generation: int,
     records: NDArray[np.int32],
     pool: NDArray[np.int64],
@@ -309,12 +317,14 @@ def solve(
         diagonal,
         start,
         goal,
+        every_move,
         generation,
         records,
         pool,
         heads,
         control,
         stop,
+        NO_PATH,
     )
     if status != FOUND and not (status == STOPPED and control[A_BEST] < NO_PATH):
         return status, 0, 0

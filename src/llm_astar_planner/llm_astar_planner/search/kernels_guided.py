@@ -1,8 +1,8 @@
-"""The compiled loop of the guided search: a waypoint queue and an A* queue over one set of g.
+"""The compiled loop of the guided search: first led by waypoints, then by its proof.
 
 See docs/guided-search.md for what it does and why its bounds hold, and `kernels_bucket` for how
-cells, moves and records are laid out. A queue is an array of buckets over a window of keys, with
-one more bucket for the keys beyond it; its entries live in a pool both queues share.
+cells, moves and records are laid out. The queue is an array of buckets over a window of keys,
+last in first out, with one more bucket for the keys beyond it; its entries live in a pool.
 """
 
 from __future__ import annotations
@@ -31,11 +31,13 @@ from llm_astar_planner.search.kernels_bucket import (
     TAG_BITS,
 )
 
-# Targets a cell's tag can count: eight bits, kept above the closed bit and the move.
-MAX_TARGETS = 256
+# Targets a cell's tag can count: seven bits, kept above the closed bit and the move.
+MAX_TARGETS = 128
 TARGET_SHIFT = 4
+# A cell A* surely expands, counted once.
+COUNTED = 1 << 11
 
-# Slots of the control array. Those of a queue follow each other: base, bucket, live entries.
+# Slots of the control array.
 (
     G_START,
     G_GOAL,
@@ -43,30 +45,31 @@ TARGET_SHIFT = 4
     G_STRAIGHT,
     G_DIAGONAL,
     G_WIDTH,
+    G_WEIGHT,
+    G_RATIO,
+    G_SLACK,
     G_FREE,
     G_TOP,
-    G_GUIDE_BASE,
-    G_GUIDE_BUCKET,
-    G_GUIDE_LIVE,
-    G_PROOF_BASE,
-    G_PROOF_BUCKET,
-    G_PROOF_LIVE,
-    G_GUIDING,
+    G_BASE,
+    G_BUCKET,
+    G_LIVE,
+    G_SHIFT,
     G_PROVING,
-    G_TARGETS,
-    G_WEIGHT,
     G_BEST,
-    G_REPORTED,
     G_BOUND,
     G_GUIDED,
     G_PROOF,
+    G_LEAST,
     G_SURE,
+    G_PENDING,
+    G_CREDIT,
+    G_SHARE,
     G_STORAGE,
-    G_RATIO,
-    G_SLACK,
-    G_SURELY,
     G_SIZE,
-) = range(29)
+) = range(27)
+# One more way a call can end: all the work A* surely needs is used up.
+WORKED = 6
+SWITCH = 7
 # Weights, ratios and slacks are whole numbers of this size.
 ONE = 1 << 16
 
@@ -78,42 +81,31 @@ def _octile(control: NDArray[np.int64], x: int, y: int, other_x: int, other_y: i
     delta_x = abs(x - other_x)
     delta_y = abs(y - other_y)
     straight = control[G_STRAIGHT]
-    return straight * max(delta_x, delta_y) + (control[G_DIAGONAL] - straight) * min(
-        delta_x, delta_y
-    )
+    extra = control[G_DIAGONAL] - straight
+    return straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
 
 
 @_jit
-def _estimate(
-    control: NDArray[np.int64],
-    marks: NDArray[np.int32],
-    active: NDArray[np.int64],
-    cell: int,
-    octile: int,
-) -> int:
+def _estimate(marks: NDArray[np.int32], active: NDArray[np.int64], cell: int, octile: int) -> int:
     """Raise the octile estimate of a cell's way to the goal to what the landmarks prove."""
     best = octile
     for row in range(active.shape[0]):
-        distance = marks[cell, active[row, 0]]
-        best = max(best, abs(np.int64(distance) - active[row, 1]))
+        best = max(best, abs(np.int64(marks[cell, active[row, 0]]) - active[row, 1]))
     return best
 
 
 @_jit
 def _push(
     control: NDArray[np.int64],
-    queue: int,
     heads: NDArray[np.int32],
-    shift: int,
     pool: NDArray[np.int64],
     keys: NDArray[np.int64],
     cell: int,
     key: int,
 ) -> None:
-    last = heads.size - 1
-    bucket = min(max((key - control[queue]) >> shift, 0), last)
-    if bucket < control[queue + 1]:
-        control[queue + 1] = bucket
+    bucket = min(max((key - control[G_BASE]) >> control[G_SHIFT], 0), heads.size - 1)
+    if bucket < control[G_BUCKET]:
+        control[G_BUCKET] = bucket
     entry = control[G_FREE]
     if entry:
         control[G_FREE] = pool[entry - 1]
@@ -123,85 +115,94 @@ def _push(
     pool[entry - 1] = np.int64(cell) << 32 | heads[bucket]
     keys[entry - 1] = key
     heads[bucket] = entry
-    control[queue + 2] += 1
+    control[G_LIVE] += 1
 
 
 @_jit
-def _settle(
-    control: NDArray[np.int64],
-    queue: int,
-    heads: NDArray[np.int32],
-    shift: int,
-    pool: NDArray[np.int64],
-    keys: NDArray[np.int64],
-    records: NDArray[np.int32],
-) -> int:
-    """Bring the queue to its first open entry and return that bucket's key, or -1 if empty.
-
-    Drops stale entries on the way. Where the window is empty, moves it to the keys beyond.
-    """
-    last = heads.size - 1
-    while control[queue + 2] > 0:
-        bucket = control[queue + 1]
-        while bucket < last and heads[bucket] == 0:
-            bucket += 1
-        control[queue + 1] = bucket
-        if bucket == last:
-            entry = heads[last]
-            lowest = np.int64(NO_PATH)
-            while entry:
-                lowest = min(lowest, keys[entry - 1])
-                entry = pool[entry - 1] & 0xFFFFFFFF
-            entry = heads[last]
-            heads[last] = 0
-            control[queue] = lowest >> shift << shift
-            control[queue + 1] = 0
-            while entry:
-                item = pool[entry - 1]
-                bucket = min((keys[entry - 1] - control[queue]) >> shift, last)
-                pool[entry - 1] = item >> 32 << 32 | heads[bucket]
-                heads[bucket] = entry
-                entry = item & 0xFFFFFFFF
-            continue
-        entry = heads[bucket]
-        if records[2 * (pool[entry - 1] >> 32) + 1] & CLOSED:
-            _drop(control, queue, heads, pool)
-            continue
-        return control[queue] + (bucket << shift)
-    return -1
-
-
-@_jit
-def _drop(
-    control: NDArray[np.int64], queue: int, heads: NDArray[np.int32], pool: NDArray[np.int64]
-) -> int:
+def _drop(control: NDArray[np.int64], heads: NDArray[np.int32], pool: NDArray[np.int64]) -> int:
     """Take the first entry of the current bucket off; return its cell."""
-    bucket = control[queue + 1]
+    bucket = control[G_BUCKET]
     entry = heads[bucket]
     item = pool[entry - 1]
     heads[bucket] = item & 0xFFFFFFFF
     pool[entry - 1] = control[G_FREE]
     control[G_FREE] = entry
-    control[queue + 2] -= 1
+    control[G_LIVE] -= 1
     return item >> 32
 
 
 @_jit
-def _target(
+def _move_window(
     control: NDArray[np.int64],
-    targets: NDArray[np.int64],
-    index: int,
-    x: int,
-    y: int,
+    heads: NDArray[np.int32],
+    pool: NDArray[np.int64],
+    keys: NDArray[np.int64],
+) -> None:
+    """Move the empty window to the lowest key beyond it and spread what it then holds."""
+    last = heads.size - 1
+    shift = control[G_SHIFT]
+    first = np.int64(heads[last])
+    lowest = np.int64(NO_PATH)
+    entry = first
+    while entry:
+        lowest = min(lowest, keys[entry - 1])
+        entry = pool[entry - 1] & 0xFFFFFFFF
+    heads[last] = 0
+    control[G_BASE] = lowest >> shift << shift
+    control[G_BUCKET] = 0
+    entry = first
+    while entry:
+        item = pool[entry - 1]
+        bucket = min((keys[entry - 1] - control[G_BASE]) >> shift, last)
+        pool[entry - 1] = item >> 32 << 32 | heads[bucket]
+        heads[bucket] = entry
+        entry = item & 0xFFFFFFFF
+
+
+@_jit
+def _settle(
+    control: NDArray[np.int64],
+    heads: NDArray[np.int32],
+    pool: NDArray[np.int64],
+    keys: NDArray[np.int64],
+    records: NDArray[np.int32],
+) -> int:
+    """Bring the queue to its first open entry; return where its bucket's keys begin, or -1.
+
+    Drops the entries met of cells already expanded and, while proving, those no better than the
+    best path.
+    """
+    last = heads.size - 1
+    limit = control[G_BEST] if control[G_PROVING] else np.int64(NO_PATH)
+    while control[G_LIVE] > 0:
+        bucket = control[G_BUCKET]
+        while bucket < last and heads[bucket] == 0:
+            bucket += 1
+        control[G_BUCKET] = bucket
+        if bucket == last:
+            _move_window(control, heads, pool, keys)
+            continue
+        entry = heads[bucket]
+        cell = pool[entry - 1] >> 32
+        if records[2 * cell + 1] & CLOSED or keys[entry - 1] >= limit:
+            _drop(control, heads, pool)
+            continue
+        return control[G_BASE] + (bucket << control[G_SHIFT])
+    return -1
+
+
+@_jit
+def _target(
+    control: NDArray[np.int64], targets: NDArray[np.int64], index: int, x: int, y: int
 ) -> int:
     """Return the target a cell is drawn to, given the one its parent was drawn to."""
-    last = control[G_TARGETS] - 1
+    last = targets.shape[0] - 1
     while index < last:
         near = _octile(control, x, y, targets[index, 0], targets[index, 1])
         if near > targets[index, 3]:
             ahead = _octile(control, x, y, targets[index + 1, 0], targets[index + 1, 1])
             leg = targets[index, 2] - targets[index + 1, 2]
-            if not (near <= targets[index, 4] and ahead <= leg):
+            if near > targets[index, 4] or ahead > leg:
                 break
         index += 1
     return index
@@ -222,164 +223,90 @@ def _guide_key(
 
 
 @_jit
-def _copy_open(
-    control: NDArray[np.int64],
-    source: NDArray[np.int32],
-    target_queue: int,
-    target: NDArray[np.int32],
-    shift: int,
-    pool: NDArray[np.int64],
-    keys: NDArray[np.int64],
-    records: NDArray[np.int32],
-    targets: NDArray[np.int64],
-    marks: NDArray[np.int32],
-    active: NDArray[np.int64],
-) -> None:
-    """Push every open cell that `source` holds on the other queue, with that queue's key."""
-    width = control[G_WIDTH]
-    goal_x, goal_y = control[G_GOAL] % width, control[G_GOAL] // width
-    for head in source:
-        entry = np.int64(head)
-        while entry:
-            cell = pool[entry - 1] >> 32
-            entry = pool[entry - 1] & 0xFFFFFFFF
-            cell_tag = records[2 * cell + 1]
-            if cell_tag & CLOSED:
-                continue
-            y = cell // width
-            x = cell - y * width
-            g = np.int64(records[2 * cell])
-            estimate = _estimate(
-                control, marks, active, cell, _octile(control, x, y, goal_x, goal_y)
-            )
-            key = g + estimate
-            if target_queue == G_GUIDE_BASE:
-                index = _target(control, targets, 0, x, y)
-                low = cell_tag & (CLOSED | 7)
-                records[2 * cell + 1] = (
-                    control[G_GENERATION] << TAG_BITS | index << TARGET_SHIFT | low
-                )
-                key = _guide_key(control, targets, index, x, y, g, estimate)
-            _push(control, target_queue, target, shift, pool, keys, cell, key)
-
-
-@_jit
 def begin(
-    graded: bool,
     records: NDArray[np.int32],
     pool: NDArray[np.int64],
     keys: NDArray[np.int64],
-    proof_heads: NDArray[np.int32],
+    heads: NDArray[np.int32],
+    graded: bool,
     marks: NDArray[np.int32],
     active: NDArray[np.int64],
     control: NDArray[np.int64],
 ) -> None:
-    """Start a search that only proves, without waypoints; `control` holds the query already."""
+    """Put the start on the queue; `control` holds the query and is otherwise zero."""
     start, goal, width = control[G_START], control[G_GOAL], control[G_WIDTH]
     delta_x = abs(start % width - goal % width)
     delta_y = abs(start // width - goal // width)
-    octile = _octile(control, delta_x, delta_y, 0, 0)
-    estimate = _estimate(control, marks, active, start, octile)
+    estimate = _estimate(marks, active, start, _octile(control, delta_x, delta_y, 0, 0))
     records[2 * start] = 0
     records[2 * start + 1] = control[G_GENERATION] << TAG_BITS
-    proof_heads[:] = 0
+    heads[:] = 0
     control[G_BOUND] = estimate
-    control[G_PROOF_BASE] = estimate >> BUCKET_BITS << BUCKET_BITS
+    control[G_BASE] = estimate
     control[G_STORAGE] = 1
     control[G_BEST] = NO_PATH if start != goal else 0
-    control[G_REPORTED] = NO_PATH
-    control[G_PROVING] = 1
     # Any path has at least so many moves, and A* expands all of its cells but the goal.
-    control[G_SURELY] = max(delta_x, delta_y)
+    control[G_LEAST] = max(delta_x, delta_y)
     if not graded:
-        control[G_SURELY] = max(control[G_SURELY], estimate // control[G_DIAGONAL])
-    _push(control, G_PROOF_BASE, proof_heads, BUCKET_BITS, pool, keys, start, estimate)
+        control[G_LEAST] = max(control[G_LEAST], estimate // control[G_DIAGONAL])
+    _push(control, heads, pool, keys, start, estimate)
 
 
 @_jit
-def retarget(
+def rekey(
     records: NDArray[np.int32],
     pool: NDArray[np.int64],
     keys: NDArray[np.int64],
-    guide_heads: NDArray[np.int32],
-    proof_heads: NDArray[np.int32],
-    guide_shift: int,
+    heads: NDArray[np.int32],
     targets: NDArray[np.int64],
     marks: NDArray[np.int32],
     active: NDArray[np.int64],
+    proving: bool,
+    fresh: bool,
+    shift: int,
     control: NDArray[np.int64],
-) -> int:
-    """Draw the search to `targets` from here on: FOUND, or NEED_SPACE and nothing was done."""
-    if control[G_TOP] + 2 * (control[G_GUIDE_LIVE] + control[G_PROOF_LIVE]) + 16 > pool.size:
-        return NEED_SPACE
-    if control[G_PROVING] == 0:
-        _begin_proof(
-            control, guide_heads, proof_heads, pool, keys, records, targets, marks, active
-        )
-    for bucket in range(guide_heads.size):
-        entry = np.int64(guide_heads[bucket])
-        while entry:
-            following = pool[entry - 1] & 0xFFFFFFFF
-            pool[entry - 1] = control[G_FREE]
-            control[G_FREE] = entry
-            entry = following
-        guide_heads[bucket] = 0
-    control[G_GUIDE_LIVE] = 0
-    control[G_GUIDE_BUCKET] = 0
-    control[G_GUIDE_BASE] = control[G_BOUND] >> guide_shift << guide_shift
-    control[G_TARGETS] = targets.shape[0]
-    control[G_GUIDING] = 1
-    _copy_open(
-        control,
-        proof_heads,
-        G_GUIDE_BASE,
-        guide_heads,
-        guide_shift,
-        pool,
-        keys,
-        records,
-        targets,
-        marks,
-        active,
-    )
-    if control[G_PROOF] + control[G_GUIDED] == 0:
-        # Nothing is expanded yet: the proof can wait until the waypoints' work is used up.
-        control[G_PROVING] = 0
-        control[G_PROOF_LIVE] = 0
-        proof_heads[:] = 0
-    return FOUND
-
-
-@_jit
-def _begin_proof(
-    control: NDArray[np.int64],
-    guide_heads: NDArray[np.int32],
-    proof_heads: NDArray[np.int32],
-    pool: NDArray[np.int64],
-    keys: NDArray[np.int64],
-    records: NDArray[np.int32],
-    targets: NDArray[np.int64],
-    marks: NDArray[np.int32],
-    active: NDArray[np.int64],
 ) -> None:
-    proof_heads[:] = 0
-    control[G_PROVING] = 1
-    control[G_PROOF_LIVE] = 0
-    control[G_PROOF_BUCKET] = 0
-    control[G_PROOF_BASE] = control[G_BOUND] >> BUCKET_BITS << BUCKET_BITS
-    _copy_open(
-        control,
-        guide_heads,
-        G_PROOF_BASE,
-        proof_heads,
-        BUCKET_BITS,
-        pool,
-        keys,
-        records,
-        targets,
-        marks,
-        active,
-    )
+    """Queue the open cells anew: for the proof, or for new targets."""
+    width = control[G_WIDTH]
+    goal_x, goal_y = control[G_GOAL] % width, control[G_GOAL] // width
+    cells = np.empty(control[G_LIVE], dtype=np.int64)
+    count = 0
+    for head in heads:
+        entry = np.int64(head)
+        while entry:
+            cell = pool[entry - 1] >> 32
+            if records[2 * cell + 1] & CLOSED == 0:
+                cells[count] = cell
+                count += 1
+            entry = pool[entry - 1] & 0xFFFFFFFF
+    heads[:] = 0
+    control[G_FREE] = 0
+    control[G_TOP] = 0
+    control[G_LIVE] = 0
+    control[G_BUCKET] = 0
+    control[G_PROVING] = proving
+    control[G_SHIFT] = shift
+    control[G_BASE] = control[G_BOUND] >> shift << shift
+    for cell in cells[:count]:
+        y = cell // width
+        x = cell - y * width
+        g = np.int64(records[2 * cell])
+        estimate = _estimate(marks, active, cell, _octile(control, x, y, goal_x, goal_y))
+        key = g + estimate
+        if not proving:
+            index = (records[2 * cell + 1] >> TARGET_SHIFT) & (MAX_TARGETS - 1)
+            index = _target(control, targets, 0 if fresh else index, x, y)
+            kept = records[2 * cell + 1] & ~((MAX_TARGETS - 1) << TARGET_SHIFT)
+            records[2 * cell + 1] = kept | index << TARGET_SHIFT
+            key = _guide_key(control, targets, index, x, y, g, estimate)
+        _push(control, heads, pool, keys, cell, key)
+
+
+@_jit
+def is_met(control: NDArray[np.int64]) -> bool:
+    """Tell whether the best path is proven to be within the ratio asked for."""
+    best = control[G_BEST]
+    return best < NO_PATH and best * ONE <= control[G_BOUND] * control[G_RATIO]
 
 
 @_jit
@@ -389,9 +316,7 @@ def advance(
     records: NDArray[np.int32],
     pool: NDArray[np.int64],
     keys: NDArray[np.int64],
-    guide_heads: NDArray[np.int32],
-    proof_heads: NDArray[np.int32],
-    guide_shift: int,
+    heads: NDArray[np.int32],
     targets: NDArray[np.int64],
     marks: NDArray[np.int32],
     active: NDArray[np.int64],
@@ -399,70 +324,62 @@ def advance(
     quota: int,
     stop: NDArray[np.uint8],
 ) -> int:
-    """Search on for `quota` expansions or until there is something to tell; return what.
+    """Search on, led by the waypoints or, once control[G_PROVING], by the proof; return why not.
 
-    FOUND: a new best path (control[G_BEST]) from the waypoints, or any path whose ratio is met;
-    EXHAUSTED: everything that could beat the best path was expanded; RUNNING: the quota is used.
+    FOUND: the waypoints led to the goal, or the ratio asked for is proven. EXHAUSTED: nothing
+    open can beat the best path. WORKED: all the work A* surely needs is used up. RUNNING: the
+    quota is. STOPPED, NEED_SPACE, OVERFLOW as in `kernels_bucket`.
     """
-    start = control[G_START]
     goal = control[G_GOAL]
     width = control[G_WIDTH]
     generation = control[G_GENERATION]
-    tag = generation << TAG_BITS
+    proving = control[G_PROVING] != 0
     goal_y = goal // width
     goal_x = goal - goal_y * width
     per_width = 1.0 / width
     graded = price.size > 0
-    spent = 0
-    while True:
+    for spent in range(quota):
         if spent & POLL_MASK == POLL_MASK and stop[0] != 0:
             return STOPPED
-        if spent >= quota:
-            return RUNNING
-        if control[G_TOP] + 16 > pool.size:
+        if control[G_TOP] + 8 > pool.size:
             return NEED_SPACE
-        if control[G_PROVING] == 0 and not _may_guide(control):
-            if control[G_TOP] + control[G_GUIDE_LIVE] + 16 > pool.size:
-                return NEED_SPACE
-            _begin_proof(
-                control, guide_heads, proof_heads, pool, keys, records, targets, marks, active
-            )
-            continue
-        if control[G_PROVING]:
-            floor = _settle(control, G_PROOF_BASE, proof_heads, BUCKET_BITS, pool, keys, records)
-            if floor < 0 or floor >= control[G_BEST]:
-                control[G_BOUND] = control[G_BEST]
-                return EXHAUSTED
-            control[G_BOUND] = max(control[G_BOUND], floor)
-            met = control[G_BEST] * ONE <= control[G_BOUND] * control[G_RATIO]
-            if control[G_RATIO] and control[G_BEST] < NO_PATH and met:
-                return FOUND
-        guided = _may_guide(control)
-        if guided:
-            if _settle(control, G_GUIDE_BASE, guide_heads, guide_shift, pool, keys, records) < 0:
-                control[G_GUIDING] = 0
-                if control[G_PROVING] == 0:
-                    control[G_BOUND] = control[G_BEST]
-                    return EXHAUSTED
-                continue
-            cell = _drop(control, G_GUIDE_BASE, guide_heads, pool)
-            if cell == goal:
-                control[G_REPORTED] = control[G_BEST]
-                return FOUND
-            control[G_GUIDED] += 1
-        else:
-            cell = _drop(control, G_PROOF_BASE, proof_heads, pool)
+        floor = _settle(control, heads, pool, keys, records)
+        if floor < 0 or (proving and floor >= control[G_BEST]):
+            control[G_BOUND] = max(control[G_BOUND], control[G_BEST])
+            return EXHAUSTED
+        if proving and floor > control[G_BOUND]:
+            control[G_BOUND] = floor
+            control[G_SURE] += control[G_PENDING]
+            control[G_PENDING] = 0
+        if proving and is_met(control):
+            return FOUND
+        work = max(control[G_SURE], control[G_LEAST])
+        if (control[G_GUIDED] + control[G_PROOF] + 1) * ONE > work * control[G_SLACK]:
+            return WORKED
+        if proving:
+            if control[G_PROOF] >= control[G_CREDIT] and control[G_BEST] == NO_PATH:
+                return SWITCH
+        elif control[G_GUIDED] >= max(control[G_CREDIT], control[G_SURE] * control[G_SHARE] >> 16):
+            return SWITCH
+        cell = _drop(control, heads, pool)
+        if proving:
             control[G_PROOF] += 1
-        spent += 1
+        elif cell == goal:
+            return FOUND
+        else:
+            control[G_GUIDED] += 1
         cell_tag = records[2 * cell + 1]
-        records[2 * cell + 1] = cell_tag | CLOSED
         g = np.int64(records[2 * cell])
         if g > LIMIT:
             return OVERFLOW
+        if proving and cell_tag & COUNTED == 0:
+            control[G_PENDING] += 1
+            cell_tag |= COUNTED
+        records[2 * cell + 1] = cell_tag | CLOSED
         y = np.int64((cell + 0.5) * per_width)
         x = cell - y * width
+        cell_target = (cell_tag >> TARGET_SHIFT) & (MAX_TARGETS - 1)
         mask = np.int64(moves[cell])
-        cell_target = (cell_tag >> TARGET_SHIFT) & 255
         while mask:
             move = LOWEST[mask]
             mask &= mask - 1
@@ -473,42 +390,28 @@ def advance(
             other_g = g + length
             if graded:
                 other_g += length * (np.int64(price[cell]) + price[other]) >> 9
-            new = records[2 * other + 1] >> TAG_BITS != generation
+            old_tag = records[2 * other + 1]
+            new = old_tag >> TAG_BITS != generation
             if not new and other_g >= records[2 * other]:
                 continue
             octile = _octile(control, other_x, other_y, goal_x, goal_y)
-            estimate = _estimate(control, marks, active, other, octile)
+            estimate = _estimate(marks, active, other, octile)
             if other_g + estimate >= control[G_BEST]:
                 continue
+            counted = 0 if new else old_tag & COUNTED
+            if counted == 0 and other_g + octile < control[G_BOUND]:
+                counted = COUNTED
+                control[G_SURE] += 1
             index = _target(control, targets, cell_target, other_x, other_y)
+            key = other_g + estimate
+            if not proving:
+                key = _guide_key(control, targets, index, other_x, other_y, other_g, estimate)
             control[G_STORAGE] += new
-            control[G_SURE] += new and other_g + octile < control[G_BOUND]
             records[2 * other] = other_g
-            records[2 * other + 1] = tag | index << TARGET_SHIFT | move
+            records[2 * other + 1] = (
+                generation << TAG_BITS | counted | index << TARGET_SHIFT | move
+            )
             if other == goal:
                 control[G_BEST] = other_g
-            if control[G_GUIDING]:
-                key = _guide_key(control, targets, index, other_x, other_y, other_g, estimate)
-                _push(control, G_GUIDE_BASE, guide_heads, guide_shift, pool, keys, other, key)
-            if control[G_PROVING]:
-                _push(
-                    control,
-                    G_PROOF_BASE,
-                    proof_heads,
-                    BUCKET_BITS,
-                    pool,
-                    keys,
-                    other,
-                    other_g + estimate,
-                )
-
-
-@_jit
-def _may_guide(control: NDArray[np.int64]) -> bool:
-    """Tell whether the waypoint queue may expand: it looks for a path and has work left."""
-    work = max(control[G_PROOF], control[G_SURE], control[G_SURELY])
-    return (
-        control[G_GUIDING] != 0
-        and control[G_REPORTED] == NO_PATH
-        and control[G_GUIDED] * ONE < work * control[G_SLACK]
-    )
+            _push(control, heads, pool, keys, other, key)
+    return RUNNING
