@@ -78,6 +78,14 @@ class Workspace:
         self.generation += 1
         return self.generation
 
+    def trace(self, width: int, start: int, goal: int) -> NDArray[np.int32]:
+        """Return the path the records hold between two cells: int32 [n, 2]."""
+        while True:
+            count, _ = kernels.trace(width, start, goal, self.records, self.path)
+            if count <= len(self.path):
+                return self.path[:count].copy()
+            self.path = np.empty((2 * count, 2), dtype=np.int32)
+
     def grow_pool(self) -> None:
         """Double the pool of queue entries, keeping what it holds."""
         pool = np.empty(2 * self.pool.size, dtype=np.int64)
@@ -175,6 +183,23 @@ def as_grid(grid: FastGrid | ArrayLike, *, corner_cutting: bool = False) -> Fast
     return FastGrid(grid, corner_cutting=corner_cutting)
 
 
+def path_length(path: NDArray[np.int32]) -> float:
+    """Return the length in cells of a path [n, 2] of single moves."""
+    moves = np.abs(np.diff(path, axis=0)).sum(axis=1)
+    diagonals = int((moves == 2).sum())
+    return len(path) - 1 - diagonals + diagonals * math.sqrt(2.0) if len(path) else math.nan
+
+
+def path_units(grid: FastGrid, path: NDArray[np.int32]) -> int:
+    """Return the price of a path [n, 2] of single moves, in the grid's units."""
+    diagonal = np.abs(np.diff(path, axis=0)).sum(axis=1) == 2
+    lengths = np.where(diagonal, grid.diagonal, grid.straight).astype(np.int64)
+    if grid.price.size:
+        prices = grid.price[path[:, 1].astype(np.int64) * grid.width + path[:, 0]].astype(np.int64)
+        lengths += lengths * (prices[:-1] + prices[1:]) >> 9
+    return int(lengths.sum())
+
+
 def exact_astar(
     blocked: FastGrid | NDArray[np.bool_],
     start: Cell,
@@ -239,10 +264,6 @@ def _run_exact(
         )
         if status == kernels.NEED_SPACE:
             workspace.grow_pool()
-        elif count > len(workspace.path):
-            workspace.path = np.empty((2 * count, 2), dtype=np.int32)
-            kernels.trace(grid.width, first, last, workspace.records, workspace.path)
-            break
         else:
             break
     if status == kernels.OVERFLOW:
@@ -262,7 +283,11 @@ def _run_exact(
         operation,
         storage,
         expanded,
-        workspace.path[:count].copy(),
+        (
+            workspace.path[:count].copy()
+            if count <= len(workspace.path)
+            else workspace.trace(grid.width, first, last)
+        ),
         count - 1 - diagonals + diagonals * math.sqrt(2.0),
         cost=units / grid.straight,
         lower_bound=bound / grid.straight,

@@ -13,47 +13,66 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from llm_astar_planner.search import kernels_bucket, kernels_guided as kernels
-from llm_astar_planner.search.fast_grid import BoundedResult, FastGrid, PathTooLongError, as_grid
+from llm_astar_planner.search import kernels_bucket as plain_kernels
+from llm_astar_planner.search import kernels_guided as kernels
+from llm_astar_planner.search.fast_grid import (
+    BoundedResult,
+    FastGrid,
+    PathTooLongError,
+    Workspace,
+    as_grid,
+    path_length,
+    path_units,
+)
 from llm_astar_planner.search.landmarks import NO_MARKS, NONE_ACTIVE, Landmarks
 from llm_astar_planner.search.result import Cell, SearchStatus
 
-# How greedily waypoints are followed: the weight of the way still to go.
-WEIGHT = 1.05
-# The work waypoints may cost, as a part of the work A* would need.
+# How greedily the waypoints are followed: the weight of the way still to go.
+WEIGHT = 1.2
+# The expansions that waypoints may cost, as a part of those A* surely needs.
 SLACK = 1.1
-# Within how many cells of a waypoint it counts as met, and, once nearer to the next waypoint
-# than this one is, within what part of the leg between them.
-RADIUS = 2.0
-PASSING = 0.5
+# Within how many cells a waypoint counts as met.
+RADIUS = 3.0
+# Expansions between two looks at the clock and at new waypoints.
 SLICE = 4096
 _BUCKETS = 2048
-_SHORTER = 1e-9
+# The least plain A* expansions at a time; later an eighth of those done.
+_PLAIN_STEP = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
+class GuidedResult(BoundedResult):
+    """A bounded result with where its expansions went: led by waypoints, proof, plain A*."""
+
+    guided_operation: int = 0
+    proof_operation: int = 0
+    plain_operation: int = 0
+
+
+@dataclass(frozen=True, eq=False)
 class Improvement:
     """A better path while the search goes on.
 
-    `cost` and `lower_bound` in cells, `ratio` proven, `operation` the expansions so far, `path`
-    int32 [n, 2].
+    `path` is int32 [n, 2], `cost` and `lower_bound` are in cells, `ratio` = cost / lower_bound
+    is proven, `operation` counts the expansions so far.
     """
 
+    path: NDArray[np.int32]
     cost: float
     lower_bound: float
     ratio: float
     operation: int
-    path: NDArray[np.int32]
 
 
 class GuidedSearch:
-    """One search, steered by waypoints that may come while it runs.
+    """One search, led by waypoints that may come while it runs.
 
-    `improvements()` runs it and yields each better path; `result()` gives what it found, at any
-    time. `guide(waypoints)` may be called before or during the run, from any thread, again and
-    again; without it the search is an exact A*. With `max_suboptimality` w >= 1 it ends when
-    the path is proven within w of the optimum, without it at the first path the waypoints
-    lead to. `landmarks` make the proof cheap and must hold on the grid.
+    `improvements()` runs it and yields each better path; `result()` then tells what it found.
+    `guide(waypoints)` may be called before the run or during it, from any thread, and again;
+    until it is called the search is a plain exact A*. With `max_suboptimality` w >= 1 it ends
+    when the path is proven within w of the optimum, without it at the first path. `landmarks`,
+    which must hold on the grid, make the proof cheap. `weight` is how greedily waypoints are
+    followed, `slack` how much work they may cost, as a part of A*'s.
     """
 
     def __init__(
@@ -69,199 +88,411 @@ class GuidedSearch:
         weight: float = WEIGHT,
         slack: float = SLACK,
     ) -> None:
-        """Take the query; nothing is searched yet. Raises ValueError for what no search can be."""
-        if max_suboptimality is not None and not max_suboptimality >= 1.0:
-            raise ValueError(f'max_suboptimality: {max_suboptimality} is under 1')
-        self.grid = as_grid(blocked, corner_cutting=corner_cutting)
-        self.start, self.goal = start, goal
-        self.max_suboptimality = max_suboptimality
-        self.landmarks = landmarks
-        self.stop = np.zeros(1, dtype=np.uint8) if stop is None else stop
-        self.weight, self.slack = weight, slack
+        """Take the query; nothing is searched yet.
+
+        Raises ValueError for a cell off the grid and a number out of its range.
+        """
+        if max_suboptimality is not None and not 1.0 <= max_suboptimality <= 1000.0:
+            raise ValueError(f'max_suboptimality: {max_suboptimality} is not in 1 to 1000')
+        if not 1.0 <= weight <= 100.0:
+            raise ValueError(f'weight: {weight} is not in 1 to 100')
+        if not 0.0 <= slack <= 1000.0:
+            raise ValueError(f'slack: {slack} is not in 0 to 1000')
+        self._grid = as_grid(blocked, corner_cutting=corner_cutting)
+        self._start, self._goal = start, goal
+        self._max_suboptimality = max_suboptimality
+        self._landmarks = landmarks
+        self._stop = np.zeros(1, dtype=np.uint8) if stop is None else stop
+        self._weight, self._slack = weight, slack
+        self._grid.index(start)
+        self._grid.index(goal)
         self._lock = threading.Lock()
         self._pending: NDArray[np.float64] | None = None
-        self._ends = (self.grid.index(start), self.grid.index(goal))
+        self._run: _Run | None = None
+        self._result: GuidedResult | None = None
 
     def guide(self, waypoints: ArrayLike) -> None:
-        self._pending = np.asarray(waypoints, dtype=np.float64).reshape(-1, 2)
+        """Lead the search along waypoints: float [n, 2] grid coordinates (x, y), n >= 0.
 
-    def _targets(self, waypoints):
-        grid = self.grid
-        points = waypoints[np.isfinite(waypoints).all(axis=1)]
-        cells = np.clip(np.rint(points), 0, (grid.width - 1, grid.height - 1)).astype(np.int64)
-        if len(cells):
-            cells = cells[np.concatenate(([True], (np.diff(cells, axis=0) != 0).any(axis=1)))]
-        most = kernels.MAX_TARGETS - 1
-        if len(cells) > most:
-            cells = cells[np.linspace(0, len(cells) - 1, most).round().astype(np.int64)]
-        if len(cells) and tuple(cells[-1]) == tuple(self.goal):
-            cells = cells[:-1]
-        cells = np.concatenate((cells, [self.goal])).astype(np.int64)
-        delta = np.abs(np.diff(cells, axis=0))
-        legs = grid.straight * delta.max(axis=1) + (grid.diagonal - grid.straight) * delta.min(
-            axis=1
-        )
-        targets = np.zeros((len(cells), 5), dtype=np.int64)
-        targets[:, :2] = cells
-        targets[:-1, 2] = legs[::-1].cumsum()[::-1]
-        targets[:, 3] = int(RADIUS * grid.straight)
-        targets[:-1, 4] = np.maximum(PASSING * legs, PASSABS * grid.straight)
-        return targets
+        Any values may be given: what is not finite is dropped, what is off the map is moved
+        to its border, and more than the search can count are thinned out evenly. They count
+        from the next slice of the search on, and for nothing once a path was found.
+        Raises ValueError for an array of another shape.
+        """
+        points = np.asarray(waypoints, dtype=np.float64)
+        if points.size == 0:
+            points = points.reshape(0, 2)
+        if points.ndim != 2 or points.shape[1] != 2:
+            raise ValueError(f'waypoints: shape {points.shape} is not [n, 2]')
+        with self._lock:
+            self._pending = points
 
-    def run(self):
-        grid = self.grid
-        kb = kernels_bucket
-        ws = grid.borrow()
-        self.plain = None
-        n = max(ws.pool.size, 1024)
-        self.pool = np.empty(n, np.int64)
-        self.keys = np.empty(n, np.int64)
-        heads = np.zeros(_BUCKETS + 1, np.int32)
-        c = self.c = np.zeros(kernels.G_SIZE, np.int64)
-        s, g = self._ends
-        c[kernels.G_START], c[kernels.G_GOAL] = s, g
-        c[kernels.G_GENERATION] = ws.next_generation()
-        c[kernels.G_STRAIGHT], c[kernels.G_DIAGONAL] = grid.straight, grid.diagonal
-        c[kernels.G_WIDTH] = grid.width
-        c[kernels.G_WEIGHT] = round(self.weight * kernels.ONE)
-        c[kernels.G_SLACK] = round(self.slack * kernels.ONE)
-        c[kernels.G_RATIO] = (
-            0 if self.max_suboptimality is None else int(self.max_suboptimality * kernels.ONE)
-        )
-        active, marks = NONE_ACTIVE, NO_MARKS
-        if self.landmarks is not None:
-            marks = self.landmarks.marks
-            active = self.landmarks.active(grid, self.start, self.goal)
-        kernels.begin(
-            ws.records, self.pool, self.keys, heads, grid.price.size > 0, marks, active, c
-        )
-        targets = np.zeros((1, 5), np.int64)
-        self.first_op = None
-        pl = None
-        pops = 0
-        injected = kb.NO_PATH
-        gshift = 5
-        k = kernels
-        c[k.G_SHARE] = round(SHARE * k.ONE)
-        c[k.G_CREDIT] = int(c[k.G_LEAST] * self.slack)
+    def improvements(self, *, want_expanded: bool = False) -> Iterator[Improvement]:
+        """Run the search to its end and yield each better path as it is found.
 
-        def rk(proving, fresh=False):
-            k.rekey(
-                ws.records,
-                self.pool,
-                self.keys,
-                heads,
-                targets,
-                marks,
-                active,
-                proving,
-                fresh,
-                5 if proving else gshift,
-                c,
-            )
-
+        Call it once. A caller may drop the iterator early; `result` then is of that moment.
+        """
+        grid, landmarks = self._grid, self._landmarks
         while True:
-            if self._pending is not None:
-                p, self._pending = self._pending, None
-                targets = self._targets(p)
-                key0 = (
-                    int(targets[0, 2])
-                    + grid.straight
-                    * max(abs(targets[0, 0] - self.start[0]), abs(targets[0, 1] - self.start[1]))
-                ) * 1.7
-                gshift = 5
-                while (_BUCKETS << gshift) < key0 - c[k.G_BOUND]:
-                    gshift += 1
-                rk(False, True)
-            st = k.advance(
-                grid.moves,
-                grid.price,
-                ws.records,
-                self.pool,
-                self.keys,
-                heads,
-                targets,
-                marks,
-                active,
-                c,
-                SLICE,
-                self.stop,
+            run = _Run(self, grid, landmarks)
+            try:
+                yield from run.search()
+                self._result = run.result(want_expanded=want_expanded)
+                return
+            except OverflowError:
+                # Too long for the fine units: begin again in coarse ones, landmarks being fine.
+                if grid.coarse() is grid:
+                    message = f'the cost of a path {self._start} to {self._goal} does not fit'
+                    raise PathTooLongError(message) from None
+                grid, landmarks = grid.coarse(), None
+                self._restore(run)
+            except GeneratorExit:
+                self._result = run.result(want_expanded=want_expanded)
+                raise
+            finally:
+                run.close()
+
+    def result(self) -> GuidedResult:
+        """Return what the run found. Raises RuntimeError before it ended."""
+        if self._result is None:
+            raise RuntimeError('the search has not run to an end')
+        return self._result
+
+    def _take_pending(self) -> NDArray[np.float64] | None:
+        with self._lock:
+            points, self._pending = self._pending, None
+        return points
+
+    def _restore(self, run: _Run) -> None:
+        with self._lock:
+            if self._pending is None:
+                self._pending = run.waypoints
+
+
+def guided(
+    blocked: FastGrid | NDArray[np.bool_],
+    start: Cell,
+    goal: Cell,
+    waypoints: ArrayLike,
+    *,
+    corner_cutting: bool = False,
+    max_suboptimality: float | None = None,
+    landmarks: Landmarks | None = None,
+    stop: NDArray[np.uint8] | None = None,
+    weight: float = WEIGHT,
+    slack: float = SLACK,
+    want_expanded: bool = True,
+) -> GuidedResult:
+    """Search along `waypoints` to the end; see `GuidedSearch` for the rest of the parameters."""
+    search = GuidedSearch(
+        blocked,
+        start,
+        goal,
+        corner_cutting=corner_cutting,
+        max_suboptimality=max_suboptimality,
+        landmarks=landmarks,
+        stop=stop,
+        weight=weight,
+        slack=slack,
+    )
+    search.guide(waypoints)
+    for _ in search.improvements(want_expanded=want_expanded):
+        pass
+    return search.result()
+
+
+def warm_up() -> None:
+    """Compile, or load from the cache, all that a plan needs."""
+    for cost in (None, np.ones((4, 4))):
+        grid = FastGrid(np.zeros((4, 4), dtype=np.bool_), cost=cost)
+        landmarks = Landmarks.build(grid)
+        guided(grid, (0, 0), (3, 3), [[1.0, 2.0]], max_suboptimality=1.0, landmarks=landmarks)
+        guided(grid, (0, 0), (3, 3), [[1.0, 2.0]], slack=0.0)
+
+
+class _Run:
+    """One run of a guided search on one grid: the led search and the plain A* behind it."""
+
+    def __init__(self, search: GuidedSearch, grid: FastGrid, landmarks: Landmarks | None) -> None:
+        self.search_for = search
+        self.grid = grid
+        self.stop = search._stop
+        self.ends = grid.index(search._start), grid.index(search._goal)
+        self.waypoints: NDArray[np.float64] | None = None
+        self.status: SearchStatus | None = None
+        self.marks, self.active = NO_MARKS, NONE_ACTIVE
+        if landmarks is not None:
+            active = landmarks.active(grid, search._start, search._goal)
+            if active is None:
+                self.status = SearchStatus.EXHAUSTED
+            else:
+                self.marks, self.active = landmarks.marks, active
+        for x, y in (search._start, search._goal):
+            if grid.blocked[y, x]:
+                self.status = SearchStatus.EXHAUSTED
+        self.led = grid.borrow()
+        self.plain: Workspace | None = None
+        self.best_of: Workspace | None = None
+        self.best_path: NDArray[np.int32] | None = None
+        self.first_operation = 0
+        self.first_cost = math.inf
+        self._begin()
+
+    def _begin(self) -> None:
+        search, grid = self.search_for, self.grid
+        self.control = control = np.zeros(kernels.G_SIZE, dtype=np.int64)
+        control[kernels.G_START], control[kernels.G_GOAL] = self.ends
+        control[kernels.G_GENERATION] = self.led.next_generation()
+        control[kernels.G_STRAIGHT], control[kernels.G_DIAGONAL] = grid.straight, grid.diagonal
+        control[kernels.G_WIDTH] = grid.width
+        control[kernels.G_WEIGHT] = round(search._weight * kernels.ONE)
+        control[kernels.G_SLACK] = round(search._slack * kernels.ONE)
+        control[kernels.G_RADIUS] = round(RADIUS * grid.straight)
+        control[kernels.G_SHIFT] = plain_kernels.BUCKET_BITS
+        control[kernels.G_PLAIN_BEST] = plain_kernels.NO_PATH
+        # Rounded down: the ratio reported is never over the one asked for.
+        wanted = search._max_suboptimality
+        control[kernels.G_RATIO] = 0 if wanted is None else math.floor(wanted * kernels.ONE)
+        self.heads = np.zeros(_BUCKETS + 1, dtype=np.int32)
+        self.keys = np.empty(self.led.pool.size, dtype=np.int64)
+        self.targets = np.empty((0, 3), dtype=np.int64)
+        kernels.begin(
+            self.led.records,
+            self.led.pool,
+            self.keys,
+            self.heads,
+            grid.price.size > 0,
+            self.marks,
+            self.active,
+            control,
+        )
+
+    @property
+    def operation(self) -> int:
+        """Expansions so far."""
+        control = self.control
+        led = int(control[kernels.G_GUIDED] + control[kernels.G_PROOF])
+        return led + self._plain(plain_kernels.A_OPERATION)
+
+    def close(self) -> None:
+        """Give the workspaces back."""
+        self.grid.give_back(self.led)
+        if self.plain is not None:
+            self.grid.give_back(self.plain)
+
+    def search(self) -> Iterator[Improvement]:
+        """Search to the end; yield each better path."""
+        while self.status is None:
+            before = int(self.control[kernels.G_BEST])
+            if before == 0:  # the start is the goal
+                self.status, self.best_of = SearchStatus.FOUND, self.led
+                before = plain_kernels.NO_PATH
+            else:
+                self._step()
+            if self.control[kernels.G_BEST] < before:
+                yield self._improvement()
+
+    def result(self, *, want_expanded: bool) -> GuidedResult:
+        """Return what is known now."""
+        control, grid = self.control, self.grid
+        status = SearchStatus.STOPPED if self.status is None else self.status
+        expanded = np.zeros(grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
+        for workspace in (self.led, self.plain):
+            if want_expanded and workspace is not None:
+                kernels.add_expanded(workspace.records, workspace.generation, expanded)
+        operations = {
+            'first_operation': self.first_operation,
+            'first_cost': self.first_cost,
+            'guided_operation': int(control[kernels.G_GUIDED]),
+            'proof_operation': int(control[kernels.G_PROOF]),
+            'plain_operation': self._plain(plain_kernels.A_OPERATION),
+        }
+        storage = int(control[kernels.G_STORAGE]) + self._plain(plain_kernels.A_STORAGE)
+        path, bound = self.best_path, int(control[kernels.G_BOUND])
+        if path is None:
+            return GuidedResult(
+                status,
+                self.operation,
+                storage,
+                expanded,
+                lower_bound=bound / grid.straight,
+                **operations,
             )
-            if st == kb.NEED_SPACE:
-                self._grow()
-                continue
-            if self.first_op is None and c[k.G_BEST] < kb.NO_PATH:
-                self.first_op = c[k.G_GUIDED] + c[k.G_PROOF] + pops
-                self.first = c[k.G_BEST]
-            if st == kb.FOUND:
-                if self.max_suboptimality is None or k.is_met(c):
-                    break
-                rk(True)
-                continue
-            if st in (kb.EXHAUSTED, kb.STOPPED):
-                break
-            if st == k.SWITCH:
-                if c[k.G_PROVING]:
-                    c[k.G_CREDIT] = max(c[k.G_CREDIT], c[k.G_PROOF])
-                    rk(False)
-                else:
-                    c[k.G_CREDIT] = int(c[k.G_GUIDED] * GROW)
-                    rk(True)
-                continue
-            if st == k.WORKED:
-                if pl is None:
-                    pl = grid.borrow()
-                    pc = pl.control
-                    pc[:] = 0
-                    gen = pl.next_generation()
-                if pc[kb.A_STARTED] and c[k.G_BEST] < pc[kb.A_BEST]:
-                    pc[kb.A_BEST] = injected = c[k.G_BEST]
-                st = kb.astar(
-                    grid.moves,
-                    grid.price,
-                    grid.width,
-                    grid.straight,
-                    grid.diagonal,
-                    s,
-                    g,
-                    self.every,
-                    gen,
-                    pl.records,
-                    pl.pool,
-                    pl.heads,
-                    pc,
-                    self.stop,
-                    max(4, pops // 8),
-                )
-                if st == kb.NEED_SPACE:
-                    pl.grow_pool()
-                pops = pc[kb.A_OPERATION]
-                if pc[kb.A_BEST] < injected and pc[kb.A_BEST] < c[k.G_BEST]:
-                    c[k.G_BEST] = pc[kb.A_BEST]
-                if st == kb.FOUND:
-                    c[k.G_BOUND] = c[k.G_BEST] = pc[kb.A_BEST]
-                    break
-                if st == kb.EXHAUSTED:
-                    break
-                c[k.G_BOUND] = max(c[k.G_BOUND], pc[kb.A_BUCKET] << 5)
-                c[k.G_LEAST] = max(c[k.G_LEAST], pops)
-                if k.is_met(c):
-                    break
-        grid.give_back(ws)
-        self.pops = pops
-        self.pstore = 0
-        if pl is not None:
-            self.pstore = pc[kb.A_STORAGE]
-            grid.give_back(pl)
-        return st, c
+        units = path_units(grid, path)
+        return GuidedResult(
+            status,
+            self.operation,
+            storage,
+            expanded,
+            path,
+            path_length(path),
+            units / grid.straight,
+            min(bound, units) / grid.straight,
+            _ratio(units, bound),
+            **operations,
+        )
 
-    every = False
+    def _step(self) -> None:
+        """Search one slice; set the status when that ends the search."""
+        points = self.search_for._take_pending()
+        if points is not None:
+            self._lead(points)
+        if self.waypoints is None:
+            self._step_plain(SLICE)
+            return
+        led = self.led
+        ended = kernels.advance(
+            self.grid.moves,
+            self.grid.price,
+            led.records,
+            led.pool,
+            self.keys,
+            self.heads,
+            self.targets,
+            self.marks,
+            self.active,
+            self.control,
+            SLICE,
+            self.stop,
+        )
+        if self.control[kernels.G_BEST] < self.control[kernels.G_PLAIN_BEST]:
+            self.best_of = led
+        if ended == plain_kernels.NEED_SPACE:
+            led.grow_pool()
+            self.keys = np.concatenate((self.keys, np.empty_like(self.keys)))
+        elif ended == plain_kernels.FOUND:
+            if self.control[kernels.G_RATIO] == 0 or kernels.is_met(self.control):
+                self.status = SearchStatus.FOUND
+            else:
+                self._rekey(proving=True)
+        elif ended == kernels.WORKED:
+            self._step_plain(max(_PLAIN_STEP, self._plain(plain_kernels.A_OPERATION) // 8))
+        else:
+            self._end(ended)
 
-    def _grow(self):
-        self.pool = np.concatenate((self.pool, np.empty_like(self.pool)))
-        self.keys = np.concatenate((self.keys, np.empty_like(self.keys)))
+    def _step_plain(self, quota: int) -> None:
+        """Let the plain A* expand `quota` cells, for its own sake and for the led search's."""
+        grid, control = self.grid, self.control
+        if self.plain is None:
+            self.plain = grid.borrow()
+            self.plain.control[:] = 0
+            self.plain.next_generation()
+        plain = self.plain
+        known = plain.control
+        if (
+            known[plain_kernels.A_STARTED]
+            and control[kernels.G_BEST] < known[plain_kernels.A_BEST]
+        ):
+            # The led search's path prunes this one's too.
+            known[plain_kernels.A_BEST] = control[kernels.G_BEST]
+        ended = plain_kernels.astar(
+            grid.moves,
+            grid.price,
+            grid.width,
+            grid.straight,
+            grid.diagonal,
+            *self.ends,
+            grid.price.size > 0,
+            plain.generation,
+            plain.records,
+            plain.pool,
+            plain.heads,
+            known,
+            self.stop,
+            quota,
+        )
+        if known[plain_kernels.A_BEST] < control[kernels.G_BEST]:
+            control[kernels.G_BEST] = known[plain_kernels.A_BEST]
+            control[kernels.G_PLAIN_BEST] = known[plain_kernels.A_BEST]
+            self.best_of = plain
+        floor = int(known[plain_kernels.A_BUCKET]) << plain_kernels.BUCKET_BITS
+        bound = control[kernels.G_BEST] if ended == plain_kernels.FOUND else floor
+        control[kernels.G_BOUND] = max(control[kernels.G_BOUND], bound)
+        control[kernels.G_LEAST] = max(control[kernels.G_LEAST], known[plain_kernels.A_OPERATION])
+        if ended == plain_kernels.NEED_SPACE:
+            plain.grow_pool()
+        elif ended == plain_kernels.FOUND or kernels.is_met(control):
+            self.status = SearchStatus.FOUND
+        else:
+            self._end(ended)
+
+    def _end(self, ended: int) -> None:
+        if ended == plain_kernels.OVERFLOW:
+            raise OverflowError
+        if ended == plain_kernels.STOPPED:
+            self.status = SearchStatus.STOPPED
+        elif ended == plain_kernels.EXHAUSTED:
+            found = self.control[kernels.G_BEST] < plain_kernels.NO_PATH
+            self.status = SearchStatus.FOUND if found else SearchStatus.EXHAUSTED
+
+    def _lead(self, points: NDArray[np.float64]) -> None:
+        """Follow new waypoints from here on, unless a path is known already."""
+        if self.control[kernels.G_BEST] < plain_kernels.NO_PATH:
+            return
+        self.waypoints = points
+        self.targets = _targets(self.grid, points, self.search_for._start, self.search_for._goal)
+        self._rekey(proving=False)
+
+    def _rekey(self, *, proving: bool) -> None:
+        shift = plain_kernels.BUCKET_BITS
+        if not proving:
+            # The window spans the keys from the least the path may cost to half as much again
+            # as the way along the list; the search copes with those beyond, more slowly.
+            way = 1.5 * self.search_for._weight * float(self.targets[:, 2].max(initial=0))
+            span = way + 64.0 * self.grid.straight
+            while _BUCKETS << shift < span:
+                shift += 1
+        kernels.rekey(
+            self.led.records,
+            self.led.pool,
+            self.keys,
+            self.heads,
+            self.targets,
+            self.marks,
+            self.active,
+            proving,
+            shift,
+            self.control,
+        )
+
+    def _improvement(self) -> Improvement:
+        path = self._trace()
+        units = path_units(self.grid, path)
+        cost = units / self.grid.straight
+        bound = int(self.control[kernels.G_BOUND])
+        if self.best_path is None:
+            self.first_operation, self.first_cost = self.operation, cost
+        self.best_path = path
+        lower_bound = min(bound, units) / self.grid.straight
+        return Improvement(path, cost, lower_bound, _ratio(units, bound), self.operation)
+
+    def _trace(self) -> NDArray[np.int32]:
+        workspace = self.led if self.best_of is None else self.best_of
+        return workspace.trace(self.grid.width, *self.ends)
+
+    def _plain(self, slot: int) -> int:
+        return 0 if self.plain is None else int(self.plain.control[slot])
 
 
-PASSABS = 3.0
-SHARE = 0.6
-GROW = 1.25
+def _ratio(units: int, bound: int) -> float:
+    return max(1.0, units / bound) if bound > 0 else 1.0
+
+
+def _targets(
+    grid: FastGrid, points: NDArray[np.float64], start: Cell, goal: Cell
+) -> NDArray[np.int64]:
+    """Turn waypoints into targets: int64 [n, 3], x, y and units from there to the goal."""
+    finite = points[np.isfinite(points).all(axis=1)]
+    border = (grid.width - 1, grid.height - 1)
+    cells = np.clip(np.rint(finite), 0, border).astype(np.int64)
+    cells = np.concatenate(([start], cells, [goal])).astype(np.int64)
+    moved = (np.diff(cells, axis=0) != 0).any(axis=1)
+    cells = cells[1:][moved] if moved.any() else cells[-1:]
+    if len(cells) > kernels.MAX_TARGETS:
+        kept = np.linspace(0, len(cells) - 1, kernels.MAX_TARGETS).round().astype(np.int64)
+        cells = cells[kept]
+    delta = np.abs(np.diff(cells, axis=0))
+    legs = grid.straight * delta.max(axis=1, initial=0)
+    legs += (grid.diagonal - grid.straight) * delta.min(axis=1, initial=2**40)
+    rest = np.concatenate((legs[::-1].cumsum()[::-1], [0]))
+    return np.ascontiguousarray(np.column_stack((cells, rest)), dtype=np.int64)

@@ -46,6 +46,7 @@ COUNTED = 1 << 11
     G_DIAGONAL,
     G_WIDTH,
     G_WEIGHT,
+    G_RADIUS,
     G_RATIO,
     G_SLACK,
     G_FREE,
@@ -62,14 +63,12 @@ COUNTED = 1 << 11
     G_LEAST,
     G_SURE,
     G_PENDING,
-    G_CREDIT,
-    G_SHARE,
     G_STORAGE,
+    G_PLAIN_BEST,
     G_SIZE,
 ) = range(27)
 # One more way a call can end: all the work A* surely needs is used up.
 WORKED = 6
-SWITCH = 7
 # Weights, ratios and slacks are whole numbers of this size.
 ONE = 1 << 16
 
@@ -195,14 +194,15 @@ def _settle(
 def _target(
     control: NDArray[np.int64], targets: NDArray[np.int64], index: int, x: int, y: int
 ) -> int:
-    """Return the target a cell is drawn to, given the one its parent was drawn to."""
+    """Return the target a cell is drawn to, given the one its parent was drawn to.
+
+    A target is done with within the radius, or nearer to the next one than the target itself.
+    """
     last = targets.shape[0] - 1
     while index < last:
-        near = _octile(control, x, y, targets[index, 0], targets[index, 1])
-        if near > targets[index, 3]:
+        if _octile(control, x, y, targets[index, 0], targets[index, 1]) > control[G_RADIUS]:
             ahead = _octile(control, x, y, targets[index + 1, 0], targets[index + 1, 1])
-            leg = targets[index, 2] - targets[index + 1, 2]
-            if near > targets[index, 4] or ahead > leg:
+            if ahead > targets[index, 2] - targets[index + 1, 2]:
                 break
         index += 1
     return index
@@ -262,7 +262,6 @@ def rekey(
     marks: NDArray[np.int32],
     active: NDArray[np.int64],
     proving: bool,
-    fresh: bool,
     shift: int,
     control: NDArray[np.int64],
 ) -> None:
@@ -294,8 +293,7 @@ def rekey(
         estimate = _estimate(marks, active, cell, _octile(control, x, y, goal_x, goal_y))
         key = g + estimate
         if not proving:
-            index = (records[2 * cell + 1] >> TARGET_SHIFT) & (MAX_TARGETS - 1)
-            index = _target(control, targets, 0 if fresh else index, x, y)
+            index = _target(control, targets, 0, x, y)
             kept = records[2 * cell + 1] & ~((MAX_TARGETS - 1) << TARGET_SHIFT)
             records[2 * cell + 1] = kept | index << TARGET_SHIFT
             key = _guide_key(control, targets, index, x, y, g, estimate)
@@ -326,7 +324,8 @@ def advance(
 ) -> int:
     """Search on, led by the waypoints or, once control[G_PROVING], by the proof; return why not.
 
-    FOUND: the waypoints led to the goal, or the ratio asked for is proven. EXHAUSTED: nothing
+    `targets` is int64 [n, 3]: x, y and the units from there to the goal along the list, which
+    ends with the goal. FOUND: the waypoints led to the goal, or the ratio asked for is proven. EXHAUSTED: nothing
     open can beat the best path. WORKED: all the work A* surely needs is used up. RUNNING: the
     quota is. STOPPED, NEED_SPACE, OVERFLOW as in `kernels_bucket`.
     """
@@ -356,11 +355,6 @@ def advance(
         work = max(control[G_SURE], control[G_LEAST])
         if (control[G_GUIDED] + control[G_PROOF] + 1) * ONE > work * control[G_SLACK]:
             return WORKED
-        if proving:
-            if control[G_PROOF] >= control[G_CREDIT] and control[G_BEST] == NO_PATH:
-                return SWITCH
-        elif control[G_GUIDED] >= max(control[G_CREDIT], control[G_SURE] * control[G_SHARE] >> 16):
-            return SWITCH
         cell = _drop(control, heads, pool)
         if proving:
             control[G_PROOF] += 1
@@ -402,9 +396,10 @@ def advance(
             if counted == 0 and other_g + octile < control[G_BOUND]:
                 counted = COUNTED
                 control[G_SURE] += 1
-            index = _target(control, targets, cell_target, other_x, other_y)
+            index = 0
             key = other_g + estimate
             if not proving:
+                index = _target(control, targets, cell_target, other_x, other_y)
                 key = _guide_key(control, targets, index, other_x, other_y, other_g, estimate)
             control[G_STORAGE] += new
             records[2 * other] = other_g
@@ -415,3 +410,12 @@ def advance(
                 control[G_BEST] = other_g
             _push(control, heads, pool, keys, other, key)
     return RUNNING
+
+
+@_jit
+def add_expanded(records: NDArray[np.int32], generation: int, expanded: NDArray[np.bool_]) -> None:
+    """Set `expanded` [height, width] where a cell of this generation is expanded."""
+    flat = expanded.reshape(-1)
+    for cell in range(flat.size):
+        tag = records[2 * cell + 1]
+        flat[cell] |= tag >> TAG_BITS == generation and tag & CLOSED != 0

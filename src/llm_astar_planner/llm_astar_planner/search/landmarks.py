@@ -15,8 +15,11 @@ from llm_astar_planner.search import kernels_bucket as kernels
 from llm_astar_planner.search.fast_grid import FastGrid
 from llm_astar_planner.search.result import Cell
 
+# Eight landmarks do on large maps; small maps get more, which cost them next to nothing.
 COUNT = 8
-MAX_ACTIVE = 3
+MOST = 32
+_CHEAP_BYTES = 8 * 1024 * 1024
+MAX_ACTIVE = 4
 MAX_BYTES = 256 * 1024 * 1024
 _SEEDS = 8
 _NEVER = np.zeros(1, dtype=np.uint8)
@@ -44,16 +47,19 @@ class Landmarks:
         cls,
         grid: FastGrid,
         *,
-        count: int = COUNT,
+        count: int | None = None,
         max_bytes: int = MAX_BYTES,
         stop: NDArray[np.uint8] | None = None,
     ) -> Landmarks | None:
         """Measure `count` landmarks, each the cell farthest from those before it.
 
-        Fewer where they would not fit `max_bytes` (4 bytes a cell each). None where not one
-        fits, no cell is free, `stop` was raised or a distance does not fit 32 bits.
+        Without a `count`: COUNT, up to MOST on small maps. Fewer where they would not fit
+        `max_bytes` (4 bytes a cell each). None where not one fits, no cell is free, `stop` was
+        raised or a distance does not fit 32 bits.
         """
-        count = min(count, max_bytes // (4 * grid.moves.size))
+        cell_bytes = 4 * grid.moves.size
+        wanted = max(COUNT, min(MOST, _CHEAP_BYTES // cell_bytes)) if count is None else count
+        count = min(wanted, max_bytes // cell_bytes)
         free = np.flatnonzero(grid.moves)
         if count < 1 or free.size == 0:
             return None
@@ -125,12 +131,13 @@ class LandmarkKeeper:
     cells only become blocked or dearer and are built anew when some are freed.
     """
 
-    def __init__(self, *, count: int = COUNT, max_bytes: int = MAX_BYTES) -> None:
-        """Keep up to `count` landmarks within `max_bytes`."""
+    def __init__(self, *, count: int | None = None, max_bytes: int = MAX_BYTES) -> None:
+        """Build as `Landmarks.build` does with the same `count` and `max_bytes`."""
         self._count = count
         self._max_bytes = max_bytes
         self._lock = threading.Lock()
         self._landmarks: Landmarks | None = None
+        self._grid: FastGrid | None = None  # the last map they were found to hold on
         self._thread: threading.Thread | None = None
         self._stop = np.zeros(1, dtype=np.uint8)
 
@@ -144,6 +151,7 @@ class LandmarkKeeper:
         """Take a new map: keep the landmarks where they hold, else start building others."""
         with self._lock:
             if self._landmarks is not None and self._landmarks.hold_on(grid):
+                self._grid = grid
                 return
             self._landmarks = None
             self._stop[0] = 1
@@ -155,8 +163,13 @@ class LandmarkKeeper:
 
     def current(self, grid: FastGrid) -> Landmarks | None:
         """Return the landmarks that hold on `grid`, None while there are none."""
-        landmarks = self._landmarks
-        return landmarks if landmarks is not None and landmarks.hold_on(grid) else None
+        with self._lock:
+            if self._landmarks is None or self._grid is grid:
+                return self._landmarks
+            if not self._landmarks.hold_on(grid):
+                return None
+            self._grid = grid
+            return self._landmarks
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait, at most `timeout` seconds, for the building to end; tell whether it has."""
@@ -178,6 +191,7 @@ class LandmarkKeeper:
         with self._lock:
             if stop[0] == 0:
                 self._landmarks = landmarks
+                self._grid = grid
 
 
 class _Measure:
