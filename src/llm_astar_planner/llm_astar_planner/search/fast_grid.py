@@ -28,6 +28,7 @@ _PRICE_ONE = 256
 _NEVER = np.zeros(1, dtype=np.uint8)
 _NO_PRICE = np.zeros(0, dtype=np.uint16)
 _NO_EXPANDED = np.zeros((0, 0), dtype=np.bool_)
+_NO_PATH = np.zeros((0, 2), dtype=np.int32)
 _MAX_GENERATION = 2 ** (31 - kernels.TAG_BITS) - 1
 
 
@@ -140,9 +141,9 @@ class FastGrid:
     def index(self, cell: Cell) -> int:
         """Return the number of a cell. Raises ValueError where it is off the grid."""
         x, y = cell
-        if not (0 <= x < self.width and 0 <= y < self.height):
-            raise ValueError(f'cell ({x}, {y}) is off a grid of {self.width} x {self.height}')
-        return int(y) * self.width + int(x)
+        if 0 <= x < self.width and 0 <= y < self.height:
+            return int(y) * self.width + int(x)
+        raise ValueError(f'cell ({x}, {y}) is off a grid of {self.width} x {self.height}')
 
     @contextmanager
     def workspace(self) -> Iterator[Workspace]:
@@ -214,7 +215,8 @@ def exact_astar(
 
     `blocked` is a prepared grid, or bool [height, width], which is prepared first. `stop`, one
     byte, ends the search when another thread sets it: STOPPED, with the path found so far if
-    any. Exact to 6e-8 of the length. Raises ValueError for a cell off the grid and
+    any. `every_move` also tries the moves that uniform costs make pointless, as a textbook A*
+    does: as many expansions, more states stored. Exact to 6e-8 of the length. Raises ValueError for a cell off the grid and
     PathTooLongError beyond 30 million cells.
     """
     grid = as_grid(blocked, corner_cutting=corner_cutting)
@@ -224,7 +226,79 @@ def exact_astar(
         return result
     if grid.coarse() is grid:
         raise PathTooLongError(f'the cost of a path from {start} to {goal} does not fit')
-    return exact_astar(grid.coarse(), start, goal, stop=stop, want_expanded=want_expanded)
+    return exact_astar(
+        grid.coarse(),
+        start,
+        goal,
+        stop=stop,
+        want_expanded=want_expanded,
+        every_move=every_move,
+    )
+
+
+def shortest_path(
+    grid: FastGrid, start: Cell, goal: Cell, *, stop: NDArray[np.uint8] | None = None
+) -> tuple[NDArray[np.int32], float]:
+    """Return a cheapest path, int32 [n, 2], and its cost in cells; empty and inf if none.
+
+    `exact_astar` without the accounts: for callers to whom a microsecond matters. Raises as it
+    does, and InterruptedError where `stop` was raised.
+    """
+    first, last = grid.index(start), grid.index(goal)
+    if first == last and grid.blocked[start[1], start[0]]:
+        return _NO_PATH, math.inf
+    workspace = grid.borrow()
+    status, count, _, units = _solve(grid, workspace, first, last, stop, False)
+    if status == kernels.FOUND:
+        if count <= len(workspace.path):
+            path = workspace.path[:count].copy()
+        else:
+            path = workspace.trace(grid.width, first, last)
+        grid.give_back(workspace)
+        return path, units / grid.straight
+    grid.give_back(workspace)
+    if status == kernels.OVERFLOW:
+        result = exact_astar(grid, start, goal, stop=stop, want_expanded=False)
+        return result.path, result.cost
+    if status == kernels.STOPPED:
+        raise InterruptedError('the search was stopped')
+    return _NO_PATH, math.inf
+
+
+def _solve(
+    grid: FastGrid,
+    workspace: Workspace,
+    first: int,
+    last: int,
+    stop: NDArray[np.uint8] | None,
+    every_move: bool,
+) -> tuple[int, int, int, int]:
+    """Run A* to its end: how it ended, the path's cells, diagonal moves and cost in units."""
+    generation = workspace.next_generation()
+    workspace.control[kernels.A_STARTED] = 0
+    flag = _NEVER if stop is None else stop
+    every_move = every_move or grid.price.size > 0
+    while True:
+        ended: tuple[int, int, int, int] = kernels.solve(
+            grid.moves,
+            grid.price,
+            grid.width,
+            grid.straight,
+            grid.diagonal,
+            first,
+            last,
+            every_move,
+            generation,
+            workspace.records,
+            workspace.pool,
+            workspace.heads,
+            workspace.control,
+            flag,
+            workspace.path,
+        )
+        if ended[0] != kernels.NEED_SPACE:
+            return ended
+        workspace.grow_pool()
 
 
 def _run_exact(
@@ -238,45 +312,19 @@ def _run_exact(
 ) -> BoundedResult | None:
     first, last = grid.index(start), grid.index(goal)
     if grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
-        status, count, diagonals = kernels.EXHAUSTED, 0, 0
         return BoundedResult(SearchStatus.EXHAUSTED, 0, 0, np.zeros_like(grid.blocked))
-    generation = workspace.next_generation()
+    status, count, diagonals, units = _solve(grid, workspace, first, last, stop, every_move)
     control = workspace.control
-    control[kernels.A_STARTED] = 0
-    flag = _NEVER if stop is None else stop
-    while True:
-        status, count, diagonals = kernels.solve(
-            grid.moves,
-            grid.price,
-            grid.width,
-            grid.straight,
-            grid.diagonal,
-            first,
-            last,
-            every_move or grid.price.size > 0,
-            generation,
-            workspace.records,
-            workspace.pool,
-            workspace.heads,
-            control,
-            flag,
-            workspace.path,
-        )
-        if status == kernels.NEED_SPACE:
-            workspace.grow_pool()
-        else:
-            break
     if status == kernels.OVERFLOW:
         return None
     expanded = _NO_EXPANDED
     if want_expanded:
         expanded = np.empty(grid.blocked.shape, dtype=np.bool_)
-        kernels.mark_expanded(workspace.records, generation, expanded)
+        kernels.mark_expanded(workspace.records, workspace.generation, expanded)
     operation, storage = int(control[kernels.A_OPERATION]), int(control[kernels.A_STORAGE])
     floor = int(control[kernels.A_BUCKET]) << kernels.BUCKET_BITS
     if count == 0:
         return BoundedResult(_STATUS[status], operation, storage, expanded)
-    units = int(control[kernels.A_BEST])
     bound = units if status == kernels.FOUND else min(units, floor)
     return BoundedResult(
         _STATUS[status],

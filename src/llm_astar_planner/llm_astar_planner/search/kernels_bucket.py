@@ -307,8 +307,14 @@ def solve(
     control: NDArray[np.int64],
     stop: NDArray[np.uint8],
     path: NDArray[np.int32],
-) -> tuple[int, int, int]:
-    """Run `astar`, then `trace` where it found a path: (how it ended, cells, diagonal moves)."""
+) -> tuple[int, int, int, int]:
+    """Run `astar`, then `trace` where it found a path.
+
+    Returns how it ended, the path's cells, its diagonal moves, and its cost in units.
+    """
+    if moves[goal] == 0 and start != goal:
+        control[:] = 0
+        return EXHAUSTED, 0, 0, NO_PATH
     status = astar(
         moves,
         price,
@@ -327,9 +333,9 @@ def solve(
         NO_PATH,
     )
     if status != FOUND and not (status == STOPPED and control[A_BEST] < NO_PATH):
-        return status, 0, 0
+        return status, 0, 0, NO_PATH
     count, diagonals = trace(width, start, goal, records, path)
-    return status, count, diagonals
+    return status, count, diagonals, control[A_BEST]
 
 
 @_jit
