@@ -84,7 +84,7 @@ class Workspace:
         while True:
             count, _ = kernels.trace(width, start, goal, self.records, self.path)
             if count <= len(self.path):
-                return self.path[:count].copy()
+                return self.path[-count:].copy()
             self.path = np.empty((2 * count, 2), dtype=np.int32)
 
     def grow_pool(self) -> None:
@@ -251,7 +251,7 @@ def shortest_path(
     status, count, _, units = _solve(grid, workspace, first, last, stop, False)
     if status == kernels.FOUND:
         if count <= len(workspace.path):
-            path = workspace.path[:count].copy()
+            path = workspace.path[-count:].copy()
         else:
             path = workspace.trace(grid.width, first, last)
         grid.give_back(workspace)
@@ -332,7 +332,7 @@ def _run_exact(
         storage,
         expanded,
         (
-            workspace.path[:count].copy()
+            workspace.path[-count:].copy()
             if count <= len(workspace.path)
             else workspace.trace(grid.width, first, last)
         ),

@@ -78,7 +78,7 @@ WORTHWHILE = np.array(
 
 TAG_BITS = 12
 CLOSED = 8
-BUCKET_BITS = 5
+BUCKET_BITS = 6
 POLL_MASK = 2047
 LIMIT = 2**31 - 2**24  # a g above it may not fit an int32 after one more move
 NO_PATH = 2**62
@@ -268,26 +268,29 @@ def astar(
 def trace(
     width: int, start: int, goal: int, records: NDArray[np.int32], path: NDArray[np.int32]
 ) -> tuple[int, int]:
-    """Write the path's cells (x, y) from `start` to `goal`; return how many, and diagonal moves.
+    """Write the path's cells (x, y) at the end of `path`; return how many, and diagonal moves.
 
-    Where `path` is too short nothing is written, and the count tells the length it needs.
+    Where `path` is too short it keeps the last cells, and the count tells the length it needs.
     """
-    count = 1
+    count = 0
     diagonals = 0
+    y = goal // width
+    x = goal - y * width
+    row = path.shape[0]
     cell = goal
-    while cell != start:
-        move = records[2 * cell + 1] & 7
-        cell -= STEP_Y[move] * width + STEP_X[move]
+    while True:
         count += 1
+        row -= 1
+        if row >= 0:
+            path[row, 0] = x
+            path[row, 1] = y
+        if cell == start:
+            return count, diagonals
+        move = records[2 * cell + 1] & 7
         diagonals += move >= 4
-    if count <= path.shape[0]:
-        cell = goal
-        for index in range(count - 1, -1, -1):
-            path[index, 0] = cell % width
-            path[index, 1] = cell // width
-            move = records[2 * cell + 1] & 7
-            cell -= STEP_Y[move] * width + STEP_X[move]
-    return count, diagonals
+        x -= STEP_X[move]
+        y -= STEP_Y[move]
+        cell = y * width + x
 
 
 @_jit
