@@ -227,9 +227,9 @@ class _Run:
                 self.status = SearchStatus.EXHAUSTED
             else:
                 self.marks, self.active = landmarks.marks, active
-        for x, y in (search._start, search._goal):
-            if grid.blocked[y, x]:
-                self.status = SearchStatus.EXHAUSTED
+        walled_in = self.ends[0] != self.ends[1] and not grid.moves[self.ends[1]]
+        if walled_in or any(grid.blocked[y, x] for x, y in (search._start, search._goal)):
+            self.status = SearchStatus.EXHAUSTED
         self.led = grid.borrow()
         self.plain: Workspace | None = None
         self.best_of: Workspace | None = None
@@ -287,6 +287,8 @@ class _Run:
             if before == 0:  # the start is the goal
                 self.status, self.best_of = SearchStatus.FOUND, self.led
                 before = plain_kernels.NO_PATH
+            elif self.stop[0]:
+                self.status = SearchStatus.STOPPED
             else:
                 self._step()
             if self.control[kernels.G_BEST] < before:
@@ -315,7 +317,9 @@ class _Run:
                 self.operation,
                 storage,
                 expanded,
-                lower_bound=bound / grid.straight,
+                lower_bound=(
+                    math.inf if status is SearchStatus.EXHAUSTED else bound / grid.straight
+                ),
                 **operations,
             )
         units = path_units(grid, path)
