@@ -3,10 +3,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
-
 from llm_astar_msgs_adapter.grid_map import Pose2D
 from llm_astar_msgs_adapter.map_server import MapServerError, load_map
+from PIL import Image
 
 FIELDS = {
     'image': 'x.png',

@@ -1,5 +1,4 @@
 import pytest
-
 from llm_astar_msgs_adapter.grid_map import FREE, OCCUPIED
 from llm_astar_msgs_adapter.movingai import MovingAiError, load_map, load_scenarios, map_of
 

@@ -2,10 +2,10 @@
 
 import heapq
 import math
+from itertools import pairwise
 
 import numpy as np
 from hypothesis import strategies as st
-
 from llm_astar_planner.search.fast_grid import FastGrid, path_units
 
 
@@ -50,7 +50,7 @@ def assert_path(grid: FastGrid, path, start, goal, cost) -> None:
     assert cells[0] == start
     assert cells[-1] == goal
     assert len(set(cells)) == len(cells)
-    for cell, other in zip(cells, cells[1:]):
+    for cell, other in pairwise(cells):
         assert max(abs(cell[0] - other[0]), abs(cell[1] - other[1])) == 1
         assert is_move(grid, cell, other)
     assert path_units(grid, path) / grid.straight == cost

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from grids import assert_path, dijkstra, queries
 from hypothesis import given, settings
-
+from llm_astar_msgs_adapter.movingai import load_map
 from llm_astar_planner.search import fast_grid, kernels_bucket
 from llm_astar_planner.search.fast_grid import FastGrid, exact_astar, shortest_path
 from llm_astar_planner.search.result import SearchStatus
@@ -48,8 +48,6 @@ def test_published_optimal_lengths():
     folder = os.environ.get('LLM_ASTAR_REFERENCE')
     if not folder:
         pytest.skip('LLM_ASTAR_REFERENCE is not set')
-    from llm_astar_msgs_adapter.movingai import load_map
-
     grids: dict[str, FastGrid] = {}
     with (Path(folder) / 'grids' / 'scenarios.csv').open() as file:
         rows = list(csv.DictReader(file))
@@ -187,4 +185,4 @@ def test_moves_of_a_free_cell_among_free_cells():
     moves = np.empty(9, dtype=np.uint8)
     kernels_bucket.build_moves(np.zeros((3, 3), dtype=bool), False, moves)
     assert moves[4] == 0xFF
-    assert bin(moves[0]).count('1') == 3
+    assert int(moves[0]).bit_count() == 3

@@ -4,7 +4,6 @@ import numpy as np
 from grids import dijkstra, queries
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from llm_astar_planner.search.fast_grid import FastGrid, exact_astar
 from llm_astar_planner.search.landmarks import LandmarkKeeper, Landmarks
 

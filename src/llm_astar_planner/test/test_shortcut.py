@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from grids import queries
 from hypothesis import given, settings
-
 from llm_astar_planner.search.fast_grid import FastGrid, shortest_path
 from llm_astar_planner.search.shortcut import can_see, interpolate, shorten
 

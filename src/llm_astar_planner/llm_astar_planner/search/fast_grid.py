@@ -216,12 +216,20 @@ def exact_astar(
     `blocked` is a prepared grid, or bool [height, width], which is prepared first. `stop`, one
     byte, ends the search when another thread sets it: STOPPED, with the path found so far if
     any. `every_move` also tries the moves that uniform costs make pointless, as a textbook A*
-    does: as many expansions, more states stored. Exact to 6e-8 of the length. Raises ValueError for a cell off the grid and
-    PathTooLongError beyond 30 million cells.
+    does: as many expansions, more states stored. Exact to 6e-8 of the length. Raises ValueError
+    for a cell off the grid and PathTooLongError beyond 30 million cells.
     """
     grid = as_grid(blocked, corner_cutting=corner_cutting)
     with grid.workspace() as workspace:
-        result = _run_exact(grid, workspace, start, goal, stop, want_expanded, every_move)
+        result = _run_exact(
+            grid,
+            workspace,
+            start,
+            goal,
+            stop=stop,
+            want_expanded=want_expanded,
+            every_move=every_move,
+        )
     if result is not None:
         return result
     if grid.coarse() is grid:
@@ -248,7 +256,7 @@ def shortest_path(
     if first == last and grid.blocked[start[1], start[0]]:
         return _NO_PATH, math.inf
     workspace = grid.borrow()
-    status, count, _, units = _solve(grid, workspace, first, last, stop, False)
+    status, count, _, units = _solve(grid, workspace, first, last, stop=stop)
     if status == kernels.FOUND:
         if count <= len(workspace.path):
             path = workspace.path[-count:].copy()
@@ -270,8 +278,9 @@ def _solve(
     workspace: Workspace,
     first: int,
     last: int,
-    stop: NDArray[np.uint8] | None,
-    every_move: bool,
+    *,
+    stop: NDArray[np.uint8] | None = None,
+    every_move: bool = False,
 ) -> tuple[int, int, int, int]:
     """Run A* to its end: how it ended, the path's cells, diagonal moves and cost in units."""
     generation = workspace.next_generation()
@@ -306,6 +315,7 @@ def _run_exact(
     workspace: Workspace,
     start: Cell,
     goal: Cell,
+    *,
     stop: NDArray[np.uint8] | None,
     want_expanded: bool,
     every_move: bool,
@@ -313,7 +323,9 @@ def _run_exact(
     first, last = grid.index(start), grid.index(goal)
     if grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
         return BoundedResult(SearchStatus.EXHAUSTED, 0, 0, np.zeros_like(grid.blocked))
-    status, count, diagonals, units = _solve(grid, workspace, first, last, stop, every_move)
+    status, count, diagonals, units = _solve(
+        grid, workspace, first, last, stop=stop, every_move=every_move
+    )
     control = workspace.control
     if status == kernels.OVERFLOW:
         return None

@@ -302,38 +302,30 @@ class _Run:
         for workspace in (self.led, self.plain):
             if want_expanded and workspace is not None:
                 kernels.add_expanded(workspace.records, workspace.generation, expanded)
-        operations = {
-            'first_operation': self.first_operation,
-            'first_cost': self.first_cost,
-            'guided_operation': int(control[kernels.G_GUIDED]),
-            'proof_operation': int(control[kernels.G_PROOF]),
-            'plain_operation': self._plain(plain_kernels.A_OPERATION),
-        }
-        storage = int(control[kernels.G_STORAGE]) + self._plain(plain_kernels.A_STORAGE)
         path, bound = self.best_path, int(control[kernels.G_BOUND])
-        if path is None:
-            return GuidedResult(
-                status,
-                self.operation,
-                storage,
-                expanded,
-                lower_bound=(
-                    math.inf if status is SearchStatus.EXHAUSTED else bound / grid.straight
-                ),
-                **operations,
-            )
-        units = path_units(grid, path)
+        length, cost, ratio = math.nan, math.inf, math.inf
+        lower_bound = bound / grid.straight
+        if path is not None:
+            units = path_units(grid, path)
+            length, cost, ratio = path_length(path), units / grid.straight, _ratio(units, bound)
+            lower_bound = min(bound, units) / grid.straight
+        elif status is SearchStatus.EXHAUSTED:
+            lower_bound = math.inf
         return GuidedResult(
             status,
             self.operation,
-            storage,
+            int(control[kernels.G_STORAGE]) + self._plain(plain_kernels.A_STORAGE),
             expanded,
-            path,
-            path_length(path),
-            units / grid.straight,
-            min(bound, units) / grid.straight,
-            _ratio(units, bound),
-            **operations,
+            np.empty((0, 2), dtype=np.int32) if path is None else path,
+            length,
+            cost,
+            lower_bound,
+            ratio,
+            self.first_operation,
+            self.first_cost,
+            int(control[kernels.G_GUIDED]),
+            int(control[kernels.G_PROOF]),
+            self._plain(plain_kernels.A_OPERATION),
         )
 
     def _step(self) -> None:

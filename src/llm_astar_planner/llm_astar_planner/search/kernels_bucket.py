@@ -170,7 +170,7 @@ def astar(
         best = NO_PATH if start != goal else 0
         operation = 0
         storage = 1
-        free = 0
+        free: Any = 0
         top = 1
         live = 1
     else:
@@ -183,6 +183,7 @@ def astar(
         live = control[A_LIVE]
     status = RUNNING
     spent = 0
+    entry: Any
     while True:
         while live > 0 and heads[bucket & ring] == 0:
             bucket += 1
@@ -379,14 +380,14 @@ def distances(
     heads[:] = 0
     heads[0] = 1
     pool[0] = np.int64(source) << 32
-    free = np.int64(0)
+    free: Any = np.int64(0)
     top = 1
     live = 1
     bucket = 0
     count = 0
     while live > 0:
         slot = bucket & ring
-        entry = np.int64(heads[slot])
+        entry: Any = np.int64(heads[slot])
         if entry == 0:
             bucket += 1
             continue

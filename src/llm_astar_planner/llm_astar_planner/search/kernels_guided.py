@@ -14,7 +14,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from llm_astar_planner.search.kernels_bucket import (
-    BUCKET_BITS,
     CLOSED,
     EXHAUSTED,
     FOUND,
@@ -325,9 +324,9 @@ def advance(
     """Search on, led by the waypoints or, once control[G_PROVING], by the proof; return why not.
 
     `targets` is int64 [n, 3]: x, y and the units from there to the goal along the list, which
-    ends with the goal. FOUND: the waypoints led to the goal, or the ratio asked for is proven. EXHAUSTED: nothing
-    open can beat the best path. WORKED: all the work A* surely needs is used up. RUNNING: the
-    quota is. STOPPED, NEED_SPACE, OVERFLOW as in `kernels_bucket`.
+    ends with the goal. FOUND: the waypoints led to the goal, or the ratio asked for is proven.
+    EXHAUSTED: nothing open can beat the best path. WORKED: all the work A* surely needs is used
+    up. RUNNING: the quota is. STOPPED, NEED_SPACE, OVERFLOW as in `kernels_bucket`.
     """
     goal = control[G_GOAL]
     width = control[G_WIDTH]

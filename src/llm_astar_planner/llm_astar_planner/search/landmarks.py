@@ -87,8 +87,9 @@ class Landmarks:
         return self.marks.nbytes
 
     def active(self, grid: FastGrid, start: Cell, goal: Cell) -> NDArray[np.int64] | None:
-        """Choose the landmarks that prove most for a query: int64 [k, 2], column and goal's distance.
+        """Choose the landmarks that prove most for a query.
 
+        Returns int64 [k, 2]: a landmark's column and its distance to the goal, in units.
         None where they prove that no path joins the cells.
         """
         first = self.marks[grid.index(start)].astype(np.int64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -69,7 +70,7 @@ def interpolate(points: NDArray[np.int32], spacing: float = 1.0) -> NDArray[np.f
     if len(corners) < 2:
         return corners
     parts = [corners[:1]]
-    for first, last in zip(corners, corners[1:]):
+    for first, last in pairwise(corners):
         count = max(1, int(np.ceil(np.hypot(*(last - first)) / spacing - 1e-9)))
         parts.append(first + (last - first) * (np.arange(1, count + 1) / count)[:, None])
     return np.concatenate(parts)
