@@ -156,6 +156,7 @@ def astar(
     extra = diagonal - straight
     per_width = 1.0 / width
     tag = generation << TAG_BITS
+    best: Any
     if control[A_STARTED] == 0:
         control[:] = 0
         control[A_STARTED] = 1
@@ -385,6 +386,7 @@ def distances(
     live = 1
     bucket = 0
     count = 0
+    slot: Any
     while live > 0:
         slot = bucket & ring
         entry: Any = np.int64(heads[slot])
