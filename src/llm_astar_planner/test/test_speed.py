@@ -14,12 +14,12 @@ def corner():
 def prepare_cutter(blocked):
     del blocked
     known = {(0, 0): [[0, 0], [1, 1], [1, 2]], (3, 3): [[3, 3], [3, 2], [3, 1], [3, 0]]}
-    return lambda start, goal: np.array(known[start])
+    return lambda start, _: np.array(known[start])
 
 
 def prepare_lost(blocked):
     del blocked
-    return lambda start, goal: np.empty((0, 2), dtype=np.int64)
+    return lambda *_: np.empty((0, 2), dtype=np.int64)
 
 
 def test_a_peers_paths_are_judged_beside_its_time():

@@ -131,21 +131,7 @@ def measure(
 def table(rows: Sequence[SpeedRow]) -> str:
     """Return the rows as a text table."""
     head = ('case', 'planner', 'time/ours', 'spread', 'ms', 'solved', 'legal', 'optimal', 'excess')
-    lines = [head]
-    for row in rows:
-        lines.append(
-            (
-                row.case,
-                f'{row.planner} {row.version}'.strip(),
-                f'{row.ratio:.2f}',
-                f'{row.ratio_low:.2f}-{row.ratio_high:.2f}',
-                f'{row.milliseconds:.4f}',
-                f'{row.solved:.0%}',
-                f'{row.legal:.0%}',
-                f'{row.optimal:.0%}',
-                f'{row.excess:+.2%}',
-            )
-        )
+    lines = [head, *(_line(row) for row in rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(head))]
     return '\n'.join(
         '  '.join(text.ljust(width) for text, width in zip(line, widths)).rstrip()
@@ -229,6 +215,20 @@ def _solve(case: Case, plans: Sequence[Plan]) -> tuple[float, list[Path2D]]:
         for start, goal in problem.queries:
             paths.append(plan(start, goal))
     return time.perf_counter() - begin, paths
+
+
+def _line(row: SpeedRow) -> tuple[str, ...]:
+    return (
+        row.case,
+        f'{row.planner} {row.version}'.strip(),
+        f'{row.ratio:.2f}',
+        f'{row.ratio_low:.2f}-{row.ratio_high:.2f}',
+        f'{row.milliseconds:.4f}',
+        f'{row.solved:.0%}',
+        f'{row.legal:.0%}',
+        f'{row.optimal:.0%}',
+        f'{row.excess:+.2%}',
+    )
 
 
 def _row(

@@ -357,6 +357,9 @@ class _Run:
             led.grow_pool()
             self.keys = np.concatenate((self.keys, np.empty_like(self.keys)))
         elif ended == plain_kernels.FOUND:
+            kernels.raise_bound(
+                led.records, led.pool, self.heads, self.marks, self.active, self.control
+            )
             if self.control[kernels.G_RATIO] == 0 or kernels.is_met(self.control):
                 self.status = SearchStatus.FOUND
             else:

@@ -300,6 +300,31 @@ def rekey(
 
 
 @_jit
+def raise_bound(
+    records: NDArray[np.int32],
+    pool: NDArray[np.int64],
+    heads: NDArray[np.int32],
+    marks: NDArray[np.int32],
+    active: NDArray[np.int64],
+    control: NDArray[np.int64],
+) -> None:
+    """Raise the proven bound to the least an open cell allows, or to the best path's cost."""
+    width = control[G_WIDTH]
+    goal_x, goal_y = control[G_GOAL] % width, control[G_GOAL] // width
+    bound = control[G_BEST]
+    for head in heads:
+        entry = np.int64(head)
+        while entry:
+            cell = pool[entry - 1] >> 32
+            if records[2 * cell + 1] & CLOSED == 0:
+                octile = _octile(control, cell % width, cell // width, goal_x, goal_y)
+                estimate = _estimate(marks, active, cell, octile)
+                bound = min(bound, records[2 * cell] + estimate)
+            entry = pool[entry - 1] & 0xFFFFFFFF
+    control[G_BOUND] = max(control[G_BOUND], bound)
+
+
+@_jit
 def is_met(control: NDArray[np.int64]) -> bool:
     """Tell whether the best path is proven to be within the ratio asked for."""
     best = control[G_BEST]
