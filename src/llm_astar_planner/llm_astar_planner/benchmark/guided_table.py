@@ -22,9 +22,18 @@ import numpy as np
 from llm_astar_msgs_adapter.barrier_map import BarrierMap, load_barrier_maps
 from numpy.typing import NDArray
 
-from llm_astar_planner.search.fast_grid import BoundedResult, FastGrid, exact_astar
+from llm_astar_msgs_adapter import map_server
+from llm_astar_planner.benchmark.speed import Case, Problem, scenario_cases
+from llm_astar_planner.search.fast_grid import (
+    BoundedResult,
+    FastGrid,
+    exact_astar,
+    shortest_path,
+)
 from llm_astar_planner.search.guided import guided
 from llm_astar_planner.search.landmarks import Landmarks
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.shortcut import shorten
 
 SETS = ('none', 'oracle', 'noisy', 'reversed', 'random 1', 'random 4', 'random 8')
 ENVIRONMENT = 'LLM_ASTAR_REFERENCE'
@@ -82,13 +91,16 @@ class _Reference:
         return np.array(points, dtype=np.float64).reshape(-1, 2)
 
 
-def compare(folder: str | Path) -> list[SampleRow]:
-    """Run every method on every reference sample; `folder` holds the reference figures."""
+def compare(folder: str | Path, limit: int | None = None) -> list[SampleRow]:
+    """Run every method on the reference samples, the first `limit` of them if one is given.
+
+    `folder` holds the reference figures.
+    """
     reference = _Reference(Path(folder))
     grids = reference.grids()
     return [
         row
-        for index in range(len(reference.records))
+        for index in range(len(reference.records))[:limit]
         for row in _compare_sample(reference, grids, index)
     ]
 
@@ -165,6 +177,68 @@ def summary(rows: Sequence[SampleRow]) -> str:
     return '\n'.join(lines)
 
 
+def large_maps(folder: str | Path) -> str:
+    """Return a text table of the larger reference maps: work over our A*'s, waypoints displaced.
+
+    Waypoints are the turns of the any-angle path, displaced by a normal deviate of so many
+    cells. Work is the sum over all queries of a map; worst is the worst query that takes A*
+    more than 50 expansions.
+    """
+    lines = [f'{"map":24s}{"within":8s}{"waypoints":11s}{"work":>7s}{"worst":>7s}{"length":>8s}']
+    for case in (*scenario_cases(Path(folder) / 'grids'), _robot_map(Path(folder) / 'grids')):
+        (problem,) = case.problems
+        grid = FastGrid(problem.blocked)
+        landmarks = Landmarks.build(grid)
+        exact = [exact_astar(grid, *query, want_expanded=False) for query in problem.queries]
+        for bound in (None, 1.1, 1.0):
+            for name in ('none', 'turns', 'turns +- 5', 'turns +- 20', 'random 6'):
+                led = [
+                    guided(
+                        grid,
+                        *query,
+                        _displaced(name, grid, best, seed),
+                        max_suboptimality=bound,
+                        landmarks=landmarks,
+                        want_expanded=False,
+                    )
+                    for seed, (query, best) in enumerate(zip(problem.queries, exact))
+                ]
+                work = sum(one.operation for one in led) / sum(one.operation for one in exact)
+                pairs = [(one, best) for one, best in zip(led, exact) if best.operation > 50]
+                worst = max(one.operation / best.operation for one, best in pairs)
+                length = np.mean([one.cost / best.cost for one, best in pairs])
+                lines.append(
+                    f'{case.name:24s}{bound or "-":<8}{name:11s}'
+                    f'{work:7.3f}{worst:7.2f}{length:8.4f}'
+                )
+    return '\n'.join(lines)
+
+
+def _robot_map(folder: Path) -> Case:
+    """Return random queries on a robot's map, each with a path of more than 60 cells."""
+    blocked = map_server.load_map(folder / 'depot.yaml').blocked(allow_unknown=False)
+    grid, free = FastGrid(blocked), np.argwhere(~blocked)[:, ::-1]
+    random = np.random.default_rng(0)
+    queries: list[tuple[Cell, Cell]] = []
+    while len(queries) < 40:
+        (x, y), (to_x, to_y) = free[random.integers(len(free), size=2)].tolist()
+        path, _ = shortest_path(grid, (x, y), (to_x, to_y))
+        if len(path) > 60:
+            queries.append(((x, y), (to_x, to_y)))
+    return Case('depot', (Problem(blocked, tuple(queries)),))
+
+
+def _displaced(name: str, grid: FastGrid, best: BoundedResult, seed: int) -> NDArray[np.float64]:
+    random = np.random.default_rng(seed)
+    if name == 'none':
+        return np.empty((0, 2))
+    if name.startswith('random'):
+        return random.uniform(0.0, (grid.width, grid.height), (6, 2))
+    spread = 0.0 if name == 'turns' else float(name.rsplit(maxsplit=1)[-1])
+    turns = shorten(grid, best.path).points[1:-1].astype(np.float64)
+    return turns + random.normal(0.0, 1.0, turns.shape) * spread
+
+
 def growth(folder: str | Path, scales: Sequence[int] = _SCALES) -> dict[str, tuple[float, float]]:
     """Return how operation and storage grow with a map's scale: slopes of their log to log.
 
@@ -206,10 +280,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument('--reference', default=os.environ.get(ENVIRONMENT), help=ENVIRONMENT)
     parser.add_argument('--csv', type=Path, help='write a row a sample and method there')
+    parser.add_argument('--maps', action='store_true', help='the larger maps instead')
     parser.add_argument('--growth', action='store_true', help='the growth with scale instead')
     options = parser.parse_args(arguments)
     if not options.reference:
         parser.error(f'--reference or {ENVIRONMENT} is needed')
+    if options.maps:
+        sys.stdout.write(large_maps(options.reference) + '\n')
+        return 0
     if options.growth:
         for name, (operation, storage) in growth(options.reference).items():
             sys.stdout.write(f'{name:22s}operation {operation:.2f}  storage {storage:.2f}\n')
