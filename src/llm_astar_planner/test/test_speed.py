@@ -53,3 +53,20 @@ def test_the_rows_are_printed_as_json(capsys, monkeypatch):
     (row,) = json.loads(capsys.readouterr().out)
     assert row['planner'] == OURS
     assert row['optimal'] == 1.0
+
+
+def test_slow_planners_sit_out_large_cases():
+    planners = {OURS: speed._prepare_ours, speed.PAPER: prepare_cutter}
+    assert [row.planner for row in speed.measure([corner()], planners=planners, rounds=1)] == [
+        OURS
+    ]
+    slow = corner()._replace(slow=True)
+    assert len(speed.measure([slow], planners=planners, rounds=1)) == 2
+
+
+def test_runs_cover_the_blocked_cells():
+    blocked = np.random.default_rng(1).random((6, 9)) < 0.4
+    covered = np.zeros_like(blocked)
+    for row, first, last in speed._runs(blocked):
+        covered[row, first : last + 1] = True
+    assert (covered == blocked).all()

@@ -8,9 +8,12 @@ nano-astar, pyastar2d, w9-pathfinding and the paper's llm-astar.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import csv
 import importlib
 import importlib.metadata
+import importlib.util
+import io
 import json
 import math
 import statistics
@@ -19,6 +22,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +35,8 @@ from llm_astar_planner.search.guided import warm_up
 from llm_astar_planner.search.result import Cell
 
 OURS = 'llm-astar-ros2'
+PAPER = 'llm-astar'
+SLOW = frozenset({PAPER})
 ROUNDS = 5
 _TOLERANCE = 1e-3
 
@@ -49,10 +55,14 @@ class Problem(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A named set of problems that are timed together."""
+    """A named set of problems that are timed together.
+
+    Planners of `SLOW` take part only where `slow` says that the case is small enough for them.
+    """
 
     name: str
     problems: tuple[Problem, ...]
+    slow: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,6 +101,8 @@ def installed_planners() -> dict[str, Prepare]:
         except ImportError:
             continue
         planners[name] = prepare
+    if importlib.util.find_spec('llmastar') and importlib.util.find_spec('shapely'):
+        planners[PAPER] = _prepare_paper
     return planners
 
 
@@ -108,6 +120,7 @@ def measure(
         plans = {
             name: [prepare(problem.blocked) for problem in case.problems]
             for name, prepare in planners.items()
+            if case.slow or name not in SLOW
         }
         paths = {name: _solve(case, plan)[1] for name, plan in plans.items()}
         times: dict[str, list[float]] = {name: [] for name in plans}
@@ -123,7 +136,7 @@ def measure(
                 paths=paths[name],
                 best=paths[OURS],
             )
-            for name in planners
+            for name in plans
         )
     return rows
 
@@ -139,17 +152,24 @@ def table(rows: Sequence[SpeedRow]) -> str:
     )
 
 
-def barrier_case(path: str | Path) -> Case:
-    """Return the samples of a barrier-map dataset, rasterised, corners not cut."""
+def barrier_case(path: str | Path, most: int | None = None) -> Case:
+    """Return the samples of a barrier-map dataset, rasterised, corners not cut.
+
+    With `most`, the first sample of so many maps: a case for slow planners.
+    """
     problems = []
-    for barrier_map in load_barrier_maps(path):
+    for barrier_map in load_barrier_maps(path)[:most]:
+        samples = barrier_map.samples if most is None else barrier_map.samples[:1]
         queries = tuple(
             (barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal))
-            for sample in barrier_map.samples
+            for sample in samples
         )
         problems.append(Problem(barrier_map.to_grid().blocked(), queries))
     height, width = problems[0].blocked.shape
-    return Case(f'{width}x{height} barriers', tuple(problems))
+    name = f'{width}x{height} barriers'
+    if most is None:
+        return Case(name, tuple(problems))
+    return Case(f'{name}, {most}', tuple(problems), slow=True)
 
 
 def scenario_cases(folder: str | Path) -> list[Case]:
@@ -198,6 +218,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.reference is not None:
         datasets = sorted(options.reference.glob('barrier_maps*.json'))
         cases.extend(barrier_case(dataset) for dataset in datasets)
+        cases.extend(barrier_case(dataset, most=10) for dataset in datasets)
         cases.extend(scenario_cases(options.reference / 'grids'))
     if options.size:
         cases.append(synthetic_case(options.size))
@@ -333,6 +354,56 @@ def _prepare_w9(blocked: NDArray[np.bool_]) -> Plan:
     )
     finder = finders.AStar(grid)
     return lambda start, goal: _cells(finder.find_path(start, goal), rows_first=False)
+
+
+def _runs(blocked: NDArray[np.bool_]) -> list[list[int]]:
+    """Return the runs of blocked cells in each row: [row, first, last]."""
+    edges = np.diff(np.pad(blocked, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    return [
+        [row, int(first), int(last) - 1]
+        for row, edge in enumerate(edges)
+        for first, last in zip(np.flatnonzero(edge > 0), np.flatnonzero(edge < 0))
+    ]
+
+
+def _prepare_paper(blocked: NDArray[np.bool_]) -> Plan:
+    """Prepare the paper's published A*: its model is stubbed and never asked, its plots left out.
+
+    Its own rule lets diagonals cut corners, so its paths may be shorter and not legal here.
+    """
+    stubs = [name for name in ('openai', 'torch', 'transformers') if name not in sys.modules]
+    try:
+        sys.modules.update({name: ModuleType(name) for name in stubs})
+        peer: Any = importlib.import_module('llmastar.pather.a_star.a_star')
+    finally:
+        for name in stubs:
+            sys.modules.pop(name, None)
+    peer.plotting = SimpleNamespace(Plotting=lambda *_: SimpleNamespace(animation=lambda *_: None))
+    height, width = blocked.shape
+    # As few barriers as may be, since it tests every move against each: runs along x, and what
+    # they leave as runs along y. The border is the peer's own.
+    inside = blocked.copy()
+    inside[[0, -1]] = inside[:, [0, -1]] = False
+    rows = [run for run in _runs(inside) if run[2] > run[1]]
+    for y, first, last in rows:
+        inside[y, first : last + 1] = False
+    columns = _runs(inside.T)
+
+    def plan(start: Cell, goal: Cell) -> Path2D:
+        search = peer.AStar()
+        query = {
+            'start': list(start),
+            'goal': list(goal),
+            'range_x': [0, width],
+            'range_y': [0, height],
+            'horizontal_barriers': rows,
+            'vertical_barriers': columns,
+        }
+        with contextlib.redirect_stdout(io.StringIO()):
+            search.searching(query)
+            return _cells(search.extract_path(search.PARENT)[::-1], rows_first=False)
+
+    return plan
 
 
 if __name__ == '__main__':
