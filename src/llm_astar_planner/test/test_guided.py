@@ -36,7 +36,7 @@ def waypoints_of(kind, grid, start, goal, random):
     return anywhere
 
 
-@settings(max_examples=1200, deadline=None)
+@settings(max_examples=3000, deadline=None)
 @given(
     query=queries(),
     kind=st.sampled_from(HOSTILE),
@@ -267,6 +267,12 @@ def test_numbers_out_of_range_are_refused():
         GuidedSearch(free, (0, 0), (3, 2))
     with pytest.raises(ValueError, match='waypoints: shape'):
         guided(free, (0, 0), (2, 2), [[1.0, 2.0, 3.0]])
+
+
+def test_landmarks_of_another_map_are_refused():
+    landmarks = Landmarks.build(FastGrid(np.zeros((4, 4), dtype=bool)))
+    with pytest.raises(ValueError, match='landmarks'):
+        GuidedSearch(np.zeros((5, 4), dtype=bool), (0, 0), (2, 2), landmarks=landmarks)
 
 
 def test_too_long_a_path_falls_back_to_coarse_units():

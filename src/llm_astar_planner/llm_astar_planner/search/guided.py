@@ -99,6 +99,8 @@ class GuidedSearch:
         if not 0.0 <= slack <= 1000.0:
             raise ValueError(f'slack: {slack} is not in 0 to 1000')
         self._grid = as_grid(blocked, corner_cutting=corner_cutting)
+        if landmarks is not None and len(landmarks.marks) != self._grid.moves.size:
+            raise ValueError('landmarks: are of a map of another size')
         self._start, self._goal = start, goal
         self._max_suboptimality = max_suboptimality
         self._landmarks = landmarks
