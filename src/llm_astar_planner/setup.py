@@ -46,6 +46,7 @@ setup(
     extras_require={
         'cluster': ['dask[distributed]'],
         'local-llm': ['xllamacpp'],
+        'peers': ['nano-astar', 'pyastar2d', 'w9-pathfinding', 'llm-astar'],
         'test': ['pytest', 'hypothesis'],
     },
     entry_points={

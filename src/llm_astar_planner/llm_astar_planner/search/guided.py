@@ -1,0 +1,499 @@
+"""The guided search: waypoints steer it, A* backs it, and what it returns carries a bound.
+
+docs/guided-search.md tells what it does and proves its bounds.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from llm_astar_planner.search import kernels_bucket as plain_kernels
+from llm_astar_planner.search import kernels_guided as kernels
+from llm_astar_planner.search.fast_grid import (
+    BoundedResult,
+    FastGrid,
+    PathTooLongError,
+    Workspace,
+    as_grid,
+    path_length,
+    path_units,
+)
+from llm_astar_planner.search.landmarks import NO_MARKS, NONE_ACTIVE, Landmarks
+from llm_astar_planner.search.result import Cell, SearchStatus
+
+# How greedily the waypoints are followed: the weight of the way still to go.
+WEIGHT = 1.2
+# The expansions that waypoints may cost, as a part of those A* surely needs.
+SLACK = 1.1
+# Within how many cells a waypoint counts as met.
+RADIUS = 3.0
+# Expansions between two looks at the clock and at new waypoints.
+SLICE = 4096
+_BUCKETS = 2048
+# The least plain A* expansions at a time; later an eighth of those done.
+_PLAIN_STEP = 4
+
+
+@dataclass(frozen=True, eq=False)
+class GuidedResult(BoundedResult):
+    """A bounded result with where its expansions went: led by waypoints, proof, plain A*."""
+
+    guided_operation: int = 0
+    proof_operation: int = 0
+    plain_operation: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Improvement:
+    """A better path while the search goes on.
+
+    `path` is int32 [n, 2], `cost` and `lower_bound` are in cells, `ratio` = cost / lower_bound
+    is proven, `operation` counts the expansions so far.
+    """
+
+    path: NDArray[np.int32]
+    cost: float
+    lower_bound: float
+    ratio: float
+    operation: int
+
+
+class GuidedSearch:
+    """One search, led by waypoints that may come while it runs.
+
+    `improvements()` runs it and yields each better path; `result()` then tells what it found.
+    `guide(waypoints)` may be called before the run or during it, from any thread, and again;
+    until it is called the search is a plain exact A*. With `max_suboptimality` w >= 1 it ends
+    when the path is proven within w of the optimum, without it at the first path. `landmarks`,
+    which must hold on the grid, make the proof cheap. `weight` is how greedily waypoints are
+    followed, `slack` how much work they may cost, as a part of A*'s.
+    """
+
+    def __init__(
+        self,
+        blocked: FastGrid | NDArray[np.bool_],
+        start: Cell,
+        goal: Cell,
+        *,
+        corner_cutting: bool = False,
+        max_suboptimality: float | None = None,
+        landmarks: Landmarks | None = None,
+        stop: NDArray[np.uint8] | None = None,
+        weight: float = WEIGHT,
+        slack: float = SLACK,
+    ) -> None:
+        """Take the query; nothing is searched yet.
+
+        Raises ValueError for a cell off the grid and a number out of its range.
+        """
+        if max_suboptimality is not None and not 1.0 <= max_suboptimality <= 1000.0:
+            raise ValueError(f'max_suboptimality: {max_suboptimality} is not in 1 to 1000')
+        if not 1.0 <= weight <= 100.0:
+            raise ValueError(f'weight: {weight} is not in 1 to 100')
+        if not 0.0 <= slack <= 1000.0:
+            raise ValueError(f'slack: {slack} is not in 0 to 1000')
+        self._grid = as_grid(blocked, corner_cutting=corner_cutting)
+        if landmarks is not None and len(landmarks.marks) != self._grid.moves.size:
+            raise ValueError('landmarks: are of a map of another size')
+        self._start, self._goal = start, goal
+        self._max_suboptimality = max_suboptimality
+        self._landmarks = landmarks
+        self._stop = np.zeros(1, dtype=np.uint8) if stop is None else stop
+        self._weight, self._slack = weight, slack
+        self._grid.index(start)
+        self._grid.index(goal)
+        self._lock = threading.Lock()
+        self._pending: NDArray[np.float64] | None = None
+        self._run: _Run | None = None
+        self._result: GuidedResult | None = None
+
+    def guide(self, waypoints: ArrayLike) -> None:
+        """Lead the search along waypoints: float [n, 2] grid coordinates (x, y), n >= 0.
+
+        Any values may be given: what is not finite is dropped, what is off the map is moved
+        to its border, and more than the search can count are thinned out evenly. They count
+        from the next slice of the search on, and for nothing once a path was found.
+        Raises ValueError for an array of another shape.
+        """
+        points = np.asarray(waypoints, dtype=np.float64)
+        if points.size == 0:
+            points = points.reshape(0, 2)
+        if points.ndim != 2 or points.shape[1] != 2:
+            raise ValueError(f'waypoints: shape {points.shape} is not [n, 2]')
+        with self._lock:
+            self._pending = points
+
+    def improvements(self, *, want_expanded: bool = False) -> Iterator[Improvement]:
+        """Run the search to its end and yield each better path as it is found.
+
+        Call it once. A caller may drop the iterator early; `result` then is of that moment.
+        """
+        grid, landmarks = self._grid, self._landmarks
+        while True:
+            run = _Run(self, grid, landmarks)
+            try:
+                yield from run.search()
+                self._result = run.result(want_expanded=want_expanded)
+                return
+            except OverflowError:
+                # Too long for the fine units: begin again in coarse ones, landmarks being fine.
+                if grid.coarse() is grid:
+                    message = f'the cost of a path {self._start} to {self._goal} does not fit'
+                    raise PathTooLongError(message) from None
+                grid, landmarks = grid.coarse(), None
+                self._restore(run)
+            except GeneratorExit:
+                self._result = run.result(want_expanded=want_expanded)
+                raise
+            finally:
+                run.close()
+
+    def result(self) -> GuidedResult:
+        """Return what the run found. Raises RuntimeError before it ended."""
+        if self._result is None:
+            raise RuntimeError('the search has not run to an end')
+        return self._result
+
+    def _take_pending(self) -> NDArray[np.float64] | None:
+        with self._lock:
+            points, self._pending = self._pending, None
+        return points
+
+    def _restore(self, run: _Run) -> None:
+        with self._lock:
+            if self._pending is None:
+                self._pending = run.waypoints
+
+
+def guided(
+    blocked: FastGrid | NDArray[np.bool_],
+    start: Cell,
+    goal: Cell,
+    waypoints: ArrayLike,
+    *,
+    corner_cutting: bool = False,
+    max_suboptimality: float | None = None,
+    landmarks: Landmarks | None = None,
+    stop: NDArray[np.uint8] | None = None,
+    weight: float = WEIGHT,
+    slack: float = SLACK,
+    want_expanded: bool = True,
+) -> GuidedResult:
+    """Search along `waypoints` to the end; see `GuidedSearch` for the rest of the parameters."""
+    search = GuidedSearch(
+        blocked,
+        start,
+        goal,
+        corner_cutting=corner_cutting,
+        max_suboptimality=max_suboptimality,
+        landmarks=landmarks,
+        stop=stop,
+        weight=weight,
+        slack=slack,
+    )
+    search.guide(waypoints)
+    for _ in search.improvements(want_expanded=want_expanded):
+        pass
+    return search.result()
+
+
+def warm_up() -> None:
+    """Compile, or load from the cache, all that a plan needs."""
+    for cost in (None, np.ones((4, 4))):
+        grid = FastGrid(np.zeros((4, 4), dtype=np.bool_), cost=cost)
+        landmarks = Landmarks.build(grid)
+        guided(grid, (0, 0), (3, 3), [[1.0, 2.0]], max_suboptimality=1.0, landmarks=landmarks)
+        guided(grid, (0, 0), (3, 3), [[1.0, 2.0]], slack=0.0)
+
+
+class _Run:
+    """One run of a guided search on one grid: the led search and the plain A* behind it."""
+
+    def __init__(self, search: GuidedSearch, grid: FastGrid, landmarks: Landmarks | None) -> None:
+        self.search_for = search
+        self.grid = grid
+        self.stop = search._stop
+        self.ends = grid.index(search._start), grid.index(search._goal)
+        self.waypoints: NDArray[np.float64] | None = None
+        self.status: SearchStatus | None = None
+        self.marks, self.active = NO_MARKS, NONE_ACTIVE
+        if landmarks is not None:
+            active = landmarks.active(grid, search._start, search._goal)
+            if active is None:
+                self.status = SearchStatus.EXHAUSTED
+            else:
+                self.marks, self.active = landmarks.marks, active
+        walled_in = self.ends[0] != self.ends[1] and not grid.moves[self.ends[1]]
+        if walled_in or any(grid.blocked[y, x] for x, y in (search._start, search._goal)):
+            self.status = SearchStatus.EXHAUSTED
+        self.led = grid.borrow()
+        self.plain: Workspace | None = None
+        self.best_of: Workspace | None = None
+        self.best_path: NDArray[np.int32] | None = None
+        self.first_operation = 0
+        self.first_cost = math.inf
+        self._begin()
+
+    def _begin(self) -> None:
+        search, grid = self.search_for, self.grid
+        self.control = control = np.zeros(kernels.G_SIZE, dtype=np.int64)
+        control[kernels.G_START], control[kernels.G_GOAL] = self.ends
+        control[kernels.G_GENERATION] = self.led.next_generation()
+        control[kernels.G_STRAIGHT], control[kernels.G_DIAGONAL] = grid.straight, grid.diagonal
+        control[kernels.G_WIDTH] = grid.width
+        control[kernels.G_WEIGHT] = round(search._weight * kernels.ONE)
+        control[kernels.G_SLACK] = round(search._slack * kernels.ONE)
+        control[kernels.G_RADIUS] = round(RADIUS * grid.straight)
+        control[kernels.G_SHIFT] = plain_kernels.BUCKET_BITS
+        control[kernels.G_PLAIN_BEST] = plain_kernels.NO_PATH
+        # Rounded down: the ratio reported is never over the one asked for.
+        wanted = search._max_suboptimality
+        control[kernels.G_RATIO] = 0 if wanted is None else math.floor(wanted * kernels.ONE)
+        self.heads = np.zeros(_BUCKETS + 1, dtype=np.int32)
+        self.keys = np.empty(self.led.pool.size, dtype=np.int64)
+        self.targets = np.empty((0, 3), dtype=np.int64)
+        kernels.begin(
+            self.led.records,
+            self.led.pool,
+            self.keys,
+            self.heads,
+            grid.price.size > 0,
+            self.marks,
+            self.active,
+            control,
+        )
+
+    @property
+    def operation(self) -> int:
+        """Expansions so far."""
+        control = self.control
+        led = int(control[kernels.G_GUIDED] + control[kernels.G_PROOF])
+        return led + self._plain(plain_kernels.A_OPERATION)
+
+    def close(self) -> None:
+        """Give the workspaces back."""
+        self.grid.give_back(self.led)
+        if self.plain is not None:
+            self.grid.give_back(self.plain)
+
+    def search(self) -> Iterator[Improvement]:
+        """Search to the end; yield each better path."""
+        while self.status is None:
+            before = int(self.control[kernels.G_BEST])
+            if before == 0:  # the start is the goal
+                self.status, self.best_of = SearchStatus.FOUND, self.led
+                before = plain_kernels.NO_PATH
+            elif self.stop[0]:
+                self.status = SearchStatus.STOPPED
+            else:
+                self._step()
+            if self.control[kernels.G_BEST] < before:
+                yield self._improvement()
+
+    def result(self, *, want_expanded: bool) -> GuidedResult:
+        """Return what is known now."""
+        control, grid = self.control, self.grid
+        status = SearchStatus.STOPPED if self.status is None else self.status
+        expanded = np.zeros(grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
+        for workspace in (self.led, self.plain):
+            if want_expanded and workspace is not None:
+                kernels.add_expanded(workspace.records, workspace.generation, expanded)
+        path, bound = self.best_path, int(control[kernels.G_BOUND])
+        length, cost, ratio = math.nan, math.inf, math.inf
+        lower_bound = bound / grid.straight
+        if path is not None:
+            units = path_units(grid, path)
+            length, cost, ratio = path_length(path), units / grid.straight, _ratio(units, bound)
+            lower_bound = min(bound, units) / grid.straight
+        elif status is SearchStatus.EXHAUSTED:
+            lower_bound = math.inf
+        return GuidedResult(
+            status,
+            self.operation,
+            int(control[kernels.G_STORAGE]) + self._plain(plain_kernels.A_STORAGE),
+            expanded,
+            np.empty((0, 2), dtype=np.int32) if path is None else path,
+            length,
+            cost,
+            lower_bound,
+            ratio,
+            self.first_operation,
+            self.first_cost,
+            int(control[kernels.G_GUIDED]),
+            int(control[kernels.G_PROOF]),
+            self._plain(plain_kernels.A_OPERATION),
+        )
+
+    def _step(self) -> None:
+        """Search one slice; set the status when that ends the search."""
+        points = self.search_for._take_pending()
+        if points is not None:
+            self._lead(points)
+        if self.waypoints is None:
+            self._step_plain(SLICE)
+            return
+        led = self.led
+        ended = kernels.advance(
+            self.grid.moves,
+            self.grid.price,
+            led.records,
+            led.pool,
+            self.keys,
+            self.heads,
+            self.targets,
+            self.marks,
+            self.active,
+            self.control,
+            SLICE,
+            self.stop,
+        )
+        if self.control[kernels.G_BEST] < self.control[kernels.G_PLAIN_BEST]:
+            self.best_of = led
+        if ended == plain_kernels.NEED_SPACE:
+            led.grow_pool()
+            self.keys = np.concatenate((self.keys, np.empty_like(self.keys)))
+        elif ended == plain_kernels.FOUND:
+            kernels.raise_bound(
+                led.records, led.pool, self.heads, self.marks, self.active, self.control
+            )
+            if self.control[kernels.G_RATIO] == 0 or kernels.is_met(self.control):
+                self.status = SearchStatus.FOUND
+            else:
+                self._rekey(proving=True)
+        elif ended == kernels.WORKED:
+            self._step_plain(max(_PLAIN_STEP, self._plain(plain_kernels.A_OPERATION) // 8))
+        else:
+            self._end(ended)
+
+    def _step_plain(self, quota: int) -> None:
+        """Let the plain A* expand `quota` cells, for its own sake and for the led search's."""
+        grid, control = self.grid, self.control
+        if self.plain is None:
+            self.plain = grid.borrow()
+            self.plain.control[:] = 0
+            self.plain.next_generation()
+        plain = self.plain
+        known = plain.control
+        if (
+            known[plain_kernels.A_STARTED]
+            and control[kernels.G_BEST] < known[plain_kernels.A_BEST]
+        ):
+            # The led search's path prunes this one's too.
+            known[plain_kernels.A_BEST] = control[kernels.G_BEST]
+        ended = plain_kernels.astar(
+            grid.moves,
+            grid.price,
+            grid.width,
+            grid.straight,
+            grid.diagonal,
+            *self.ends,
+            grid.price.size > 0,
+            plain.generation,
+            plain.records,
+            plain.pool,
+            plain.heads,
+            known,
+            self.stop,
+            quota,
+        )
+        if known[plain_kernels.A_BEST] < control[kernels.G_BEST]:
+            control[kernels.G_BEST] = known[plain_kernels.A_BEST]
+            control[kernels.G_PLAIN_BEST] = known[plain_kernels.A_BEST]
+            self.best_of = plain
+        floor = int(known[plain_kernels.A_BUCKET]) << plain_kernels.BUCKET_BITS
+        bound = control[kernels.G_BEST] if ended == plain_kernels.FOUND else floor
+        control[kernels.G_BOUND] = max(control[kernels.G_BOUND], bound)
+        control[kernels.G_LEAST] = max(control[kernels.G_LEAST], known[plain_kernels.A_OPERATION])
+        if ended == plain_kernels.NEED_SPACE:
+            plain.grow_pool()
+        elif ended == plain_kernels.FOUND or kernels.is_met(control):
+            self.status = SearchStatus.FOUND
+        else:
+            self._end(ended)
+
+    def _end(self, ended: int) -> None:
+        if ended == plain_kernels.OVERFLOW:
+            raise OverflowError
+        if ended == plain_kernels.STOPPED:
+            self.status = SearchStatus.STOPPED
+        elif ended == plain_kernels.EXHAUSTED:
+            found = self.control[kernels.G_BEST] < plain_kernels.NO_PATH
+            self.status = SearchStatus.FOUND if found else SearchStatus.EXHAUSTED
+
+    def _lead(self, points: NDArray[np.float64]) -> None:
+        """Follow new waypoints from here on, unless a path is known already."""
+        if self.control[kernels.G_BEST] < plain_kernels.NO_PATH:
+            return
+        self.waypoints = points
+        self.targets = _targets(self.grid, points, self.search_for._start, self.search_for._goal)
+        self._rekey(proving=False)
+
+    def _rekey(self, *, proving: bool) -> None:
+        shift = plain_kernels.BUCKET_BITS
+        if not proving:
+            # The window spans the keys from the least the path may cost to half as much again
+            # as the way along the list; the search copes with those beyond, more slowly.
+            way = 1.5 * self.search_for._weight * float(self.targets[:, 2].max(initial=0))
+            span = way + 64.0 * self.grid.straight
+            while _BUCKETS << shift < span:
+                shift += 1
+        kernels.rekey(
+            self.led.records,
+            self.led.pool,
+            self.keys,
+            self.heads,
+            self.targets,
+            self.marks,
+            self.active,
+            proving,
+            shift,
+            self.control,
+        )
+
+    def _improvement(self) -> Improvement:
+        path = self._trace()
+        units = path_units(self.grid, path)
+        cost = units / self.grid.straight
+        bound = int(self.control[kernels.G_BOUND])
+        if self.best_path is None:
+            self.first_operation, self.first_cost = self.operation, cost
+        self.best_path = path
+        lower_bound = min(bound, units) / self.grid.straight
+        return Improvement(path, cost, lower_bound, _ratio(units, bound), self.operation)
+
+    def _trace(self) -> NDArray[np.int32]:
+        workspace = self.led if self.best_of is None else self.best_of
+        return workspace.trace(self.grid.width, *self.ends)
+
+    def _plain(self, slot: int) -> int:
+        return 0 if self.plain is None else int(self.plain.control[slot])
+
+
+def _ratio(units: int, bound: int) -> float:
+    return max(1.0, units / bound) if bound > 0 else 1.0
+
+
+def _targets(
+    grid: FastGrid, points: NDArray[np.float64], start: Cell, goal: Cell
+) -> NDArray[np.int64]:
+    """Turn waypoints into targets: int64 [n, 3], x, y and units from there to the goal."""
+    finite = points[np.isfinite(points).all(axis=1)]
+    border = (grid.width - 1, grid.height - 1)
+    cells = np.clip(np.rint(finite), 0, border).astype(np.int64)
+    cells = np.concatenate(([start], cells, [goal])).astype(np.int64)
+    moved = (np.diff(cells, axis=0) != 0).any(axis=1)
+    cells = cells[1:][moved] if moved.any() else cells[-1:]
+    if len(cells) > kernels.MAX_TARGETS:
+        kept = np.linspace(0, len(cells) - 1, kernels.MAX_TARGETS).round().astype(np.int64)
+        cells = cells[kept]
+    delta = np.abs(np.diff(cells, axis=0))
+    legs = grid.straight * delta.max(axis=1, initial=0)
+    legs += (grid.diagonal - grid.straight) * delta.min(axis=1, initial=2**40)
+    rest = np.concatenate((legs[::-1].cumsum()[::-1], [0]))
+    return np.ascontiguousarray(np.column_stack((cells, rest)), dtype=np.int64)

@@ -1,0 +1,82 @@
+"""Random grids and a plain Dijkstra to hold the fast searches against."""
+
+import heapq
+import math
+from itertools import pairwise
+
+import numpy as np
+from hypothesis import strategies as st
+from llm_astar_planner.search.fast_grid import FastGrid, path_units
+
+
+def dijkstra(grid: FastGrid, start, goal) -> float:
+    """The least cost in cells, inf where there is no way; from the rule, not from the masks."""
+    height, width = grid.blocked.shape
+    price = grid.price.reshape(height, width) if grid.price.size else np.zeros((height, width))
+    best = {start: 0.0}
+    heap = [(0.0, start)]
+    while heap:
+        cost, (x, y) = heapq.heappop(heap)
+        if (x, y) == goal:
+            return cost
+        if cost > best[x, y]:
+            continue
+        for dx in (-1, 0, 1):
+            for dy in (-1, 0, 1):
+                other = (x + dx, y + dy)
+                if (dx, dy) == (0, 0) or not is_move(grid, (x, y), other):
+                    continue
+                mean = (float(price[y, x]) + float(price[other[1], other[0]])) / 512.0
+                new = cost + math.hypot(dx, dy) * (1.0 + mean)
+                if new < best.get(other, math.inf):
+                    best[other] = new
+                    heapq.heappush(heap, (new, other))
+    return math.inf
+
+
+def is_move(grid: FastGrid, cell, other) -> bool:
+    """Whether one may go from a free cell to a neighbour."""
+    (x, y), (other_x, other_y) = cell, other
+    height, width = grid.blocked.shape
+    if not (0 <= other_x < width and 0 <= other_y < height) or grid.blocked[other_y, other_x]:
+        return False
+    corner = grid.blocked[y, other_x] or grid.blocked[other_y, x]
+    return grid.corner_cutting or not corner
+
+
+def assert_path(grid: FastGrid, path, start, goal, cost) -> None:
+    """The path joins the cells by legal moves and costs what is said."""
+    cells = [(int(x), int(y)) for x, y in path]
+    assert cells[0] == start
+    assert cells[-1] == goal
+    assert len(set(cells)) == len(cells)
+    for cell, other in pairwise(cells):
+        assert max(abs(cell[0] - other[0]), abs(cell[1] - other[1])) == 1
+        assert is_move(grid, cell, other)
+    assert path_units(grid, path) / grid.straight == cost
+
+
+@st.composite
+def queries(draw, graded=None):
+    """A grid with random blocks or corridors, and two free cells on it."""
+    height, width = draw(st.integers(1, 14)), draw(st.integers(1, 14))
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    density = draw(st.sampled_from([0.0, 0.1, 0.25, 0.4]))
+    blocked = random.random((height, width)) < density
+    if draw(st.booleans()) and height > 4:
+        # A wall with one gap: detours, so that the estimate errs.
+        blocked[height // 2] = True
+        blocked[height // 2, random.integers(width)] = False
+    cells = random.integers(0, (width, height), (2, 2))
+    blocked[cells[:, 1], cells[:, 0]] = False
+    cost = None
+    if draw(st.booleans()) if graded is None else graded:
+        cost = random.integers(-1, 101, blocked.shape) * (random.random(blocked.shape) < 0.5)
+    grid = FastGrid(
+        blocked,
+        corner_cutting=draw(st.booleans()),
+        cost=cost,
+        cost_multiplier=draw(st.sampled_from([0.5, 2.0, 20.0])),
+    )
+    start, goal = ((int(x), int(y)) for x, y in cells)
+    return grid, start, goal

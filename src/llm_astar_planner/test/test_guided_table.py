@@ -1,0 +1,33 @@
+import os
+
+import pytest
+from llm_astar_planner.benchmark import guided_table
+
+
+@pytest.fixture(scope='module')
+def rows():
+    folder = os.environ.get(guided_table.ENVIRONMENT)
+    if not folder:
+        pytest.skip(f'{guided_table.ENVIRONMENT} is not set')
+    return guided_table.compare(folder, limit=30)
+
+
+def test_the_bound_and_the_work_hold_on_every_sample(rows):
+    assert len({(row.map, row.pair) for row in rows}) == 30
+    for row in rows:
+        assert row.length <= row.ratio * row.exact_length * (1.0 + 1e-7)
+        if '1.1' in row.method:
+            assert row.ratio <= 1.1
+        if row.waypoints:
+            assert row.operation <= 2.1 * row.exact_operation
+
+
+def test_good_waypoints_save_most_of_the_work(rows):
+    oracle = [row for row in rows if (row.method, row.waypoints) == ('best effort', 'oracle')]
+    assert sum(row.operation for row in oracle) < 0.25 * sum(row.paper_operation for row in oracle)
+
+
+def test_the_summary_has_a_line_a_method_and_set(rows):
+    lines = guided_table.summary(rows).splitlines()
+    assert len(lines) == 1 + 4 + 4 * len(guided_table.SETS)
+    assert all(len(line) == len(lines[0]) for line in lines)
