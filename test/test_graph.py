@@ -343,6 +343,18 @@ def test_a_parameter_that_cannot_be_is_one_line_at_start(name, parameter, words)
         assert word in output
 
 
+@pytest.mark.parametrize(
+    ('arguments', 'word'),
+    [(['--params-file', 'nowhere.yaml'], 'nowhere.yaml'), (['--bogus'], '--bogus')],
+)
+def test_arguments_that_ros_cannot_read_are_one_line_too(arguments, word):
+    with process('map_node', *arguments, namespace=ALONE) as node:
+        assert node.wait(PATIENCE) == 2
+    output = ''.join(node.output)
+    assert 'Traceback' not in output
+    assert word in output
+
+
 def run_benchmark_node(*arguments):
     module = 'llm_astar_planner.nodes.benchmark_node'
     command = [sys.executable, '-m', module, *arguments, '--ros-args', '-r', f'__ns:={ALONE}']

@@ -12,8 +12,8 @@ data_files = [
     ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
     (f'share/{NAME}', ['package.xml']),
     (f'share/{NAME}/launch', glob('launch/*.launch.py')),
-    (f'share/{NAME}/config', glob('../../config/*')),
-    (f'share/{NAME}/maps', glob('../../maps/*')),
+    (f'share/{NAME}/config', glob('config/*')),
+    (f'share/{NAME}/maps', glob('maps/*')),
 ]
 if 'bdist_wheel' in sys.argv:
     # colcon puts the entry points below lib/, where `ros2 run` looks; pip does not.

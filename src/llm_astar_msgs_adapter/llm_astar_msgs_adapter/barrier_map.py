@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from llm_astar_msgs_adapter.grid_map import FREE, OCCUPIED, GridMap, Pose2D
 
@@ -63,7 +64,8 @@ class BarrierMap:
         """
         (x_min, x_max), (y_min, y_max) = self.range_x, self.range_y
         # One row and column more than the map: the published data lets barriers lie there.
-        cells = np.full((y_max - y_min + 1, x_max - x_min + 1), FREE, dtype=np.int8)
+        shape = (y_max - y_min + 1, x_max - x_min + 1)
+        cells: NDArray[np.int8] = np.full(shape, FREE, dtype=np.int8)
         for y, first, last in self.horizontal_barriers:
             cells[y - y_min, first - x_min : last - x_min + 1] = OCCUPIED
         for x, first, last in self.vertical_barriers:

@@ -11,6 +11,7 @@ import platform
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from llm_astar_planner.share import find_file
@@ -37,10 +38,13 @@ REQUIRED = {
     'tqdm': ('the benchmark', 'pip install tqdm'),
 }
 ROS = {
-    'rclpy': ('the nodes', 'apt install ros-jazzy-rclpy, or make install for the wheels'),
-    'nav_msgs': ('the nodes', 'apt install ros-jazzy-common-interfaces, or make install'),
-    'diagnostic_msgs': ('the nodes', 'apt install ros-jazzy-common-interfaces, or make install'),
-    'visualization_msgs': (
+    'rclpy.node': ('the nodes', 'apt install ros-jazzy-rclpy, or make install for the wheels'),
+    'nav_msgs.msg': ('the nodes', 'apt install ros-jazzy-common-interfaces, or make install'),
+    'diagnostic_msgs.msg': (
+        'the nodes',
+        'apt install ros-jazzy-common-interfaces, or make install',
+    ),
+    'visualization_msgs.msg': (
         'the nodes',
         'apt install ros-jazzy-common-interfaces, or make install',
     ),
@@ -95,22 +99,24 @@ def _findings() -> Iterator[Finding]:
 
 
 def _module(name: str, use: str, remedy: str, *, required: bool) -> Finding:
+    """Import a module, a part of it too: an empty folder of the name would import as well."""
+    package = name.partition('.')[0]
     try:
-        module = importlib.import_module(name)
+        importlib.import_module(name)
     except ImportError:
-        return Finding(name, False, required, f'needed for {use}: {remedy}')
-    folder = os.path.dirname(os.path.dirname(getattr(module, '__file__', '') or ''))
-    return Finding(name, True, required, f'{_version(module, name)} in {folder}')
+        return Finding(package, False, required, f'needed for {use}: {remedy}')
+    folder = Path(getattr(sys.modules[package], '__file__', None) or '').parent.parent
+    return Finding(package, True, required, f'{_version(package)} in {folder}')
 
 
-def _version(module: object, name: str) -> str:
-    version = getattr(module, '__version__', None)
-    if version is None:
-        try:
-            version = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            version = 'of unknown version'
-    return str(version)
+def _version(package: str) -> str:
+    # The ROS wheels are named ros-*, and carry older metadata under the plain name.
+    names = (f'ros-{package.replace("_", "-")}', package)
+    known = {item.metadata['Name'] for item in importlib.metadata.distributions()}
+    found = next((name for name in names if name in known), None)
+    if found is not None:
+        return importlib.metadata.version(found)
+    return str(getattr(sys.modules[package], '__version__', 'version unknown'))
 
 
 def _middleware() -> Finding:

@@ -70,7 +70,9 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         help="a sentence instead: of the dataset's own form, or any with --source endpoint",
     )
     how = parser.add_argument_group('how')
-    how.add_argument('--method', default='llm_astar', help=f'one of {", ".join(METHODS)}')
+    how.add_argument(
+        '--method', default='guided', help=f'one of {", ".join(METHODS)} (default: guided)'
+    )
     how.add_argument('--heuristic', default='euclidean', help=f'one of {", ".join(HEURISTICS)}')
     how.add_argument('--weight', type=float, default=2.0, help="weighted_astar's (default: 2)")
     how.add_argument(
@@ -96,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
         barrier_map.to_grid(),
         GridRules(corner_cutting=not arguments.no_corner_cutting),
         barrier_map,
-    )
+    ).prepare()
     request = PlanRequest(
         barrier_map.to_cell(start),
         barrier_map.to_cell(goal),

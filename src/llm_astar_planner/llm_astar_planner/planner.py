@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -19,86 +19,39 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from llm_astar_planner import targets
+from llm_astar_planner.asking import Asking, ask
+from llm_astar_planner.plan import NOT_ASKED, GridRules, Plan, PlanRequest
 from llm_astar_planner.result_code import ResultCode
+from llm_astar_planner.search.fast_grid import (
+    BoundedResult,
+    FastGrid,
+    PathTooLongError,
+    exact_astar,
+)
+from llm_astar_planner.search.guided import GuidedResult, GuidedSearch, Improvement
+from llm_astar_planner.search.landmarks import LandmarkKeeper
 from llm_astar_planner.search.methods import (
+    EXACT,
+    GUIDED,
     HEURISTICS,
     METHODS,
+    PAPER_METHODS,
     WAYPOINT_METHODS,
     SearchOptions,
     no_stop,
 )
-from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
+from llm_astar_planner.search.result import SearchResult, SearchStatus
+from llm_astar_planner.search.shortcut import AnyAnglePath, shorten
 from llm_astar_planner.targets import JudgedWaypoint
-from llm_astar_planner.validator import path_problem
-from llm_astar_planner.waypoint_source.base import (
-    SampleKey,
-    SourceStatus,
-    WaypointQuery,
-    WaypointReply,
-    WaypointSource,
-)
+from llm_astar_planner.validator import legs_problem, path_problem
+from llm_astar_planner.waypoint_source.base import Waypoint, WaypointQuery, WaypointReply
+
+__all__ = ['NOT_ASKED', 'GridRules', 'Plan', 'PlanRequest', 'Planner']
 
 # The part of a request's time that a source may take; the rest is the search's.
 SOURCE_SHARE = 0.8
-NOT_ASKED = WaypointReply(status=SourceStatus.NONE)
-
-
-@dataclass(frozen=True)
-class GridRules:
-    """Where a path may go: what counts as occupied, and whether it may cut corners."""
-
-    occupied_threshold: int = 65
-    allow_unknown: bool = True
-    corner_cutting: bool = False
-
-
-@dataclass(frozen=True)
-class PlanRequest:
-    """One question to the planner: a way from start to goal, both cells (x, y).
-
-    `time_limit` is seconds for everything, of which the source gets at most `source_time_limit`.
-    `sample` names the benchmark sample, where there is one.
-    """
-
-    start: Cell
-    goal: Cell
-    method: str = 'llm_astar'
-    source: WaypointSource | None = None
-    heuristic: str = 'euclidean'
-    weight: float = 2.0
-    time_limit: float = 5.0
-    source_time_limit: float = float('inf')
-    sample: SampleKey | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """What came of a request.
-
-    `path` is int32 [n, 2], cells (x, y), empty unless `code` is NONE; `length` is in cells.
-    `guided_by` names whose waypoints steered the search, `none` where nobody's did; `reply` is
-    the source's whole answer. `expanded` is bool [height, width].
-    """
-
-    code: ResultCode
-    message: str
-    method: str
-    path: NDArray[np.int32]
-    expanded: NDArray[np.bool_]
-    waypoints: tuple[JudgedWaypoint, ...] = ()
-    guided_by: str = 'none'
-    source: str = 'none'
-    reply: WaypointReply = NOT_ASKED
-    operation: int = 0
-    storage: int = 0
-    length: float = float('nan')
-    seconds_source: float = 0.0
-    seconds_search: float = 0.0
-
-    @property
-    def source_status(self) -> SourceStatus:
-        """How asking the source went."""
-        return self.reply.status
+MAX_BOUND = 1000.0
+Watcher = Callable[[Improvement], None]
 
 
 @dataclass
@@ -110,12 +63,22 @@ class _Draft:
     stop: NDArray[np.uint8] = field(default_factory=no_stop)
     reply: WaypointReply = NOT_ASKED
     judged: tuple[JudgedWaypoint, ...] = ()
+    led: bool = True  # whether the search took up what waypoints there were
     seconds_source: float = 0.0
     seconds_search: float = 0.0
 
     @property
     def time_left(self) -> float:
         return self.deadline - time.monotonic()
+
+    @property
+    def used(self) -> list[JudgedWaypoint]:
+        """The waypoints that led the search."""
+        if not self.led:
+            return []
+        if self.request.method == GUIDED:
+            return [point for point in self.judged if point.verdict in targets.GUIDING]
+        return [point for point in self.judged if not point.verdict.drops]
 
 
 class Planner:
@@ -126,10 +89,16 @@ class Planner:
         grid_map: GridMap,
         rules: GridRules | None = None,
         barrier_map: BarrierMap | None = None,
+        keeper: LandmarkKeeper | None = None,
     ) -> None:
-        """Take a map; `barrier_map`, where the grid comes from one, makes LLM-A* exact on it."""
+        """Take a map.
+
+        `barrier_map`, where the grid comes from one, makes LLM-A* exact on it. `keeper` carries
+        the landmarks over from map to map.
+        """
         self.grid_map = grid_map
         self.rules = rules or GridRules()
+        self.keeper = keeper or LandmarkKeeper()
         self._barrier_map = barrier_map
 
     @classmethod
@@ -160,15 +129,39 @@ class Planner:
     def _waypoint_cells(self) -> NDArray[np.bool_]:
         return targets.waypoint_cells(self.blocked, self._barrier_map)
 
-    def prepare(self) -> Planner:
-        """Do the once-a-map work now instead of at the first plan."""
+    @cached_property
+    def fast_grid(self) -> FastGrid:
+        """The grid as our own searches want it."""
+        graded = self.rules.cost_multiplier > 0 and _is_graded(self.grid_map, self.rules)
+        return FastGrid(
+            self.blocked,
+            corner_cutting=self.rules.corner_cutting,
+            cost=self.grid_map.cells if graded else None,
+            cost_multiplier=self.rules.cost_multiplier,
+        )
+
+    def prepare(self, *, wait: bool = True) -> Planner:
+        """Do the once-a-map work now instead of at the first plan.
+
+        Landmarks are measured in the background; plans made before they are there go without.
+        `wait` waits for them.
+        """
         _ = self.components, self._waypoint_cells
+        self.keeper.update(self.fast_grid)
+        if wait:
+            self.keeper.wait()
         return self
 
-    def plan(self, request: PlanRequest, stop: NDArray[np.uint8] | None = None) -> Plan:
+    def plan(
+        self,
+        request: PlanRequest,
+        stop: NDArray[np.uint8] | None = None,
+        on_improvement: Watcher | None = None,
+    ) -> Plan:
         """Answer a request. Never raises for what a request, a source or a map may hold.
 
-        Another thread cancels by setting `stop[0] = 1`, which ends in TIMEOUT.
+        Another thread cancels by setting `stop[0] = 1`: the best path so far is the answer, or
+        TIMEOUT. `on_improvement` gets each better path of `guided` as it is found, unchecked.
         """
         draft = _Draft(request, time.monotonic() + request.time_limit)
         if stop is not None:
@@ -176,19 +169,17 @@ class Planner:
         refusal = self._refusal(request)
         if refusal is not None:
             return self._failure(draft, *refusal)
-        self._ask(draft)
-        result = self._search(draft)
+        try:
+            result = self._search(draft, on_improvement)
+        except PathTooLongError as error:
+            return self._failure(draft, ResultCode.UNKNOWN, str(error))
         return self._plan(draft, result)
 
     def _refusal(self, request: PlanRequest) -> tuple[ResultCode, str] | None:
         """Say why a request cannot be searched at all, or None."""
-        if request.method not in METHODS:
-            known = ', '.join(METHODS)
-            return ResultCode.INVALID_PLANNER, f'no method {request.method!r}; there is {known}'
-        if request.heuristic not in HEURISTICS:
-            known = ', '.join(HEURISTICS)
-            message = f'no heuristic {request.heuristic!r}; there is {known}'
-            return ResultCode.INVALID_PLANNER, message
+        problem = _problem(request)
+        if problem:
+            return ResultCode.INVALID_PLANNER, problem
         ends = (
             ('start', request.start, ResultCode.START_OUTSIDE_MAP, ResultCode.START_OCCUPIED),
             ('goal', request.goal, ResultCode.GOAL_OUTSIDE_MAP, ResultCode.GOAL_OCCUPIED),
@@ -206,46 +197,92 @@ class Planner:
             return ResultCode.NO_VALID_PATH, 'obstacles cut the goal off from the start'
         return None
 
-    def _ask(self, draft: _Draft) -> None:
-        """Ask the source for waypoints, where the method has a use for them, and judge them."""
+    def _query(self, draft: _Draft) -> WaypointQuery | None:
+        """Return the question for the source, None where there is none to ask."""
         request = draft.request
-        source = request.source
         needless = request.method not in WAYPOINT_METHODS or request.start == request.goal
-        if source is None or needless:
-            return
-        begin = time.monotonic()
+        if request.source is None or needless:
+            return None
         time_limit = min(request.source_time_limit, SOURCE_SHARE * draft.time_left)
-        query = WaypointQuery(
+        return WaypointQuery(
             self.grid_map, request.start, request.goal, time_limit, request.sample
         )
-        try:
-            draft.reply = source.waypoints(query)
-        except Exception as error:  # noqa: BLE001 - no source may ever stop a plan
-            detail = f'{type(error).__name__} in source {source.name}'
-            draft.reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
-        draft.seconds_source = time.monotonic() - begin
-        draft.judged = targets.judge(
-            draft.reply.waypoints, self._waypoint_cells, self.components, request.start
-        )
 
-    def _search(self, draft: _Draft) -> SearchResult:
+    def _ask(self, draft: _Draft) -> None:
+        """Ask the source for waypoints and judge them."""
+        query = self._query(draft)
+        if query is not None and draft.request.source is not None:
+            draft.reply, draft.seconds_source = ask(draft.request.source, query)
+            draft.judged = self._judge(draft, draft.reply)
+
+    def _judge(self, draft: _Draft, reply: WaypointReply) -> tuple[JudgedWaypoint, ...]:
         request = draft.request
-        goals = targets.target_list(draft.judged, request.start, request.goal)[1:]
-        options = SearchOptions(
-            request.heuristic, request.weight, self.rules.corner_cutting, draft.stop
-        )
-        begin = time.monotonic()
-        with _raised_after(draft.time_left, draft.stop):
-            result = METHODS[request.method](
+        if request.method == GUIDED:
+            arguments = self.blocked, self.components, request.start, 0
+        else:
+            edge = targets.PAPER_EDGE
+            arguments = self._waypoint_cells, self.components, request.start, edge
+        return targets.judge(reply.waypoints, *arguments)
+
+    def _search(self, draft: _Draft, on_improvement: Watcher | None) -> SearchResult:
+        if draft.request.method == GUIDED:
+            return self._search_guided(draft, on_improvement)
+        self._ask(draft)
+        request = draft.request
+        with _raised_after(draft.time_left, draft.stop), _timed(draft):
+            if request.method == EXACT:
+                return exact_astar(
+                    self.fast_grid,
+                    request.start,
+                    request.goal,
+                    stop=draft.stop,
+                    want_expanded=request.want_expanded,
+                )
+            goals = targets.target_list(draft.judged, request.start, request.goal)[1:]
+            options = SearchOptions(
+                request.heuristic, request.weight, self.rules.corner_cutting, draft.stop
+            )
+            return PAPER_METHODS[request.method](
                 self.blocked, request.start, request.goal, goals, options
             )
-        draft.seconds_search = time.monotonic() - begin
+
+    def _search_guided(self, draft: _Draft, on_improvement: Watcher | None) -> GuidedResult:
+        """Search by `guided`, asking for waypoints before or while."""
+        request = draft.request
+        search = GuidedSearch(
+            self.fast_grid,
+            request.start,
+            request.goal,
+            max_suboptimality=request.max_suboptimality,
+            landmarks=self.keeper.current(self.fast_grid),
+            stop=draft.stop,
+        )
+        query = self._query(draft) if request.search_while_waiting else None
+        asking = None
+        if query is not None and request.source is not None:
+            asking = Asking(
+                request.source,
+                query,
+                lambda reply: search.guide(_points(self._judge(draft, reply))),
+            )
+        else:
+            self._ask(draft)
+            search.guide(_points(draft.judged))
+        with _raised_after(draft.time_left, draft.stop), _timed(draft):
+            for better in search.improvements(want_expanded=request.want_expanded):
+                if on_improvement is not None:
+                    on_improvement(better)
+        result = search.result()
+        if asking is not None and request.source is not None:
+            draft.reply, draft.seconds_source = asking.close(request.source.name)
+            draft.judged = self._judge(draft, draft.reply)
+        draft.led = result.guided_operation > 0
         return result
 
     def _plan(self, draft: _Draft, result: SearchResult) -> Plan:
         """Turn a search's outcome into a plan; only a valid path leaves."""
         request = draft.request
-        if result.status is SearchStatus.STOPPED:
+        if len(result.path) == 0 and result.status is SearchStatus.STOPPED:
             message = f'stopped after {result.operation} expansions, short of the goal'
             return self._failure(draft, ResultCode.TIMEOUT, message, result)
         if result.status is SearchStatus.EXHAUSTED:
@@ -262,12 +299,25 @@ class Planner:
             message = f'the path found was withheld: {problem}'
             return self._failure(draft, ResultCode.UNKNOWN, message, result)
         draft.judged = targets.mark_out_of_order(draft.judged, result.path)
+        bounded = result if isinstance(result, BoundedResult) else None
         return replace(
             self._failure(draft, ResultCode.NONE, '', result),
             message=_success_message(draft, result),
             path=result.path,
             length=result.length,
+            cost=result.length if bounded is None else bounded.cost,
+            ratio=float('nan') if bounded is None else bounded.ratio,
+            first_operation=result.operation if bounded is None else bounded.first_operation,
+            any_angle=self._shorten(result.path) if request.any_angle else None,
         )
+
+    def _shorten(self, path: NDArray[np.int32]) -> AnyAnglePath | None:
+        """Pull a path taut, or return None where the check does not let the result pass."""
+        shortened = shorten(self.fast_grid, path)
+        problem = legs_problem(
+            shortened.points, self.blocked, corner_cutting=self.rules.corner_cutting
+        )
+        return shortened if problem is None else None
 
     def _failure(
         self,
@@ -295,19 +345,54 @@ class Planner:
         )
 
 
+def _problem(request: PlanRequest) -> str:
+    """Say what about a request no map could make good, or ''."""
+    if request.method not in METHODS:
+        return f'no method {request.method!r}; there is {", ".join(METHODS)}'
+    if request.heuristic not in HEURISTICS:
+        return f'no heuristic {request.heuristic!r}; there is {", ".join(HEURISTICS)}'
+    bound = request.max_suboptimality
+    if bound is not None and not 1.0 <= bound <= MAX_BOUND:
+        return f'max_suboptimality {bound} is not in 1 to {MAX_BOUND:g}'
+    return ''
+
+
 def _guided_by(draft: _Draft) -> str:
-    used = any(point.verdict.used for point in draft.judged)
-    return draft.reply.label if used else 'none'
+    return draft.reply.label if draft.used else 'none'
+
+
+def _points(judged: tuple[JudgedWaypoint, ...]) -> list[Waypoint]:
+    """Return the waypoints that may lead `guided`: those a path can be at."""
+    return [(point.x, point.y) for point in judged if point.verdict in targets.GUIDING]
+
+
+def _is_graded(grid_map: GridMap, rules: GridRules) -> bool:
+    """Tell whether any cell that is not blocked costs something."""
+    cells = grid_map.cells
+    return bool(((cells > 0) & (cells < rules.occupied_threshold)).any())
 
 
 def _success_message(draft: _Draft, result: SearchResult) -> str:
-    path = f'{result.length:.2f} cells in {result.operation} expansions'
-    used = sum(point.verdict.used for point in draft.judged)
+    message = f'{result.length:.2f} cells in {result.operation} expansions'
+    if isinstance(result, BoundedResult):
+        message += f', proven within {result.ratio:.4f} of the shortest'
     if draft.judged:
-        path += f', {used} of {len(draft.judged)} waypoints used'
+        message += f', {len(draft.used)} of {len(draft.judged)} waypoints used'
+    if result.status is SearchStatus.STOPPED:
+        message += '; stopped before more could be proven'
     if draft.reply.detail:
-        path += f'; {draft.reply.detail}'
-    return path
+        message += f'; {draft.reply.detail}'
+    return message
+
+
+@contextmanager
+def _timed(draft: _Draft) -> Iterator[None]:
+    """Note how long the search takes."""
+    begin = time.monotonic()
+    try:
+        yield
+    finally:
+        draft.seconds_search = time.monotonic() - begin
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoint_source.base import Waypoint
 
 # The published filter keeps 1 < x < width - 2, and likewise y.
-EDGE = 1
+PAPER_EDGE = 2
 
 
 class Verdict(str, Enum):
@@ -32,9 +32,13 @@ class Verdict(str, Enum):
     OUT_OF_ORDER = 'out_of_order'
 
     @property
-    def used(self) -> bool:
-        """Whether the waypoint became a target: the paper drops only what it cannot stand on."""
-        return self not in (Verdict.OUT_OF_BOUNDS, Verdict.OCCUPIED)
+    def drops(self) -> bool:
+        """Whether the paper's methods drop such a waypoint: what cannot be stood on."""
+        return self in (Verdict.OUT_OF_BOUNDS, Verdict.OCCUPIED)
+
+
+# What may lead the guided search. Out of order is found only after it, and was let in before.
+GUIDING = frozenset({Verdict.ACCEPTED, Verdict.OUT_OF_ORDER})
 
 
 @dataclass(frozen=True)
@@ -64,17 +68,19 @@ def judge(
     occupied: NDArray[np.bool_],
     components: NDArray[np.int32],
     start: Cell,
+    edge: int = PAPER_EDGE,
 ) -> tuple[JudgedWaypoint, ...]:
     """Judge each waypoint by itself: bounds, obstacles, and whether start reaches it.
 
     `occupied` comes from `waypoint_cells`; `components` [height, width] numbers the connected
-    free cells. A point between lattice points lies on no cell, as in the published code.
+    free cells. Within `edge` cells of the map's edge is out of bounds. A point between lattice
+    points lies on no cell, as in the published code.
     """
     height, width = occupied.shape
     component = components[start[1], start[0]]
 
     def verdict(x: float, y: float) -> Verdict:
-        if not (EDGE < x < width - 1 - EDGE and EDGE < y < height - 1 - EDGE):
+        if not (edge <= x <= width - 1 - edge and edge <= y <= height - 1 - edge):
             return Verdict.OUT_OF_BOUNDS
         if x == int(x) and y == int(y) and occupied[int(y), int(x)]:
             return Verdict.OCCUPIED
@@ -86,8 +92,8 @@ def judge(
 
 
 def target_list(judged: Sequence[JudgedWaypoint], start: Cell, goal: Cell) -> list[Waypoint]:
-    """Build T from the waypoints in use, start put before and goal after where missing."""
-    targets: list[Waypoint] = [(point.x, point.y) for point in judged if point.verdict.used]
+    """Build the paper's T: what it keeps, start put before and goal after where missing."""
+    targets: list[Waypoint] = [(point.x, point.y) for point in judged if not point.verdict.drops]
     if not targets or targets[0] != start:
         targets.insert(0, start)
     if targets[-1] != goal:

@@ -44,5 +44,49 @@ def path_problem(  # noqa: PLR0911 - one return a rule
     return None
 
 
+def legs_problem(
+    points: NDArray[np.int32], blocked: NDArray[np.bool_], *, corner_cutting: bool
+) -> str | None:
+    """Say what is wrong with straight legs between cells [n, 2] at any angle, or None.
+
+    Every cell that a leg passes through must be free, and so must both cells beside a corner
+    that it passes exactly over, unless `corner_cutting`.
+    """
+    for begin, end in zip(points[:-1].tolist(), points[1:].tolist()):
+        cells, corners = _crossed(np.array(begin, float), np.array(end, float))
+        hit = blocked[cells[:, 1], cells[:, 0]]
+        if hit.any():
+            return f'the leg from {tuple(begin)} hits an obstacle at {_show(cells[hit.argmax()])}'
+        if not corner_cutting and len(corners):
+            beside = np.concatenate([corners[:, [0, 3]], corners[:, [2, 1]]])
+            if blocked[beside[:, 1], beside[:, 0]].any():
+                return f'the leg from {tuple(begin)} cuts a corner'
+    return None
+
+
+def _crossed(
+    begin: NDArray[np.float64], end: NDArray[np.float64]
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the cells [n, 2] a leg passes through, and the corners it passes exactly over.
+
+    A corner is given by the cells (x, y, x, y) before and after it. Between two borders that
+    the leg crosses lies one cell; two at once are a corner.
+    """
+    step = end - begin
+    crossings = [np.array([0.0, 1.0])]
+    for axis in (0, 1):
+        low, high = sorted((begin[axis], end[axis]))
+        if step[axis]:
+            crossings.append((np.arange(low + 0.5, high) - begin[axis]) / step[axis])
+    times = np.sort(np.concatenate(crossings))
+    double = np.diff(times) < 1e-9
+    middles = ((times[:-1] + times[1:]) / 2)[~double]
+    cells = np.rint(begin + middles[:, None] * step).astype(np.int32)
+    corners = begin + times[:-1][double][:, None] * step
+    before = np.rint(corners - 0.5 * np.sign(step)).astype(np.int32)
+    after = np.rint(corners + 0.5 * np.sign(step)).astype(np.int32)
+    return cells, np.hstack([before, after])
+
+
 def _show(cell: NDArray[np.int32]) -> str:
     return f'({cell[0]}, {cell[1]})'

@@ -66,11 +66,12 @@ def test_replayed_waypoints_guide_better_than_none_on_the_demo(capsys):
         name: run_json(capsys, 'plan', *arguments)[1]['operation']
         for name, arguments in {
             'astar': ['--method', 'astar'],
-            'none': [],
-            'replay': replay,
+            'none': ['--method', 'llm_astar'],
+            'replay': ['--method', 'llm_astar', *replay],
+            'guided': replay,
         }.items()
     }
-    assert figures == {'astar': 721, 'none': 439, 'replay': 49}
+    assert figures == {'astar': 721, 'none': 439, 'replay': 49, 'guided': 0}
 
 
 def test_coordinates_are_the_maps_own(capsys, shifted):
@@ -154,7 +155,7 @@ def test_doctor_finds_what_is_here(capsys):
 
 
 def test_doctor_tells_how_to_get_what_is_missing(capsys, monkeypatch):
-    monkeypatch.setitem(sys.modules, 'rclpy', None)
+    monkeypatch.setitem(sys.modules, 'rclpy.node', None)
     code, out, _ = run(capsys, 'doctor')
     assert code == 1
     line = next(line for line in out.splitlines() if ' rclpy ' in line)

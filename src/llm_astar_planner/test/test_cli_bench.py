@@ -209,7 +209,7 @@ def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
 @pytest.mark.parametrize(
     ('words', 'part'),
     [
-        (('--methods', 'dijkstra'), "--methods 'dijkstra' is unknown; there is astar"),
+        (('--methods', 'dijkstra'), "--methods 'dijkstra' is unknown; there is guided"),
         (('--source', 'tea_leaves'), "--source 'tea_leaves' is unknown"),
         (('--source', 'replay'), 'transcript'),
         (('--source', 'endpoint'), '--model'),

@@ -205,7 +205,7 @@ def test_the_validator_withholds_the_path_of_a_broken_search(monkeypatch, broken
     def broken_search(blocked, start, goal, targets, options):
         return SearchResult(SearchStatus.FOUND, 1, 1, np.zeros_like(blocked), path, 8.0)
 
-    monkeypatch.setitem(planner_module.METHODS, 'astar', broken_search)
+    monkeypatch.setitem(planner_module.PAPER_METHODS, 'astar', broken_search)
     plan = PLANNER.plan(PlanRequest(START, GOAL, 'astar'))
     assert plan.code is ResultCode.UNKNOWN
     assert 'withheld' in plan.message

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_planner.search.methods import (
     HEURISTICS,
-    METHODS,
+    PAPER_METHODS,
     SearchOptions,
     no_stop,
     path_length,
@@ -113,8 +113,11 @@ def test_every_method_counts_as_the_pseudocode_does(problem, heuristic):
         'llm_astar': {'targets': targets},
     }
     for name, extra in settings_of.items():
-        result = METHODS[name](blocked, start, goal, targets, options)
+        result = PAPER_METHODS[name](blocked, start, goal, targets, options)
         check(result, plain_search(blocked, start, goal, kind=heuristic, **extra))
+
+
+CAREFUL = SearchOptions(corner_cutting=False)
 
 
 def grid(*rows):
@@ -135,7 +138,7 @@ def test_counts_around_a_wall():
     options = SearchOptions()
     counts = {
         name: (result.operation, result.storage, round(result.length, 6))
-        for name, method in METHODS.items()
+        for name, method in PAPER_METHODS.items()
         if name in ('astar', 'weighted_astar', 'dynamic_weighted_astar', 'llm_astar')
         for result in [method(WALL, (1, 1), (5, 1), [(3, 4), (5, 1)], options)]
     }
@@ -148,7 +151,7 @@ def test_counts_around_a_wall():
 
 
 def test_the_path_runs_over_the_wall():
-    path = METHODS['astar'](WALL, (1, 1), (5, 1), [], SearchOptions()).path.tolist()
+    path = PAPER_METHODS['astar'](WALL, (1, 1), (5, 1), [], SearchOptions()).path.tolist()
     assert path[0] == [1, 1]
     assert path[-1] == [5, 1]
     assert [3, 4] in path
@@ -156,55 +159,57 @@ def test_the_path_runs_over_the_wall():
 
 def test_a_target_between_lattice_points_is_never_met_and_the_goal_still_is():
     free = np.zeros((9, 9), dtype=bool)
-    result = METHODS['llm_astar'](free, (1, 1), (7, 7), [(2.5, 6.0), (7, 7)], SearchOptions())
+    result = PAPER_METHODS['llm_astar'](
+        free, (1, 1), (7, 7), [(2.5, 6.0), (7, 7)], SearchOptions()
+    )
     assert result.status is SearchStatus.FOUND
 
 
 def test_a_blocked_target_still_counts_as_met():
     blocked = np.zeros((9, 9), dtype=bool)
     blocked[4, 4] = True
-    met = METHODS['llm_astar'](blocked, (1, 4), (7, 4), [(4, 4), (7, 4)], SearchOptions())
+    met = PAPER_METHODS['llm_astar'](blocked, (1, 4), (7, 4), [(4, 4), (7, 4)], SearchOptions())
     assert met.status is SearchStatus.FOUND
     assert met.operation == plain_search(blocked, (1, 4), (7, 4), [(4, 4), (7, 4)])[0]
 
 
 def test_squeezing_between_diagonal_cells_is_the_papers_and_not_a_robots():
     gap = grid('.#', '#.')
-    allowed = METHODS['astar'](gap, (0, 1), (1, 0), [], SearchOptions())
+    allowed = PAPER_METHODS['astar'](gap, (0, 1), (1, 0), [], SearchOptions())
     assert allowed.length == pytest.approx(math.sqrt(2))
-    forbidden = METHODS['astar'](gap, (0, 1), (1, 0), [], SearchOptions(corner_cutting=False))
+    forbidden = PAPER_METHODS['astar'](gap, (0, 1), (1, 0), [], CAREFUL)
     assert forbidden.status is SearchStatus.EXHAUSTED
 
 
 def test_without_corner_cutting_a_corner_is_walked_around():
     corner = grid('..', '#.')
-    cut = METHODS['astar'](corner, (0, 1), (1, 0), [], SearchOptions())
-    walked = METHODS['astar'](corner, (0, 1), (1, 0), [], SearchOptions(corner_cutting=False))
+    cut = PAPER_METHODS['astar'](corner, (0, 1), (1, 0), [], SearchOptions())
+    walked = PAPER_METHODS['astar'](corner, (0, 1), (1, 0), [], CAREFUL)
     assert cut.length == pytest.approx(math.sqrt(2))
     assert walked.length == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize('name', sorted(METHODS))
+@pytest.mark.parametrize('name', sorted(PAPER_METHODS))
 def test_start_equal_to_goal_is_a_path_of_one_cell(name):
     free = np.zeros((5, 5), dtype=bool)
-    result = METHODS[name](free, (2, 3), (2, 3), [(2, 3)], SearchOptions())
+    result = PAPER_METHODS[name](free, (2, 3), (2, 3), [(2, 3)], SearchOptions())
     assert result.path.tolist() == [[2, 3]]
     assert result.length == 0.0
 
 
-@pytest.mark.parametrize('name', sorted(METHODS))
+@pytest.mark.parametrize('name', sorted(PAPER_METHODS))
 def test_a_raised_stop_flag_stops_the_search(name):
     stop = no_stop()
     stop[0] = 1
     free = np.zeros((50, 50), dtype=bool)
-    result = METHODS[name](free, (1, 1), (48, 40), [(48, 40)], SearchOptions(stop=stop))
+    result = PAPER_METHODS[name](free, (1, 1), (48, 40), [(48, 40)], SearchOptions(stop=stop))
     assert result.status is SearchStatus.STOPPED
     assert len(result.path) == 0
 
 
 def test_expanded_cells_are_told_apart_by_row_and_column():
     blocked = grid('#####', '#...#', '#####')
-    result = METHODS['astar'](blocked, (1, 1), (3, 1), [], SearchOptions())
+    result = PAPER_METHODS['astar'](blocked, (1, 1), (3, 1), [], SearchOptions())
     expected = np.zeros_like(blocked)
     expanded = [(1, 1), (2, 1), (3, 1)]
     for x, y in expanded:

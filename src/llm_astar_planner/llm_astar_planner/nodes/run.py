@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable, Sequence
 
 import rclpy
 from llm_astar_msgs_adapter.barrier_map import BarrierMapError
 from llm_astar_msgs_adapter.grid_map import GridMapError
-from rclpy._rclpy_pybind11 import RCLError
+from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.context import Context
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+)
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
@@ -23,6 +27,7 @@ USER_ERRORS = (
     GridMapError,
     InvalidParameterTypeException,
     InvalidParameterValueException,
+    UnknownROSArgsError,
 )
 
 
@@ -44,8 +49,8 @@ def run(
     make_executor: Callable[[], Executor] = SingleThreadedExecutor,
 ) -> int:
     """Spin a node until SIGINT or SIGTERM; return 0 then, 2 where it cannot start."""
-    rclpy.init(args=args)
     try:
+        rclpy.init(args=args)
         node = make_node()
         try:
             executor = make_executor()
@@ -58,6 +63,13 @@ def run(
     except USER_ERRORS as error:
         sys.stderr.write(f'error: {error}\n')
         return 2
+    except RCLError as error:
+        # rcl tells of files and arguments it cannot read over several lines.
+        sys.stderr.write(f'error: {" ".join(str(error).split())}\n')
+        return 2
     finally:
+        # A second Ctrl-C must not break what the first one began.
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
         rclpy.try_shutdown()
     return 0

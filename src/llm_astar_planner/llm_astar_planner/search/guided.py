@@ -21,11 +21,13 @@ from llm_astar_planner.search.fast_grid import (
     PathTooLongError,
     Workspace,
     as_grid,
+    exact_astar,
     path_length,
     path_units,
 )
 from llm_astar_planner.search.landmarks import NO_MARKS, NONE_ACTIVE, Landmarks
 from llm_astar_planner.search.result import Cell, SearchStatus
+from llm_astar_planner.search.shortcut import can_see, shorten
 
 # How greedily the waypoints are followed: the weight of the way still to go.
 WEIGHT = 1.2
@@ -205,11 +207,21 @@ def guided(
 
 def warm_up() -> None:
     """Compile, or load from the cache, all that a plan needs."""
-    for cost in (None, np.ones((4, 4))):
-        grid = FastGrid(np.zeros((4, 4), dtype=np.bool_), cost=cost)
-        landmarks = Landmarks.build(grid)
-        guided(grid, (0, 0), (3, 3), [[1.0, 2.0]], max_suboptimality=1.0, landmarks=landmarks)
-        guided(grid, (0, 0), (3, 3), [[1.0, 2.0]], slack=0.0)
+    # A wall between start and goal: its proof takes every kernel, with and without landmarks.
+    blocked = np.zeros((24, 24), dtype=np.bool_)
+    blocked[4:, 12] = True
+    start, goal = (2, 20), (21, 20)
+    for cost in (None, np.ones(blocked.shape)):
+        grid = FastGrid(blocked, cost=cost)
+        for landmarks in (Landmarks.build(grid), None):
+            for wanted in (None, 1.0):
+                guided(
+                    grid, start, goal, [[2.0, 2.0]], max_suboptimality=wanted, landmarks=landmarks
+                )
+        guided(grid, start, goal, [[2.0, 2.0]], slack=0.0)
+        result = exact_astar(grid, start, goal)
+        can_see(grid, start, goal)
+        shorten(grid, result.path)
 
 
 class _Run:

@@ -129,8 +129,8 @@ def paper_search(
     g = np.full(width * height, NOT_SEEN)
     move_to = np.full(width * height, -1, dtype=np.int8)
     closed = np.zeros(width * height, dtype=np.uint8)
-    keys = np.empty(1024)
-    nodes = np.empty(1024, dtype=np.int64)
+    keys: NDArray[np.float64] = np.empty(1024)
+    nodes: NDArray[np.int64] = np.empty(1024, dtype=np.int64)
 
     guided = len(targets) > 0
     index = 0

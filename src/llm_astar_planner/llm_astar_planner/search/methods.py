@@ -1,4 +1,4 @@
-"""The search methods by name: plain arguments in, a SearchResult out."""
+"""The search methods by name; the paper's, with plain arguments in and a SearchResult out."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search import kernels_paper as kernels
+from llm_astar_planner.search.guided import warm_up
 from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
 
 HEURISTICS = {
@@ -101,20 +102,25 @@ def llm_astar(
     return _search(blocked, start, goal, targets, options, weight=1.0)
 
 
-METHODS: dict[str, Method] = {
+PAPER_METHODS: dict[str, Method] = {
     'astar': astar,
     'weighted_astar': weighted_astar,
     'dynamic_weighted_astar': dynamic_weighted_astar,
     'llm_astar': llm_astar,
 }
+# The searches of our own, whose paths carry a bound: see docs/guided-search.md.
+EXACT = 'exact_astar'
+GUIDED = 'guided'
+METHODS = (GUIDED, EXACT, *PAPER_METHODS)
 # The methods that make use of waypoints; the others never ask for them.
-WAYPOINT_METHODS = frozenset({'llm_astar'})
+WAYPOINT_METHODS = frozenset({GUIDED, 'llm_astar'})
 
 
 def compile_kernels() -> None:
     """Compile, or load from numba's cache, so that the first plan does not wait for it."""
     blocked = np.zeros((3, 3), dtype=bool)
     llm_astar(blocked, (0, 0), (2, 2), [[1, 1], [2, 2]], SearchOptions())
+    warm_up()
 
 
 def path_length(path: NDArray[np.int32]) -> float:

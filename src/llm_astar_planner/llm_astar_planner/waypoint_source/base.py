@@ -35,6 +35,7 @@ class SourceStatus(str, Enum):
     MISSING = 'MISSING'  # a replay without this exchange
     REFUSED = 'REFUSED'  # a limit or the endpoint said no
     ERROR = 'ERROR'
+    LATE = 'LATE'  # the search was done before it answered
 
 
 @dataclass(frozen=True)

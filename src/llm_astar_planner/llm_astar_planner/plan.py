@@ -1,0 +1,100 @@
+"""What a planner is asked and what it answers, in plain values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llm_astar_planner.result_code import ResultCode
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.shortcut import AnyAnglePath
+from llm_astar_planner.targets import JudgedWaypoint
+from llm_astar_planner.waypoint_source.base import (
+    SampleKey,
+    SourceStatus,
+    WaypointReply,
+    WaypointSource,
+)
+
+NOT_ASKED = WaypointReply(status=SourceStatus.NONE)
+
+
+@dataclass(frozen=True)
+class GridRules:
+    """Where a path may go, and what it costs there.
+
+    `occupied_threshold` is the occupancy that blocks. `cost_multiplier` is what occupancy below
+    it adds to the price of a move, for `guided` and `exact_astar` (Nav2's
+    `cost_travel_multiplier`): d * (1 + multiplier * occupancy / 100); 0 counts lengths alone.
+    """
+
+    occupied_threshold: int = 65
+    allow_unknown: bool = True
+    corner_cutting: bool = False
+    cost_multiplier: float = 2.0
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """One question to the planner: a way from start to goal, both cells (x, y).
+
+    `time_limit` is seconds for everything, of which the source gets at most `source_time_limit`.
+    `heuristic` and `weight` are for the paper's methods. The rest is for `guided`: it goes on
+    until the path is proven within `max_suboptimality` (1 or more) of the shortest, or takes the
+    first one where that is None; `search_while_waiting` starts it before the waypoints are there,
+    which may then come too late to guide. `any_angle` adds a shortened path, `want_expanded`
+    False spares the picture of expanded cells. `sample` names the benchmark sample, if it is one.
+    """
+
+    start: Cell
+    goal: Cell
+    method: str = 'guided'
+    source: WaypointSource | None = None
+    heuristic: str = 'euclidean'
+    weight: float = 2.0
+    time_limit: float = 5.0
+    source_time_limit: float = float('inf')
+    max_suboptimality: float | None = None
+    search_while_waiting: bool = False
+    any_angle: bool = False
+    want_expanded: bool = True
+    sample: SampleKey | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What came of a request.
+
+    `path` is int32 [n, 2], cells (x, y), empty unless `code` is NONE; `length` and `cost` (with
+    the price of occupancy) are in cells. The cost is proven to be at most `ratio` times the
+    least; NaN where the method proves nothing. `operation` counts all expansions,
+    `first_operation` those up to the first path. `guided_by` names whose waypoints steered the
+    search, `none` where nobody's did; `reply` is the source's whole answer. `expanded` is bool
+    [height, width], or empty where it was not wanted.
+    """
+
+    code: ResultCode
+    message: str
+    method: str
+    path: NDArray[np.int32]
+    expanded: NDArray[np.bool_]
+    waypoints: tuple[JudgedWaypoint, ...] = ()
+    guided_by: str = 'none'
+    source: str = 'none'
+    reply: WaypointReply = NOT_ASKED
+    operation: int = 0
+    first_operation: int = 0
+    storage: int = 0
+    length: float = float('nan')
+    cost: float = float('nan')
+    ratio: float = float('nan')
+    any_angle: AnyAnglePath | None = None
+    seconds_source: float = 0.0
+    seconds_search: float = 0.0
+
+    @property
+    def source_status(self) -> SourceStatus:
+        """How asking the source went."""
+        return self.reply.status
