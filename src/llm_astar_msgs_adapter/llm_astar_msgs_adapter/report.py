@@ -23,9 +23,11 @@ class ReportError(ValueError):
 class PlanReport:
     """What a plan tells beside its path.
 
-    `code` and `code_name` are Nav2's. `length` is in metres; NaN becomes null in JSON and None
-    here. `waypoints` are (x, y, verdict), in metres in the map's frame. `seconds_*` are wall
-    clock. `map_digest` names the map planned on.
+    `code` and `code_name` are Nav2's. `length` is in metres, None without a path. The path's cost
+    is proven to be at most `ratio` times the least, None where nothing is proven. `operation`
+    counts all expansions, `first_operation` those up to the first path. `waypoints` are
+    (x, y, verdict), in metres in the map's frame. `seconds_*` are wall clock. `map_digest` names
+    the map planned on.
     """
 
     code: int
@@ -37,8 +39,10 @@ class PlanReport:
     source_status: str
     source_detail: str
     operation: int
+    first_operation: int
     storage: int
     length: float | None
+    ratio: float | None
     seconds_source: float
     seconds_search: float
     waypoints: tuple[tuple[float, float, str], ...]

@@ -80,6 +80,13 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         action='store_true',
         help='forbid diagonal steps past blocked cells, as on a robot',
     )
+    how.add_argument(
+        '--max-suboptimality',
+        type=float,
+        metavar='W',
+        help='have guided prove its path within W of the shortest, W >= 1 (default: first path)',
+    )
+    how.add_argument('--any-angle', action='store_true', help='shorten the path at any angle')
     how.add_argument('--time-limit', type=float, default=60.0, metavar='SECONDS')
     guide = parser.add_argument_group('guidance')
     add_source_arguments(guide)
@@ -107,6 +114,8 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.heuristic,
         arguments.weight,
         arguments.time_limit,
+        max_suboptimality=arguments.max_suboptimality,
+        any_angle=arguments.any_angle,
         sample=_sample(barrier_map, start, goal),
     )
     plan = planner.plan(request)
@@ -139,7 +148,13 @@ def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
         ],
         'operation': plan.operation,
         'storage': plan.storage,
-        'length': None if math.isnan(plan.length) else plan.length,
+        'first_operation': plan.first_operation,
+        'length': _finite(plan.length),
+        'cost': _finite(plan.cost),
+        'ratio': _finite(plan.ratio),
+        'any_angle_path': None
+        if plan.any_angle is None
+        else (plan.any_angle.points + offset).tolist(),
         'seconds_source': plan.seconds_source,
         'seconds_search': plan.seconds_search,
     }
@@ -157,9 +172,16 @@ def plan_to_text(plan: Plan, offset: Point) -> str:
         lines.append(f'operation  {plan.operation}')
         lines.append(f'storage    {plan.storage}')
         lines.append(f'length     {plan.length:.3f} cells over {len(plan.path)} points')
+        if plan.any_angle is not None:
+            legs = len(plan.any_angle.points) - 1
+            lines.append(f'any angle  {plan.any_angle.length:.3f} cells in {legs} straight legs')
     milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)
     lines.append('time       {:.2f} ms in source, {:.2f} ms in search'.format(*milliseconds))
     return '\n'.join(lines)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -177,6 +199,8 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ValueError('--start and --goal go together; leave both out to take --pair')
     if not arguments.weight >= 1.0:
         raise ValueError(f'--weight {arguments.weight} is not 1 or more')
+    if arguments.max_suboptimality is not None and not arguments.max_suboptimality >= 1.0:
+        raise ValueError(f'--max-suboptimality {arguments.max_suboptimality} is not 1 or more')
     if not arguments.time_limit > 0.0:
         raise ValueError(f'--time-limit {arguments.time_limit} is not above 0 seconds')
 

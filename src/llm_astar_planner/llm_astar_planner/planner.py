@@ -161,7 +161,8 @@ class Planner:
         """Answer a request. Never raises for what a request, a source or a map may hold.
 
         Another thread cancels by setting `stop[0] = 1`: the best path so far is the answer, or
-        TIMEOUT. `on_improvement` gets each better path of `guided` as it is found, unchecked.
+        TIMEOUT. `on_improvement` gets each better path of `guided` as it is found, checked as a
+        plan's is.
         """
         draft = _Draft(request, time.monotonic() + request.time_limit)
         if stop is not None:
@@ -270,7 +271,7 @@ class Planner:
             search.guide(_points(draft.judged))
         with _raised_after(draft.time_left, draft.stop), _timed(draft):
             for better in search.improvements(want_expanded=request.want_expanded):
-                if on_improvement is not None:
+                if on_improvement is not None and not self._path_problem(request, better.path):
                     on_improvement(better)
         result = search.result()
         if asking is not None and request.source is not None:
@@ -288,13 +289,7 @@ class Planner:
         if result.status is SearchStatus.EXHAUSTED:
             message = 'every reachable cell was searched'
             return self._failure(draft, ResultCode.NO_VALID_PATH, message, result)
-        problem = path_problem(
-            result.path,
-            self.blocked,
-            request.start,
-            request.goal,
-            corner_cutting=self.rules.corner_cutting,
-        )
+        problem = self._path_problem(request, result.path)
         if problem is not None:
             message = f'the path found was withheld: {problem}'
             return self._failure(draft, ResultCode.UNKNOWN, message, result)
@@ -309,6 +304,12 @@ class Planner:
             ratio=float('nan') if bounded is None else bounded.ratio,
             first_operation=result.operation if bounded is None else bounded.first_operation,
             any_angle=self._shorten(result.path) if request.any_angle else None,
+        )
+
+    def _path_problem(self, request: PlanRequest, path: NDArray[np.int32]) -> str | None:
+        corner_cutting = self.rules.corner_cutting
+        return path_problem(
+            path, self.blocked, request.start, request.goal, corner_cutting=corner_cutting
         )
 
     def _shorten(self, path: NDArray[np.int32]) -> AnyAnglePath | None:

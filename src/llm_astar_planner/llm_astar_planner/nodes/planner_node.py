@@ -23,20 +23,39 @@ from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
+from llm_astar_planner.nodes.paths import Paths
 from llm_astar_planner.nodes.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.remote_source import RemoteSource
 from llm_astar_planner.nodes.reports import failure_report, plan_report
 from llm_astar_planner.nodes.run import run
 from llm_astar_planner.planner import GridRules, Plan, Planner, PlanRequest
 from llm_astar_planner.result_code import ResultCode
-from llm_astar_planner.search.methods import HEURISTICS, METHODS, compile_kernels
+from llm_astar_planner.search.guided import Improvement
+from llm_astar_planner.search.landmarks import LandmarkKeeper
+from llm_astar_planner.search.methods import GUIDED, HEURISTICS, METHODS, compile_kernels
 
 # Callers served at once; more wait their turn. Waiting for waypoints takes a thread, no core.
 THREADS = 16
 
 PARAMETERS = (
-    Parameter('method', 'llm_astar', 'How to search', choices=tuple(METHODS)),
-    Parameter('heuristic', 'euclidean', 'Estimate of what is left', choices=tuple(HEURISTICS)),
+    Parameter('method', GUIDED, 'How to search', choices=tuple(METHODS)),
+    Parameter(
+        'max_suboptimality',
+        1.1,
+        'What guided proves its path within, 1 or more; 0: the first path found',
+        minimum=0.0,
+        maximum=1000.0,
+    ),
+    Parameter(
+        'search_while_waiting', True, 'Whether guided starts before the waypoints are there'
+    ),
+    Parameter('any_angle', False, 'Whether the plan is shortened at any angle'),
+    Parameter(
+        'heuristic',
+        'euclidean',
+        "The paper's methods' estimate of what is left",
+        choices=tuple(HEURISTICS),
+    ),
     Parameter('weight', 2.0, "weighted_astar's weight of h", minimum=1.0, maximum=100.0),
     Parameter(
         'max_planning_time', 5.0, 'Seconds for waypoints and search', minimum=0.01, maximum=3600.0
@@ -48,6 +67,13 @@ PARAMETERS = (
     Parameter('use_waypoints', True, 'Whether to ask for waypoints'),
     Parameter('occupied_threshold', 65, 'Occupancy that blocks', minimum=1, maximum=100),
     Parameter('allow_unknown', True, 'Whether paths may cross unknown cells'),
+    Parameter(
+        'cost_travel_multiplier',
+        2.0,
+        'What occupancy that does not block adds to the price of a move; 0: lengths alone',
+        minimum=0.0,
+        maximum=100.0,
+    ),
     Parameter('corner_cutting', False, 'Whether diagonal steps may pass blocked corners'),
 )
 
@@ -58,7 +84,8 @@ class PlannerNode(Node):
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Join the graph and compile the searches."""
         super().__init__('planner_node', **node_options)
-        self._settings = Parameters(self, PARAMETERS)
+        self._settings = Parameters(self, PARAMETERS, _problem)
+        self._keeper = LandmarkKeeper()
         self._grid_map: GridMap | None = None
         self._map_time = 0.0
         self._planner: Planner | None = None
@@ -77,10 +104,12 @@ class PlannerNode(Node):
         """Leave the graph, the waypoint client included."""
         if self._source is not None:
             self._source.close()
+        self._keeper.close()
         super().destroy_node()
 
     def _publish_to(self) -> None:
         self._plan_publisher = self.create_publisher(Path, 'plan', RELIABLE)
+        self._raw_publisher = self.create_publisher(Path, '~/raw_plan', RELIABLE)
         self._report_publisher = self.create_publisher(DiagnosticArray, '~/report', REPORTS)
         self._marker_publisher = self.create_publisher(MarkerArray, '~/markers', RELIABLE)
         self._explored_publisher = self.create_publisher(GridCells, '~/explored', RELIABLE)
@@ -129,11 +158,13 @@ class PlannerNode(Node):
                 self._settings['occupied_threshold'],
                 self._settings['allow_unknown'],
                 self._settings['corner_cutting'],
+                self._settings['cost_travel_multiplier'],
             )
             current = self._planner
             if current and current.grid_map is self._grid_map and current.rules == rules:
                 return
-            self._planner = Planner(self._grid_map, rules).prepare()
+            planner = Planner(self._grid_map, rules, keeper=self._keeper)
+            self._planner = planner.prepare(wait=False)
 
     def _on_get_plan(
         self, request: GetPlan.Request, response: GetPlan.Response
@@ -159,12 +190,16 @@ class PlannerNode(Node):
         if isinstance(ends, PlanReport):
             self._tell(ends, stamp)
             return path_to_message([], grid_map.frame_id, stamp)
-        plan = planner.plan(self._request(*ends, grid_map))
-        path = path_to_message(
-            grid_map.grid_to_world(plan.path), grid_map.frame_id, stamp, ends[1].yaw
-        )
+        made = Paths(grid_map, stamp, ends[1].yaw)
+
+        def publish_better(better: Improvement) -> None:
+            self._plan_publisher.publish(made.message(better.path))
+
+        plan = planner.plan(self._request(*ends, grid_map), on_improvement=publish_better)
+        path = made.final(plan)
         if plan.code is ResultCode.NONE:
             self._plan_publisher.publish(path)
+            self._raw_publisher.publish(made.message(plan.path))
         self._show(plan, grid_map, stamp)
         self._tell(plan_report(plan, grid_map), stamp)
         return path
@@ -179,6 +214,10 @@ class PlannerNode(Node):
             weight=self._settings['weight'],
             time_limit=self._settings['max_planning_time'],
             source_time_limit=self._settings['source_timeout'],
+            max_suboptimality=self._settings['max_suboptimality'] or None,
+            search_while_waiting=self._settings['search_while_waiting'],
+            any_angle=self._settings['any_angle'],
+            want_expanded=self._explored_publisher.get_subscription_count() > 0,
         )
 
     def _show(self, plan: Plan, grid_map: GridMap, stamp: Time) -> None:
@@ -214,6 +253,8 @@ class PlannerNode(Node):
             'llm_client_ready': self._source is not None and self._source.ready,
             'last_code': self._last.code_name if self._last else None,
             'last_guided_by': self._last.guided_by if self._last else None,
+            'landmark_bytes': self._keeper.nbytes,
+            'last_ratio': self._last.ratio if self._last else None,
             'last_source_status': self._last.source_status if self._last else None,
         }
         level = DiagnosticStatus.OK if has_map else DiagnosticStatus.WARN
@@ -221,6 +262,13 @@ class PlannerNode(Node):
         stamp = self.get_clock().now().to_msg()
         message = f'planning on {self._map_name()}'
         self._health_publisher.publish(status_to_message(name, level, message, values, stamp))
+
+
+def _problem(values: dict[str, Any]) -> str:
+    bound = values['max_suboptimality']
+    if 0.0 < bound < 1.0:
+        return f'max_suboptimality: {bound} is neither 0 (first path) nor 1 or more'
+    return ''
 
 
 def _ends(

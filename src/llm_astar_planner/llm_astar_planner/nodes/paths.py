@@ -1,0 +1,33 @@
+"""Paths of cells as the messages they leave in."""
+
+from __future__ import annotations
+
+from builtin_interfaces.msg import Time
+from llm_astar_msgs_adapter.grid_map import GridMap
+from llm_astar_msgs_adapter.path import path_to_message
+from nav_msgs.msg import Path
+from numpy.typing import ArrayLike
+
+from llm_astar_planner.plan import Plan
+from llm_astar_planner.search.shortcut import interpolate
+
+
+class Paths:
+    """Writes the paths of one request: all in one frame, under one stamp, to one heading."""
+
+    def __init__(self, grid_map: GridMap, stamp: Time, goal_yaw: float) -> None:
+        """Take the map the cells are of, and the goal's yaw in radians."""
+        self._grid_map = grid_map
+        self._stamp = stamp
+        self._goal_yaw = goal_yaw
+
+    def message(self, points: ArrayLike) -> Path:
+        """Write points [n, 2] in grid coordinates."""
+        places = self._grid_map.grid_to_world(points)
+        return path_to_message(places, self._grid_map.frame_id, self._stamp, self._goal_yaw)
+
+    def final(self, plan: Plan) -> Path:
+        """Write a plan's path; an any-angle one with a pose a cell, as controllers expect."""
+        if plan.any_angle is None:
+            return self.message(plan.path)
+        return self.message(interpolate(plan.any_angle.points))
