@@ -19,6 +19,7 @@ from llm_astar_planner import (
     cli_plan,
     cli_report,
     cli_serve,
+    cli_speed,
 )
 
 COMMANDS = (
@@ -28,6 +29,7 @@ COMMANDS = (
     cli_report,
     cli_draw,
     cli_dataset,
+    cli_speed,
     cli_doctor,
     cli_serve,
 )

@@ -115,6 +115,12 @@ def _add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
     group.add_argument('--heuristic', default='euclidean', choices=tuple(HEURISTICS))
     group.add_argument('--weight', type=float, default=2.0, metavar='W', help="weighted A*'s (2)")
     group.add_argument(
+        '--max-suboptimality',
+        type=float,
+        metavar='W',
+        help='have guided prove its paths within W, 1 or more (default: its first path)',
+    )
+    group.add_argument(
         '--price',
         type=float,
         nargs=2,
@@ -213,6 +219,9 @@ def _check(args: argparse.Namespace) -> None:
     if not args.weight >= 1.0:
         message = f'--weight {args.weight} is not 1 or more'
         raise ValueError(message)
+    if args.max_suboptimality is not None and not args.max_suboptimality >= 1.0:
+        message = f'--max-suboptimality {args.max_suboptimality} is not 1 or more'
+        raise ValueError(message)
     if not args.time_limit > 0.0:
         message = f'--time-limit {args.time_limit} is not above 0 seconds'
         raise ValueError(message)
@@ -243,7 +252,7 @@ def _sweep(args: argparse.Namespace) -> Sweep:
         load_samples(dataset, args.maps, args.limit, args.seed),
         args.methods,
         askers,
-        Settings(args.heuristic, args.weight, args.time_limit),
+        Settings(args.heuristic, args.weight, args.time_limit, args.max_suboptimality),
         parse_ranges(args.scales, '--scales'),
         args.scale_samples,
         args.seed,
@@ -263,7 +272,7 @@ def _deciding_files(args: argparse.Namespace) -> list[Path]:
 def _parameters(args: argparse.Namespace) -> dict[str, Any]:
     names = (
         'maps', 'limit', 'scales', 'scale_samples', 'seed', 'methods', 'source', 'prompt', 'model',
-        'base_url', 'heuristic', 'weight', 'time_limit', 'price', 'jobs',
+        'base_url', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'price', 'jobs',
     )  # fmt: skip
     return {name: getattr(args, name) for name in names}
 

@@ -58,6 +58,7 @@ class Settings:
     heuristic: str = 'euclidean'
     weight: float = 2.0
     time_limit: float = 60.0
+    max_suboptimality: float | None = None
 
 
 @dataclass(frozen=True)
@@ -149,6 +150,7 @@ def plan_again(barrier_map: BarrierMap, sample: Sample, row: Row, settings: Sett
         settings.heuristic,
         settings.weight,
         settings.time_limit,
+        max_suboptimality=settings.max_suboptimality,
     )
     return planner.plan(request)
 
@@ -230,6 +232,8 @@ def _row(
         settings.heuristic,
         settings.weight,
         settings.time_limit,
+        max_suboptimality=settings.max_suboptimality,
+        want_expanded=False,
         sample=key,
     )
     plan = planner.plan(request)
@@ -243,6 +247,8 @@ def _row(
         guided_by=plan.guided_by,
         verdicts=';'.join(point.verdict.value for point in plan.waypoints),
         path=_points(turning_points(plan.path)),
+        first_operation=float(plan.first_operation) if found else float('nan'),
+        ratio=plan.ratio,
     )
 
 

@@ -13,10 +13,12 @@ from llm_astar_planner.benchmark.summary import Contrast, is_ablation
 NEAR_LINEAR = 1.25
 LABELS = {
     'astar': 'A*',
+    'exact_astar': 'exact A* (ours)',
     'weighted_astar': 'weighted A* (w = 2)',
     'dynamic_weighted_astar': 'dynamic weighted A* (w = 2)',
     'llm_only': 'waypoints alone',
     'llm_astar': 'LLM-A*',
+    'guided': 'guided (ours)',
 }
 SOURCES = {
     'straight': 'three points on the straight line',

@@ -149,7 +149,7 @@ def _middle(rows: Sequence[Row]) -> tuple[Row, Row] | None:
 
 
 def _settings(metadata: Mapping[str, Any]) -> Settings:
-    names = ('heuristic', 'weight', 'time_limit')
+    names = ('heuristic', 'weight', 'time_limit', 'max_suboptimality')
     parameters = metadata['parameters']
     return Settings(**{name: parameters[name] for name in names if name in parameters})
 

@@ -42,7 +42,8 @@ TABLE_HEAD = (
     'Storage ratio ↓ (%)', 'Relative path length ↓ (%)', 'Valid path ratio ↑ (%)',
 )  # fmt: skip
 SPREAD_HEAD = (
-    'Case', 'Operation p95', 'worst', 'Length p95', 'worst', 'Optimal (%)',
+    'Case', 'Operation p95', 'worst', 'Over exact A*', 'worst', 'Length p95', 'worst',
+    'Proven within', 'Optimal (%)',
     'Source ms, median', 'p95', 'Search ms, median', 'p95', 'Round trip ms, median', 'p95',
 )  # fmt: skip
 WAYPOINT_HEAD = (
@@ -129,7 +130,9 @@ def spread_table(summaries: Sequence[CaseSummary]) -> Table:
         (
             str(summary.case),
             *(number(100 * value) for value in summary.operation.spread[2:]),
+            *_over_exact(summary),
             *(number(100 * value) for value in summary.length.spread[2:]),
+            number(100 * summary.proven.worst),
             number(100 * summary.optimal, 1),
             *(number(1e3 * value, 3) for value in summary.seconds_source[1:3]),
             *(number(1e3 * value, 3) for value in summary.seconds_search[1:3]),
@@ -137,6 +140,13 @@ def spread_table(summaries: Sequence[CaseSummary]) -> Table:
         )
         for summary in summaries
     ]
+
+
+def _over_exact(summary: CaseSummary) -> tuple[str, str]:
+    ratio = summary.operation_exact
+    if ratio is None:
+        return '-', '-'
+    return percent(ratio.mean), number(100 * ratio.spread.worst)
 
 
 def waypoint_table(summaries: Sequence[CaseSummary]) -> Table:

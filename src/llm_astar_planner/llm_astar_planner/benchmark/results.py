@@ -51,7 +51,8 @@ class Row:
     `code` is the name of the result code. `operation`, `storage` and `length` (cells) are NaN
     where the case has none. `waypoints` and `path` (its turning points) are cells `x,y` joined by
     `;`, `verdicts` belong to the waypoints. `seconds_round_trip` is what a call through the live
-    graph took, NaN without one.
+    graph took, NaN without one. `first_operation` are the expansions up to the first path, and
+    `ratio` what the path is proven within, NaN where the method proves nothing.
     """
 
     map: int
@@ -75,6 +76,8 @@ class Row:
     verdicts: str = ''
     path: str = ''
     seconds_round_trip: float = math.nan
+    first_operation: float = math.nan
+    ratio: float = math.nan
 
     @property
     def case(self) -> Case:
@@ -217,7 +220,7 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     old = before.get('parameters', {})
     return changed + [
         f'{name} ({old.get(name)} before)'
-        for name in ('seed', 'heuristic', 'weight', 'time_limit')
+        for name in ('seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality')
         if old.get(name) != now['parameters'].get(name)
     ]
 

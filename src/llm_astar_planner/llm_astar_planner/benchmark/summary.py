@@ -20,6 +20,8 @@ from llm_astar_planner.benchmark.statistics import (
 
 SampleId = tuple[int, int]
 BASELINE_METHOD = 'astar'
+# A well-made A* needs about half of the paper's expansions: the harder baseline.
+EXACT_METHOD = 'exact_astar'
 ANSWERS = ('OK', 'NONE', 'NO_WAYPOINTS', 'MALFORMED')
 
 
@@ -38,7 +40,8 @@ class CaseSummary:
     `operation`, `storage` and `length` are over the samples with a valid path; `valid` is over
     all. `seconds_*` are per sample. `verdicts` are shares of all waypoints. `cost` is in the
     currency of the price given, None without one. `unanswered` counts the samples for which the
-    source never answered.
+    source never answered. `operation_exact` is over our exact A*, where it was run; `proven` are
+    the ratios that paths were proven within, of the methods that prove any.
     """
 
     case: Case
@@ -58,6 +61,8 @@ class CaseSummary:
     cost: float | None = None
     unanswered: int = 0
     seconds_round_trip: Spread = NO_SPREAD
+    operation_exact: Ratio | None = None
+    proven: Spread = NO_SPREAD
 
 
 @dataclass(frozen=True)
@@ -95,7 +100,10 @@ def summarise(rows: Sequence[Row], seed: int = 0, price: Price | None = None) ->
     """Summarise every case at scale 1, in the order of the report's table."""
     cases = by_case(rows)
     baseline = cases.get(Case(BASELINE_METHOD), {})
-    summaries = [_summarise(case, of, baseline, seed, price) for case, of in cases.items()]
+    exact = cases.get(Case(EXACT_METHOD), {})
+    summaries = [
+        _summarise(case, of, (baseline, exact), seed, price) for case, of in cases.items()
+    ]
     return sorted(summaries, key=lambda summary: place(summary.case))
 
 
@@ -113,7 +121,7 @@ def contrasts(rows: Sequence[Row], seed: int = 0) -> list[Contrast]:
 def _summarise(
     case: Case,
     rows: Mapping[SampleId, Row],
-    baseline: Mapping[SampleId, Row],
+    baselines: tuple[Mapping[SampleId, Row], Mapping[SampleId, Row]],
     seed: int,
     price: Price | None,
 ) -> CaseSummary:
@@ -122,7 +130,7 @@ def _summarise(
     judged = sum(verdicts.values())
     prompt_tokens = sum(row.prompt_tokens for row in every)
     completion_tokens = sum(row.completion_tokens for row in every)
-    pairs = _pairs(rows, baseline)
+    pairs, over_exact = (_pairs(rows, baseline) for baseline in baselines)
     lengths = [(row.length, base.length) for row, base in pairs]
     return CaseSummary(
         case=case,
@@ -142,6 +150,8 @@ def _summarise(
         completion_tokens=completion_tokens,
         cost=_cost(prompt_tokens, completion_tokens, price),
         seconds_round_trip=spread([t for row in every if (t := row.seconds_round_trip) >= 0]),
+        operation_exact=_ratio(over_exact, 'operation', seed) if over_exact else None,
+        proven=spread([row.ratio for row in every if row.ratio >= 1.0]),
         unanswered=sum(row.source_status not in ANSWERS for row in every),
     )
 
@@ -192,7 +202,10 @@ def _cost(prompt_tokens: int, completion_tokens: int, price: Price | None) -> fl
     return (prompt_tokens * price.prompt + completion_tokens * price.completion) / 1e6
 
 
-METHOD_ORDER = ('astar', 'weighted_astar', 'dynamic_weighted_astar', 'llm_only', 'llm_astar')
+METHOD_ORDER = (
+    'astar', 'exact_astar', 'weighted_astar', 'dynamic_weighted_astar', 'llm_only', 'llm_astar',
+    'guided',
+)  # fmt: skip
 ABLATIONS = ('none', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 
 

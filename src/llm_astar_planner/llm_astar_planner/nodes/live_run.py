@@ -156,6 +156,8 @@ def _row(
         verdicts=';'.join(verdict for _, _, verdict in report.waypoints),
         path=_points(turning_points(cells)),
         seconds_round_trip=round_trip,
+        first_operation=float(report.first_operation) if report.code == 0 else math.nan,
+        ratio=math.nan if report.ratio is None else report.ratio,
     )
 
 
