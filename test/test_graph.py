@@ -207,6 +207,50 @@ def test_a_changed_method_counts_from_the_next_plan(caller):
         assert set_parameter(caller, 'planner_node', 'method', 'llm_astar').successful
 
 
+def test_guided_plans_are_bounded_and_their_raw_path_is_published_too(caller):
+    plans, raw = [], []
+    caller.node.create_subscription(Path, 'plan', plans.append, RELIABLE)
+    caller.node.create_subscription(Path, 'planner_node/raw_plan', raw.append, RELIABLE)
+    wait_for(lambda: caller.node.count_publishers('planner_node/raw_plan'), 'raw_plan')
+    changes = {'method': 'guided', 'search_while_waiting': False, 'any_angle': True}
+    try:
+        for name, value in changes.items():
+            assert set_parameter(caller, 'planner_node', name, value).successful
+        assert not set_parameter(caller, 'planner_node', 'max_suboptimality', 0.5).successful
+        path, report, _ = caller.call(START, GOAL)
+        deadline = time.monotonic() + PATIENCE
+        while not (plans and raw) and time.monotonic() < deadline:
+            path, report, _ = caller.call(START, GOAL)
+            time.sleep(0.2)
+    finally:
+        for name, value in {'method': 'llm_astar', 'any_angle': False}.items():
+            assert set_parameter(caller, 'planner_node', name, value).successful
+    assert (report.code, report.guided_by) == (0, LABEL)
+    assert 1.0 <= report.ratio <= 1.1
+    assert 0 < report.first_operation <= report.operation
+    straight = path_from_message(path)
+    cells = path_from_message(raw[-1])
+    lengths = [np.hypot(*np.diff(points, axis=0).T).sum() for points in (straight, cells)]
+    assert lengths[0] < lengths[1]
+    assert lengths[1] == pytest.approx(report.length)
+    assert straight[0] == pytest.approx(START[:2])
+    assert straight[-1] == pytest.approx(GOAL[:2])
+
+
+def test_a_robots_defaults_need_no_waypoints_to_be_on_time(caller):
+    """By default guided does not wait: what comes too late is told, and a plan there is."""
+    set_parameter(caller, 'planner_node', 'search_while_waiting', True)
+    assert set_parameter(caller, 'planner_node', 'method', 'guided').successful
+    try:
+        report = caller.call(START, GOAL)[1]
+    finally:
+        assert set_parameter(caller, 'planner_node', 'method', 'llm_astar').successful
+    assert report.code == 0
+    assert report.ratio <= 1.1
+    assert report.source_status in ('OK', 'LATE')
+    assert (report.guided_by == LABEL) == bool(report.waypoints and report.operation)
+
+
 def test_a_map_changed_by_parameter_reaches_the_planner(caller):
     maps = load_barrier_maps(find_file('demo.json', 'maps'))
     assert set_parameter(caller, 'map_node', 'map_id', 1).successful

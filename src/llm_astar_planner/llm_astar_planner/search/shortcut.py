@@ -14,6 +14,7 @@ from llm_astar_planner.search.result import Cell
 
 # A path is pulled from both ends in turn until nothing changes, or this often.
 _MOST_PULLS = 8
+_LEAST_GAIN = 1e-9
 
 
 class AnyAnglePath(NamedTuple):
@@ -48,15 +49,15 @@ def shorten(grid: FastGrid, path: NDArray[np.int32]) -> AnyAnglePath:
         return AnyAnglePath(points, float('nan'), float('nan'))
     for cell in (points.min(axis=0), points.max(axis=0)):
         grid.index((int(cell[0]), int(cell[1])))
-    _legs(grid, points)
+    cost = float(sum(_legs(grid, points)))
     for _ in range(_MOST_PULLS):
-        before = len(points)
-        points = _pull(grid, points)
-        points = np.ascontiguousarray(_pull(grid, np.ascontiguousarray(points[::-1]))[::-1])
-        if len(points) == before:
+        points = _pull(grid, _filled(points))
+        points = _pull(grid, _filled(points[::-1]))[::-1]
+        before, cost = cost, float(sum(_legs(grid, points)))
+        if cost > before - _LEAST_GAIN:
             break
     length = float(np.hypot(*np.diff(points, axis=0).T.astype(np.float64)).sum())
-    return AnyAnglePath(points, length, float(sum(_legs(grid, points))))
+    return AnyAnglePath(np.ascontiguousarray(points), length, cost)
 
 
 def interpolate(points: NDArray[np.int32], spacing: float = 1.0) -> NDArray[np.float64]:
@@ -74,6 +75,15 @@ def interpolate(points: NDArray[np.int32], spacing: float = 1.0) -> NDArray[np.f
         count = max(1, int(np.ceil(np.hypot(*(last - first)) / spacing - 1e-9)))
         parts.append(first + (last - first) * (np.arange(1, count + 1) / count)[:, None])
     return np.concatenate(parts)
+
+
+def _filled(points: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Put back the cells whose centres lie on the legs, for a pull from the other end."""
+    parts = [points[:1]]
+    for first, last in pairwise(points):
+        count = max(1, int(np.gcd(*np.abs(last - first))))
+        parts.append(first + np.arange(1, count + 1)[:, None] * ((last - first) // count))
+    return np.ascontiguousarray(np.concatenate(parts), dtype=np.int32)
 
 
 def _pull(grid: FastGrid, points: NDArray[np.int32]) -> NDArray[np.int32]:
