@@ -7,12 +7,15 @@ import time
 
 import pytest
 import rclpy
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from graph_tools import ALONE, GOAL, START, calling, process, set_parameter, wait_for
+from llm_astar_msgs_adapter.path import pose_to_message
 from llm_astar_msgs_adapter.report import ExchangeReport, report_from_message
 from llm_astar_planner.local_llm import LocalLlm, ServeOptions
 from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
 from llm_astar_planner.waypoint_source.transcript import read_transcript
+from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import Log, ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
 
@@ -55,28 +58,63 @@ def graph(client_arguments, *planner_arguments):
     )
 
 
+def ask_client(caller):
+    """Call the client node as the planner does, and return its exchange."""
+    service = caller.node.create_client(GetPlan, 'llm_client_node/get_waypoints')
+    request = GetPlan.Request(
+        start=pose_to_message(START, 'map', Time()), goal=pose_to_message(GOAL, 'map', Time())
+    )
+    stamp = caller.ask(service, request, 150.0).plan.header.stamp
+    found = []
+
+    def keep(message):
+        if message.header.stamp == stamp:
+            found.append(report_from_message(message, ExchangeReport))
+
+    exchanges = caller.node.create_subscription(
+        DiagnosticArray, 'llm_client_node/exchange', keep, REPORTS
+    )
+    wait_for(lambda: found, 'the exchange')
+    caller.node.destroy_subscription(exchanges)
+    return found[0]
+
+
 @needs_llm
-def test_the_planner_plans_with_a_real_model(monkeypatch):
+def test_client_and_planner_with_a_real_model(monkeypatch):
+    """Three prompts, structured output, a bearer key, 401 without it, and a plan with it all."""
     monkeypatch.setenv(KEY_ENV, KEY)
     slow = ['-p', 'max_planning_time:=200.0', '-p', 'source_timeout:=120.0']
+    slow += ['-p', 'search_while_waiting:=false']
+    answered = ('OK', 'NO_WAYPOINTS', 'MALFORMED')
     with LocalLlm(ServeOptions(api_key_env=KEY_ENV)) as server:
-        arguments = endpoint(
-            server.base_url, response_format='json_schema', max_output_tokens=48, timeout_s=100.0
-        )
+        arguments = endpoint(server.base_url, max_output_tokens=24, timeout_s=100.0, max_retries=0)
         map_node, client, planner, caller = graph(arguments, *slow)
         with map_node, client, planner, caller as caller:
             caller.wait_until_ready(client='llm_client_node')
+            for prompt in ('few_shot', 'cot', 'repe'):
+                assert set_parameter(caller, 'llm_client_node', 'prompt', prompt).successful
+                exchange = ask_client(caller)
+                assert exchange.status in answered, exchange
+                assert exchange.prompt == prompt
+                assert exchange.text
+                assert exchange.completion_tokens > 0
+            for name, value in {'prompt': '', 'response_format': 'json_schema'}.items():
+                assert set_parameter(caller, 'llm_client_node', name, value).successful
             report = caller.call(START, GOAL, seconds=200.0)[1]
+            exchange = ask_client(caller)
+            assert exchange.text.lstrip().startswith('{')
             again = caller.call(START, GOAL, seconds=200.0)[1]
+            assert set_parameter(caller, 'llm_client_node', 'api_key_env', '').successful
+            refused = caller.call(START, GOAL, seconds=200.0)[1]
     assert report.code == 0
-    assert report.source_status in ('OK', 'NO_WAYPOINTS', 'MALFORMED'), report
-    used = [
-        verdict for *_, verdict in report.waypoints if verdict not in ('occupied', 'out_of_bounds')
-    ]
+    assert report.source_status in answered, report
+    dropped = ('occupied', 'out_of_bounds')
+    used = [verdict for *_, verdict in report.waypoints if verdict not in dropped]
     assert report.guided_by == ('endpoint:test-model' if used else 'none')
     # The second answer comes out of the cache.
     assert (again.waypoints, again.operation) == (report.waypoints, report.operation)
     assert again.seconds_source < 1.0
+    assert (refused.code, refused.guided_by, refused.source_status) == (0, 'none', 'AUTH')
 
 
 def test_an_endpoint_guides_and_is_asked_once_for_one_question(chat_server, monkeypatch):

@@ -112,6 +112,13 @@ def _add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
     group.add_argument(
         '--api-key-env', default='', metavar='NAME', help='the variable that holds its key'
     )
+    group.add_argument(
+        '--repair-rounds',
+        type=int,
+        default=0,
+        metavar='N',
+        help='how often a live model is told what collides and asked again (0)',
+    )
     group.add_argument('--heuristic', default='euclidean', choices=tuple(HEURISTICS))
     group.add_argument('--weight', type=float, default=2.0, metavar='W', help="weighted A*'s (2)")
     group.add_argument(
@@ -234,6 +241,7 @@ def _sweep(args: argparse.Namespace) -> Sweep:
         api_key_env=args.api_key_env,
         transcript=args.transcript,
         timeout_s=args.time_limit,
+        repair_rounds=args.repair_rounds,
         max_concurrent=args.jobs or LIVE_JOBS,
         # The samples bound the calls.
         max_calls_per_hour=0,
@@ -272,7 +280,7 @@ def _deciding_files(args: argparse.Namespace) -> list[Path]:
 def _parameters(args: argparse.Namespace) -> dict[str, Any]:
     names = (
         'maps', 'limit', 'scales', 'scale_samples', 'seed', 'methods', 'source', 'prompt', 'model',
-        'base_url', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'price', 'jobs',
+        'base_url', 'repair_rounds', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'price', 'jobs',
     )  # fmt: skip
     return {name: getattr(args, name) for name in names}
 

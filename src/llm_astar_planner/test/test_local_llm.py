@@ -65,10 +65,9 @@ def ask(server, query=QUERY, **settings):
 
 
 @needs_llm
-@pytest.mark.parametrize('prompt', ['few_shot', 'cot', 'repe'])
-def test_a_real_model_answers_every_prompt(server, monkeypatch, prompt):
+def test_a_real_model_answers(server, monkeypatch):
     monkeypatch.setenv('LOCAL_LLM_KEY', KEY)
-    _, reply = ask(server, prompt=prompt)
+    _, reply = ask(server)
     answered = (SourceStatus.OK, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED)
     assert reply.status in answered, reply
     assert reply.text

@@ -76,4 +76,6 @@ def _prompt_name(settings: SourceSettings, prompt: str) -> str:
     """Return the name a prompt goes by in rows and transcripts; a file's is its stem."""
     if settings.source == 'replay':
         return prompt
-    return load_template(prompt or DEFAULT_PROMPT).name
+    name = load_template(prompt or DEFAULT_PROMPT).name
+    rounds = settings.repair_rounds
+    return f'{name}, repaired up to {rounds}x' if rounds else name
