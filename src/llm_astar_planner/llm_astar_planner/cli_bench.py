@@ -280,7 +280,8 @@ def _deciding_files(args: argparse.Namespace) -> list[Path]:
 def _parameters(args: argparse.Namespace) -> dict[str, Any]:
     names = (
         'maps', 'limit', 'scales', 'scale_samples', 'seed', 'methods', 'source', 'prompt', 'model',
-        'base_url', 'repair_rounds', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'price', 'jobs',
+        'base_url', 'repair_rounds', 'heuristic', 'weight', 'time_limit', 'max_suboptimality',
+        'price', 'jobs',
     )  # fmt: skip
     return {name: getattr(args, name) for name in names}
 

@@ -18,7 +18,7 @@ from llm_astar_planner.search.result import Cell
 # Eight landmarks do on large maps; small maps get more, which cost them next to nothing.
 COUNT = 8
 MOST = 32
-_CHEAP_BYTES = 8 * 1024 * 1024
+_CHEAP_BYTES = 64 * 1024 * 1024
 MAX_ACTIVE = 4
 MAX_BYTES = 256 * 1024 * 1024
 _SEEDS = 8
