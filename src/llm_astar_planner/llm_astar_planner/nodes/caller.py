@@ -18,11 +18,10 @@ from llm_astar_msgs_adapter.report import PlanReport, report_from_message
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from rclpy.client import Client
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
-from llm_astar_planner.nodes.run import spin
+from llm_astar_planner.nodes.run import SpinThread
 
 # Discovery takes from milliseconds to seconds on a loaded machine.
 DISCOVERY_SECONDS = 15.0
@@ -51,11 +50,7 @@ class Caller:
         self._client = node.create_client(GetPlan, f'{planner}/get_plan')
         node.create_subscription(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS)
         node.create_subscription(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(node)
-        self._thread = threading.Thread(
-            target=spin, args=(self._executor, node.context), daemon=True
-        )
+        self._thread = SpinThread(node)
 
     def __enter__(self) -> Caller:
         self._thread.start()
@@ -67,8 +62,7 @@ class Caller:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._executor.shutdown()
-        self._thread.join()
+        self._thread.close()
 
     def wait_for(self, condition: Callable[[], bool], what: str, seconds: float) -> None:
         """Wait until a condition holds on what has arrived.

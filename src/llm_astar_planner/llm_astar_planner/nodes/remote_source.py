@@ -13,11 +13,10 @@ from llm_astar_msgs_adapter.grid_map import GridMap
 from llm_astar_msgs_adapter.path import path_from_message, path_to_message
 from llm_astar_msgs_adapter.report import ExchangeReport, ReportError, report_from_message
 from nav_msgs.srv import GetPlan
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.qos import REPORTS
-from llm_astar_planner.nodes.run import spin
+from llm_astar_planner.nodes.run import SpinThread
 from llm_astar_planner.targets import snap
 from llm_astar_planner.waypoint_source.base import (
     SourceStatus,
@@ -62,11 +61,7 @@ class RemoteSource:
         self._exchanges: OrderedDict[tuple[int, int], ExchangeReport] = OrderedDict()
         self._arrived = threading.Condition()
         self._node.create_subscription(DiagnosticArray, exchange, self._on_exchange, REPORTS)
-        self._executor = SingleThreadedExecutor(context=parent.context)
-        self._executor.add_node(self._node)
-        self._thread = threading.Thread(
-            target=spin, args=(self._executor, parent.context), name=LABEL, daemon=True
-        )
+        self._thread = SpinThread(self._node)
         self._thread.start()
 
     @property
@@ -76,8 +71,7 @@ class RemoteSource:
 
     def close(self) -> None:
         """Leave the graph."""
-        self._executor.shutdown()
-        self._thread.join()
+        self._thread.close()
         self._node.destroy_node()
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 from collections.abc import Callable, Sequence
 
 import rclpy
@@ -31,16 +32,45 @@ USER_ERRORS = (
 )
 
 
-def spin(executor: Executor, context: Context) -> None:
-    """Spin until the context or the executor is shut down, and return quietly then."""
+# A signal that falls between two steps wakes nobody up: no step waits for longer.
+LONGEST_WAIT = 0.5
+
+
+def spin(executor: Executor, context: Context, stopped: threading.Event | None = None) -> None:
+    """Spin until the context is shut down or `stopped` is set, and return quietly then."""
     try:
-        executor.spin()
+        while context.ok() and not (stopped and stopped.is_set()):
+            executor.spin_once(timeout_sec=LONGEST_WAIT)
     except ExternalShutdownException:
         pass
     except RCLError:
         # A signal may end the context between two steps of the executor.
         if context.ok():
             raise
+
+
+class SpinThread:
+    """Spins a node on a thread of its own, from `start` to `close`."""
+
+    def __init__(self, node: Node) -> None:
+        """Take a node that nobody else spins."""
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(
+            target=spin, args=(self._executor, node.context, self._stopped), daemon=True
+        )
+
+    def start(self) -> None:
+        """Begin to spin."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End: without it the process may abort at its exit."""
+        self._stopped.set()
+        self._executor.wake()
+        self._thread.join()
+        self._executor.shutdown()
 
 
 def run(
@@ -51,9 +81,10 @@ def run(
     """Spin a node until SIGINT or SIGTERM; return 0 then, 2 where it cannot start."""
     try:
         rclpy.init(args=args)
+        # Before the node, which takes its time: made after a signal, an executor breaks.
+        executor = make_executor()
         node = make_node()
         try:
-            executor = make_executor()
             executor.add_node(node)
             spin(executor, node.context)
         finally:
