@@ -18,6 +18,9 @@ from llm_astar_planner.waypoint_source.settings import (
 )
 from llm_astar_planner.waypoint_source.transcript import read_transcript
 
+# The ablations that cost next to nothing on any grid: they need no visibility graph.
+GRID_ABLATIONS = ('straight', 'random')
+
 
 def make_askers(
     names: Sequence[str],
@@ -27,18 +30,19 @@ def make_askers(
     settings: SourceSettings,
     dataset: Sequence[BarrierMap],
     seed: int = 0,
+    default: Sequence[str] | None = None,
 ) -> list[Asker]:
     """Make the askers of a run; the first is that of no source.
 
     Every named source is made for every prompt and model (`settings` with these put in). A replay
-    without them gets all its transcript holds. All ablations come along where a named source is
-    none of them. Raises ValueError for a source that cannot be made.
+    without them gets all its transcript holds. All ablations (or `default`) come along where a
+    named source is none of them. Raises ValueError for a source that cannot be made.
     """
     ablations = ablation_sources(seed)
     asked = [name for name in names if name != 'none']
     chosen = [name for name in asked if name in ablations]
     if len(chosen) < len(asked) or not asked:
-        chosen = list(ablations)
+        chosen = list(ablations if default is None else default)
     askers = [Asker()]
     for name in asked:
         if name not in ablations:

@@ -29,6 +29,12 @@ Cell = tuple[int, int]
 # The published noisy oracle is off by up to three cells on the unscaled maps.
 NOISE_CELLS = 3
 RANDOM_POINTS = 4
+# The corners of more take minutes to hundreds of gigabytes, as their number squared.
+MAX_CORNERS = 2000
+
+
+class TooManyCornersError(RuntimeError):
+    """A map with too many wall ends for a visibility graph."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +154,9 @@ class _VisibilityGraph:
 def _visibility_graph(grid_map: GridMap) -> _VisibilityGraph:
     walls = walls_of(grid_map)
     corners = _corner_cells(grid_map.blocked(), walls)
+    if len(corners) > MAX_CORNERS:
+        message = f'the map has {len(corners)} corners, over {MAX_CORNERS}, for a visibility graph'
+        raise TooManyCornersError(message)
     distances = np.zeros((len(corners), len(corners)))
     i, j = np.triu_indices(len(corners), 1)
     seen = walls.clear(corners[i], corners[j])
