@@ -14,10 +14,9 @@ from typing import Any
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.grid_problem import GridProblem
 
-from llm_astar_planner.benchmark.askers import GRID_ABLATIONS, make_askers
+from llm_astar_planner.benchmark.askers import GRID_ABLATIONS, check_grid_run, make_askers
 from llm_astar_planner.benchmark.cluster import connect
-from llm_astar_planner.benchmark.engine import ALL_METHODS, Asker, Settings
-from llm_astar_planner.benchmark.grid_dataset import is_grid_dataset
+from llm_astar_planner.benchmark.engine import ALL_METHODS, LLM_ONLY, Asker, Settings
 from llm_astar_planner.benchmark.progress import progress
 from llm_astar_planner.benchmark.published import compare_published, published_lengths
 from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsError, ResultsFolder
@@ -33,7 +32,7 @@ from llm_astar_planner.benchmark.samples import (
 from llm_astar_planner.benchmark.summary import summarise
 from llm_astar_planner.benchmark.thresholds import missed, parse_threshold
 from llm_astar_planner.prompts.template import TEMPLATES, template_path
-from llm_astar_planner.search.methods import HEURISTICS
+from llm_astar_planner.search.methods import HEURISTICS, WAYPOINT_METHODS
 from llm_astar_planner.share import find_file
 from llm_astar_planner.waypoint_source.ablation import ablation_sources
 from llm_astar_planner.waypoint_source.factory import SOURCES
@@ -117,8 +116,8 @@ def _add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
         default=[],
         metavar='NAMES',
         help=f'of {", ".join(SOURCES)} (default: the ablations, which also go '
-        f'beside every other source; on a grid {" and ".join(GRID_ABLATIONS)} alone, since '
-        'oracle, noisy and reversed take minutes there or give up)',
+        f'beside every other source; on a grid {" and ".join(GRID_ABLATIONS)} alone: the others '
+        'need a visibility graph, slow there and refused on large maps)',
     )
     group.add_argument('--prompt', type=_names, default=[], metavar='NAMES')
     group.add_argument('--model', type=_names, default=[], metavar='NAMES')
@@ -181,6 +180,7 @@ def run(args: argparse.Namespace) -> int:
     dataset = find_file(args.dataset, 'maps')
     maps = load_maps(dataset, args.limit, args.seed)
     sweep = _sweep(args, dataset, maps)
+    _say_which_ablations(args, maps)
     folder = ResultsFolder(args.out)
     try:
         tasks, metadata = begin(folder, sweep, _parameters(args, maps), resume=args.resume)
@@ -229,6 +229,18 @@ def _close(
     return code
 
 
+def _say_which_ablations(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> None:
+    """Say that a grid is run without the ablations that take long there."""
+    guided = set(args.methods) & {*WAYPOINT_METHODS, LLM_ONLY}
+    if (
+        isinstance(maps[0], GridProblem)
+        and guided
+        and not set(args.source) & ablation_sources().keys()
+    ):
+        names = ' and '.join(GRID_ABLATIONS)
+        _complain(f'on a grid, {names} are the only ablations; name others with --source', OK)
+
+
 def _complain(message: str, code: int) -> int:
     sys.stderr.write(f'llm-astar bench: {message}\n')
     return code
@@ -254,11 +266,10 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _sweep(args: argparse.Namespace, dataset: Path, maps: Sequence[ProblemMap]) -> Sweep:
-    on_grid = is_grid_dataset(dataset)
     scales = parse_ranges(args.scales, '--scales')
-    if on_grid and scales != [1]:
-        message = f'--scales {args.scales}: a grid map has no scale but 1'
-        raise ValueError(message)
+    grids = [item for item in maps if isinstance(item, GridProblem)]
+    for problem in grids:
+        check_grid_run(problem, scales, args.source)
     settings = SourceSettings(
         base_url=args.base_url,
         api_key_env=args.api_key_env,
@@ -276,7 +287,7 @@ def _sweep(args: argparse.Namespace, dataset: Path, maps: Sequence[ProblemMap]) 
         settings=settings,
         dataset=[item for item in maps if isinstance(item, BarrierMap)],
         seed=args.seed,
-        default=GRID_ABLATIONS if on_grid else None,
+        default=GRID_ABLATIONS if grids else None,
     )
     return Sweep(
         dataset,

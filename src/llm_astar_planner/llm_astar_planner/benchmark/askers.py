@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.grid_problem import GridProblem
 
 from llm_astar_planner.benchmark.engine import Asker
 from llm_astar_planner.prompts.template import load_template
-from llm_astar_planner.waypoint_source.ablation import ablation_sources
+from llm_astar_planner.waypoint_source.ablation import ablation_sources, visibility_problem
 from llm_astar_planner.waypoint_source.factory import make_source
 from llm_astar_planner.waypoint_source.settings import (
     DEFAULT_PROMPT,
@@ -48,6 +49,17 @@ def make_askers(
         if name not in ablations:
             askers += _combinations(replace(settings, source=name), prompts, models, dataset)
     return askers + [Asker(ablations[name], name) for name in chosen]
+
+
+def check_grid_run(problem: GridProblem, scales: Sequence[int], names: Sequence[str]) -> None:
+    """Raise ValueError where a grid cannot be run at these scales or with these sources."""
+    for scale in scales:
+        problem.scale(scale)
+    slow = [name for name in names if name in ablation_sources() and name not in GRID_ABLATIONS]
+    reason = visibility_problem(problem.to_grid()) if slow else ''
+    if reason:
+        message = f'--source {",".join(slow)}: {reason}'
+        raise ValueError(message)
 
 
 def _combinations(
