@@ -239,6 +239,21 @@ def test_sources_that_need_a_visibility_graph_are_refused_on_large_maps():
         check_grid_run(large, [1], ['oracle', 'straight'])
 
 
+def test_plan_takes_a_grid_in_cells(tmp_path, capsys):
+    dataset = write_movingai(tmp_path)
+    words = ('plan', '--map', str(dataset), '--method', 'exact_astar', '--json')
+    assert cli.main([*words, '--pair', '1']) == 0
+    assert json.loads(capsys.readouterr().out)['length'] == 4.0
+    yaml = write_map_server(tmp_path, [[254, 0, 254], [254, 254, 254]])
+    ends = ('--start', '0', '0', '--goal', '2', '1', '--map', str(yaml))
+    assert cli.main([*words, *ends]) == 0
+    plan = json.loads(capsys.readouterr().out)
+    # Row 0 of the grid is the picture's last; the way goes under the blocked cell.
+    assert plan['path'] == [[0, 0], [1, 0], [2, 0], [2, 1]]
+    assert cli.main([*words, '--map-id', '4']) == 2
+    assert 'map id 4' in capsys.readouterr().err
+
+
 def test_map_node_publishes_a_map_server_map_too(tmp_path):
     map_node = pytest.importorskip('llm_astar_planner.nodes.map_node')
     path = write_map_server(tmp_path, [[254, 0], [254, 254]])
