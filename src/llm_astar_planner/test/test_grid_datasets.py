@@ -19,6 +19,8 @@ from llm_astar_planner.benchmark.grid_dataset import draw_pairs, load_grid_probl
 from llm_astar_planner.benchmark.published import agrees, compare_published
 from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.benchmark.samples import load_kept_maps, load_samples
+from llm_astar_planner.waypoint_source.ablation import ablation_sources
+from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery
 from PIL import Image
 
 from llm_astar_planner import cli
@@ -237,6 +239,10 @@ def test_sources_that_need_a_visibility_graph_are_refused_on_large_maps():
     check_grid_run(large, [1], ['straight', 'none'])
     with pytest.raises(ValueError, match=r'--source oracle: the map has .* corners'):
         check_grid_run(large, [1], ['oracle', 'straight'])
+    for name in ('oracle', 'noisy', 'reversed'):
+        reply = ablation_sources()[name].waypoints(WaypointQuery(large.to_grid(), (0, 0), (9, 5)))
+        assert reply.status is SourceStatus.ERROR
+        assert 'corners' in reply.detail
 
 
 def test_plan_takes_a_grid_in_cells(tmp_path, capsys):
