@@ -21,7 +21,14 @@ ROS = {
 # Adapter modules that hold values and know no message.
 PLAIN = {
     f'llm_astar_msgs_adapter.{name}'
-    for name in ('barrier_map', 'barrier_summary', 'grid_map', 'map_server', 'movingai')
+    for name in (
+        'barrier_map',
+        'barrier_summary',
+        'grid_map',
+        'grid_problem',
+        'map_server',
+        'movingai',
+    )
 }
 
 

@@ -91,7 +91,7 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise MapServerError(f'{path}: {error.strerror or error}') from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise MapServerError(f'{path}: not yaml: {error}') from None
+        raise MapServerError(f'{path}: not yaml: {" ".join(str(error).split())}') from None
     if not isinstance(fields, dict):
         raise MapServerError(f'{path}: the fields of a map are expected')
     return fields

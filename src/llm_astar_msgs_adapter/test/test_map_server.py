@@ -94,3 +94,10 @@ def test_a_robots_map():
     assert set(np.unique(grid.cells).tolist()) <= {-1, 0, 100}
     assert (grid.cells == 0).any()
     assert grid.origin == Pose2D(-7.14, -7.83, 0.0)
+
+
+def test_what_is_no_yaml_is_told_in_one_line(tmp_path):
+    (tmp_path / 'x.yaml').write_text('a: [1\nb: 2\n')
+    with pytest.raises(MapServerError, match=r'x\.yaml: not yaml: ') as caught:
+        load_map(tmp_path / 'x.yaml')
+    assert '\n' not in str(caught.value)

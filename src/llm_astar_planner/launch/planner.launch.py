@@ -27,7 +27,9 @@ def generate_launch_description() -> LaunchDescription:
                 'map', default_value='true', description='Start map_node; false: use your /map'
             ),
             DeclareLaunchArgument(
-                'map_file', default_value='demo.json', description='Barrier map of map_node'
+                'map_file',
+                default_value='demo.json',
+                description='Barrier map or map_server yaml of map_node',
             ),
             DeclareLaunchArgument(
                 'map_id', default_value='0', description='Which map of the file'

@@ -11,19 +11,28 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.barrier_map import load_barrier_maps, save_barrier_maps
+from llm_astar_msgs_adapter.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.grid_problem import GridProblem
 
-from llm_astar_planner.benchmark.askers import make_askers
+from llm_astar_planner.benchmark.askers import GRID_ABLATIONS, check_grid_run, make_askers
 from llm_astar_planner.benchmark.cluster import connect
-from llm_astar_planner.benchmark.engine import ALL_METHODS, Asker, Settings
+from llm_astar_planner.benchmark.engine import ALL_METHODS, LLM_ONLY, Asker, Settings
 from llm_astar_planner.benchmark.progress import progress
+from llm_astar_planner.benchmark.published import compare_published, published_lengths
 from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsError, ResultsFolder
 from llm_astar_planner.benchmark.run import Sweep, begin, carry_out, unanswered
-from llm_astar_planner.benchmark.samples import load_samples, parse_ranges
+from llm_astar_planner.benchmark.samples import (
+    ProblemMap,
+    load_kept_maps,
+    load_maps,
+    parse_ranges,
+    save_kept_maps,
+    select_samples,
+)
 from llm_astar_planner.benchmark.summary import summarise
 from llm_astar_planner.benchmark.thresholds import missed, parse_threshold
 from llm_astar_planner.prompts.template import TEMPLATES, template_path
-from llm_astar_planner.search.methods import HEURISTICS
+from llm_astar_planner.search.methods import HEURISTICS, WAYPOINT_METHODS
 from llm_astar_planner.share import find_file
 from llm_astar_planner.waypoint_source.ablation import ablation_sources
 from llm_astar_planner.waypoint_source.factory import SOURCES
@@ -38,9 +47,14 @@ examples:
   llm-astar bench --source replay --transcript replies.jsonl --out out/replies
   llm-astar bench --source endpoint --model gpt-4o-mini --prompt few_shot,cot --limit 50
   llm-astar bench --scales 1-10 --limit 100       with the growth of work over the scale
+  llm-astar bench --dataset x.map.scen --methods exact_astar,astar    a MovingAI benchmark
   llm-astar bench --fail-under llm_astar/oracle:operation=60 --fail-under llm_astar:valid=100
 
-exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 incomplete, 130 interrupted
+A grid dataset is planned on without cutting corners, as MovingAI does. Lengths that a .scen file
+publishes are held against those of exact_astar and astar.
+
+exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 incomplete or off a published
+length, 130 interrupted
 """
 
 
@@ -65,10 +79,16 @@ def _add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
         '--dataset',
         default='samples_1000.json',
         metavar='FILE',
-        help='barrier-map JSON: a path, or a name in maps/ (default: %(default)s)',
+        help='barrier-map JSON, a path or a name in maps/ (default: %(default)s); or a grid: '
+        "MovingAI's x.map.scen beside its map, or a map_server yaml, on which pairs are drawn",
     )
     group.add_argument('--maps', metavar='RANGES', help='map ids, such as 50-99 or 0-9,12')
-    group.add_argument('--limit', type=_count, metavar='N', help='draw N of the samples')
+    group.add_argument(
+        '--limit',
+        type=_count,
+        metavar='N',
+        help='draw N of the samples; on a yaml map so many new ones (100)',
+    )
     group.add_argument(
         '--scales', default='1', metavar='RANGES', help='scales of the maps, such as 1-10 (1)'
     )
@@ -96,7 +116,8 @@ def _add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
         default=[],
         metavar='NAMES',
         help=f'of {", ".join(SOURCES)} (default: the ablations, which also go '
-        'beside every other source)',
+        f'beside every other source; on a grid {" and ".join(GRID_ABLATIONS)} alone: the others '
+        'need a visibility graph, slow there and refused on large maps)',
     )
     group.add_argument('--prompt', type=_names, default=[], metavar='NAMES')
     group.add_argument('--model', type=_names, default=[], metavar='NAMES')
@@ -163,11 +184,14 @@ def _add_running(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark; return its exit code. Raises ValueError on bad input."""
     _check(args)
-    sweep = _sweep(args)
+    dataset = find_file(args.dataset, 'maps')
+    maps = load_maps(dataset, args.limit, args.seed)
+    sweep = _sweep(args, dataset, maps)
+    _say_which_ablations(args, maps)
     folder = ResultsFolder(args.out)
     try:
-        tasks, metadata = begin(folder, sweep, _parameters(args), resume=args.resume)
-        _save_maps(folder, sweep)
+        tasks, metadata = begin(folder, sweep, _parameters(args, maps), resume=args.resume)
+        _save_maps(folder, sweep, maps)
     except ResultsError as error:
         return _complain(str(error), BAD_INPUT)
     code = OK
@@ -191,7 +215,7 @@ def _close(
     from llm_astar_planner.benchmark.publish import publish  # noqa: PLC0415
     from llm_astar_planner.benchmark.report_md import text_report  # noqa: PLC0415
 
-    maps = load_barrier_maps(folder.path / MAPS_FILE)
+    maps = load_kept_maps(folder.path / MAPS_FILE)
     try:
         folder.write_json('metadata.json', metadata)
         summary = publish(folder, metadata, maps)
@@ -205,9 +229,23 @@ def _close(
     )
     for line in unanswered(rows):
         code = _complain(line, code or INCOMPLETE)
+    for agreement in compare_published(rows, published_lengths(maps), args.heuristic):
+        code = _complain(str(agreement), code or (INCOMPLETE if agreement.first else OK))
     for line in missed(summarise(rows, args.seed), args.fail_under):
         code = _complain(line, code or MISSED)
     return code
+
+
+def _say_which_ablations(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> None:
+    """Say that a grid is run without the ablations that take long there."""
+    guided = set(args.methods) & {*WAYPOINT_METHODS, LLM_ONLY}
+    if (
+        isinstance(maps[0], GridProblem)
+        and guided
+        and not set(args.source) & ablation_sources().keys()
+    ):
+        names = ' and '.join(GRID_ABLATIONS)
+        _complain(f'on a grid, {names} are the only ablations; name others with --source', OK)
 
 
 def _complain(message: str, code: int) -> int:
@@ -234,8 +272,11 @@ def _check(args: argparse.Namespace) -> None:
         raise ValueError(message)
 
 
-def _sweep(args: argparse.Namespace) -> Sweep:
-    dataset = find_file(args.dataset, 'maps')
+def _sweep(args: argparse.Namespace, dataset: Path, maps: Sequence[ProblemMap]) -> Sweep:
+    scales = parse_ranges(args.scales, '--scales')
+    grids = [item for item in maps if isinstance(item, GridProblem)]
+    for problem in grids:
+        check_grid_run(problem, scales, args.source)
     settings = SourceSettings(
         base_url=args.base_url,
         api_key_env=args.api_key_env,
@@ -252,16 +293,17 @@ def _sweep(args: argparse.Namespace) -> Sweep:
         args.prompt,
         args.model,
         settings=settings,
-        dataset=load_barrier_maps(dataset),
+        dataset=[item for item in maps if isinstance(item, BarrierMap)],
         seed=args.seed,
+        default=GRID_ABLATIONS if grids else None,
     )
     return Sweep(
         dataset,
-        load_samples(dataset, args.maps, args.limit, args.seed),
+        select_samples(maps, str(dataset), args.maps, args.limit, args.seed),
         args.methods,
         askers,
         Settings(args.heuristic, args.weight, args.time_limit, args.max_suboptimality),
-        parse_ranges(args.scales, '--scales'),
+        scales,
         args.scale_samples,
         args.seed,
         _deciding_files(args),
@@ -277,21 +319,23 @@ def _deciding_files(args: argparse.Namespace) -> list[Path]:
     return files
 
 
-def _parameters(args: argparse.Namespace) -> dict[str, Any]:
+def _parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict[str, Any]:
     names = (
         'maps', 'limit', 'scales', 'scale_samples', 'seed', 'methods', 'source', 'prompt', 'model',
         'base_url', 'repair_rounds', 'heuristic', 'weight', 'time_limit', 'max_suboptimality',
         'price', 'jobs',
     )  # fmt: skip
-    return {name: getattr(args, name) for name in names}
+    parameters = {name: getattr(args, name) for name in names}
+    # The dataset's own digest is that of a file that only names the grid.
+    grids = [item.digest for item in maps if isinstance(item, GridProblem)]
+    return parameters | ({'grid': grids[0]} if grids else {})
 
 
-def _save_maps(folder: ResultsFolder, sweep: Sweep) -> None:
+def _save_maps(folder: ResultsFolder, sweep: Sweep, maps: Sequence[ProblemMap]) -> None:
     """Keep the maps with the rows, so that a folder can be reported on by itself."""
     ids = {sample.barrier_map.id for sample in sweep.samples}
-    maps = [item for item in load_barrier_maps(sweep.dataset) if item.id in ids]
     try:
-        save_barrier_maps(maps, folder.path / MAPS_FILE)
+        save_kept_maps([item for item in maps if item.id in ids], folder.path / MAPS_FILE)
     except OSError as error:
         message = f'{folder.path / MAPS_FILE}: {error.strerror or error}'
         raise ResultsError(message) from None

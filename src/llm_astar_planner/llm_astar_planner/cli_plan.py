@@ -1,4 +1,4 @@
-"""`llm-astar plan`: one plan on a barrier map, without ROS."""
+"""`llm-astar plan`: one plan on a barrier map or a grid, without ROS."""
 
 from __future__ import annotations
 
@@ -8,16 +8,12 @@ import math
 from collections.abc import Collection
 from typing import Any
 
-from llm_astar_msgs_adapter.barrier_map import (
-    BarrierMap,
-    Point,
-    find_barrier_map,
-    load_barrier_maps,
-)
+from llm_astar_msgs_adapter.barrier_map import BarrierMap, Point, find_barrier_map
 
+from llm_astar_planner.benchmark.samples import ProblemMap, load_maps
 from llm_astar_planner.cli_source import add_source_arguments, source_settings
 from llm_astar_planner.planner import GridRules, Plan, Planner, PlanRequest
-from llm_astar_planner.prompts.query import PathQuery, parse_query
+from llm_astar_planner.prompts.query import parse_query
 from llm_astar_planner.search.methods import HEURISTICS, METHODS, compile_kernels
 from llm_astar_planner.share import find_file
 from llm_astar_planner.waypoint_source.base import SampleKey, WaypointSource
@@ -28,6 +24,7 @@ EPILOG = """\
 examples:
   llm-astar plan
   llm-astar plan --map demo.json --map-id 0 --pair 1 --method astar --png out/astar.png
+  llm-astar plan --map depot.yaml --start 150 150 --goal 450 200
   llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
   llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
   llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids
@@ -42,7 +39,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         'plan',
         help='plan from start to goal on a barrier map',
         description='Plan from start to goal on a barrier map, without ROS, under the '
-        "paper's rules.",
+        "paper's rules; or on a grid, in cells, where no corner is cut.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -52,7 +49,8 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         '--map',
         default='demo.json',
         metavar='FILE',
-        help='barrier-map JSON: a path, or a name in maps/ (default: %(default)s)',
+        help='barrier-map JSON, a path or a name in maps/ (default: %(default)s); or a '
+        'map_server yaml, or a MovingAI x.map.scen',
     )
     where.add_argument('--map-id', type=int, metavar='ID', help='map of the file (default: first)')
     where.add_argument(
@@ -99,27 +97,26 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
 def run(arguments: argparse.Namespace) -> int:
     """Plan, print, draw; return 0 for a plan and 1 for none. Raises ValueError on bad input."""
     _check(arguments)
-    maps, (barrier_map, start, goal) = _problem(arguments)
+    maps, (problem, start, goal) = _problem(arguments)
     compile_kernels()
-    planner = Planner(
-        barrier_map.to_grid(),
-        GridRules(corner_cutting=not arguments.no_corner_cutting),
-        barrier_map,
-    ).prepare()
+    barriers = problem if isinstance(problem, BarrierMap) else None
+    corner_cutting = barriers is not None and not arguments.no_corner_cutting
+    planner = Planner(problem.to_grid(), GridRules(corner_cutting=corner_cutting), barriers)
+    planner.prepare()
+    offset = _corner(problem)
     request = PlanRequest(
-        barrier_map.to_cell(start),
-        barrier_map.to_cell(goal),
+        problem.to_cell(start),
+        problem.to_cell(goal),
         arguments.method,
-        _source(arguments, barrier_map, maps),
+        _source(arguments, offset, maps),
         arguments.heuristic,
         arguments.weight,
         arguments.time_limit,
         max_suboptimality=arguments.max_suboptimality,
         any_angle=arguments.any_angle,
-        sample=_sample(barrier_map, start, goal),
+        sample=_sample(problem, start, goal),
     )
     plan = planner.plan(request)
-    offset = (barrier_map.range_x[0], barrier_map.range_y[0])
     if arguments.json:
         print(json.dumps(plan_to_json(plan, offset)))
     else:
@@ -205,7 +202,9 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ValueError(f'--time-limit {arguments.time_limit} is not above 0 seconds')
 
 
-def _problem(arguments: argparse.Namespace) -> tuple[list[BarrierMap], PathQuery]:
+def _problem(
+    arguments: argparse.Namespace,
+) -> tuple[list[ProblemMap], tuple[ProblemMap, Point, Point]]:
     """Return the maps and which problem on them is asked, by sentence or by numbers."""
     if arguments.query is not None:
         ask = None
@@ -213,13 +212,25 @@ def _problem(arguments: argparse.Namespace) -> tuple[list[BarrierMap], PathQuery
             ask = make_asker(source_settings(arguments))
         question = parse_query(arguments.query, ask)
         return [question.barrier_map], question
-    maps = load_barrier_maps(find_file(arguments.map, 'maps'))
-    map_id = maps[0].id if arguments.map_id is None else arguments.map_id
-    barrier_map = find_barrier_map(maps, map_id)
-    return maps, PathQuery(barrier_map, *_ends(arguments, barrier_map))
+    maps = load_maps(find_file(arguments.map, 'maps'))
+    problem = maps[0]
+    if arguments.map_id not in (None, problem.id):
+        problem = find_barrier_map(_barrier_maps(maps), arguments.map_id)
+    return maps, (problem, *_ends(arguments, problem))
 
 
-def _ends(arguments: argparse.Namespace, barrier_map: BarrierMap) -> tuple[Point, Point]:
+def _barrier_maps(maps: list[ProblemMap]) -> list[BarrierMap]:
+    return [item for item in maps if isinstance(item, BarrierMap)]
+
+
+def _corner(problem: ProblemMap) -> Point:
+    """Return the map coordinates of cell (0, 0)."""
+    if isinstance(problem, BarrierMap):
+        return problem.range_x[0], problem.range_y[0]
+    return 0, 0
+
+
+def _ends(arguments: argparse.Namespace, barrier_map: ProblemMap) -> tuple[Point, Point]:
     if arguments.start is not None:
         return tuple(arguments.start), tuple(arguments.goal)
     if not 0 <= arguments.pair < len(barrier_map.samples):
@@ -229,7 +240,7 @@ def _ends(arguments: argparse.Namespace, barrier_map: BarrierMap) -> tuple[Point
     return sample.start, sample.goal
 
 
-def _sample(barrier_map: BarrierMap, start: Point, goal: Point) -> SampleKey | None:
+def _sample(barrier_map: ProblemMap, start: Point, goal: Point) -> SampleKey | None:
     """Return which sample of the map this is, if it is one."""
     for pair, sample in enumerate(barrier_map.samples):
         if (sample.start, sample.goal) == (start, goal):
@@ -238,12 +249,12 @@ def _sample(barrier_map: BarrierMap, start: Point, goal: Point) -> SampleKey | N
 
 
 def _source(
-    arguments: argparse.Namespace, barrier_map: BarrierMap, maps: list[BarrierMap]
+    arguments: argparse.Namespace, offset: Point, maps: list[ProblemMap]
 ) -> WaypointSource:
     if arguments.reply is not None:
-        return FixedReply(arguments.reply, (barrier_map.range_x[0], barrier_map.range_y[0]))
+        return FixedReply(arguments.reply, offset)
     settings = source_settings(arguments)
-    return make_source(settings, dataset=maps)
+    return make_source(settings, dataset=_barrier_maps(maps))
 
 
 def _draw(

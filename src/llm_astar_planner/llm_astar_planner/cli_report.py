@@ -6,11 +6,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
-
 from llm_astar_planner.benchmark.readme import replace_section
 from llm_astar_planner.benchmark.report_md import results_section
 from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsError, ResultsFolder
+from llm_astar_planner.benchmark.samples import load_kept_maps
 from llm_astar_planner.benchmark.summary import contrasts, summarise
 
 
@@ -45,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
         # Drawing takes most of a second to import, and a README section needs none.
         from llm_astar_planner.benchmark.publish import publish  # noqa: PLC0415
 
-        summary = publish(folder, metadata, load_barrier_maps(folder.path / MAPS_FILE))
+        summary = publish(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
     except (ResultsError, KeyError) as error:
         message = f'{args.folder}: {error} is missing' if isinstance(error, KeyError) else error
         raise ValueError(message) from None

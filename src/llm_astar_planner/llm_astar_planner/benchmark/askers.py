@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.grid_problem import GridProblem
 
 from llm_astar_planner.benchmark.engine import Asker
 from llm_astar_planner.prompts.template import load_template
-from llm_astar_planner.waypoint_source.ablation import ablation_sources
+from llm_astar_planner.waypoint_source.ablation import ablation_sources, visibility_problem
 from llm_astar_planner.waypoint_source.factory import make_source
 from llm_astar_planner.waypoint_source.settings import (
     DEFAULT_PROMPT,
@@ -17,6 +18,9 @@ from llm_astar_planner.waypoint_source.settings import (
     SourceSettings,
 )
 from llm_astar_planner.waypoint_source.transcript import read_transcript
+
+# The ablations that cost next to nothing on any grid: they need no visibility graph.
+GRID_ABLATIONS = ('straight', 'random')
 
 
 def make_askers(
@@ -27,23 +31,35 @@ def make_askers(
     settings: SourceSettings,
     dataset: Sequence[BarrierMap],
     seed: int = 0,
+    default: Sequence[str] | None = None,
 ) -> list[Asker]:
     """Make the askers of a run; the first is that of no source.
 
     Every named source is made for every prompt and model (`settings` with these put in). A replay
-    without them gets all its transcript holds. All ablations come along where a named source is
-    none of them. Raises ValueError for a source that cannot be made.
+    without them gets all its transcript holds. All ablations (or `default`) come along where a
+    named source is none of them. Raises ValueError for a source that cannot be made.
     """
     ablations = ablation_sources(seed)
     asked = [name for name in names if name != 'none']
     chosen = [name for name in asked if name in ablations]
     if len(chosen) < len(asked) or not asked:
-        chosen = list(ablations)
+        chosen = list(ablations if default is None else default)
     askers = [Asker()]
     for name in asked:
         if name not in ablations:
             askers += _combinations(replace(settings, source=name), prompts, models, dataset)
     return askers + [Asker(ablations[name], name) for name in chosen]
+
+
+def check_grid_run(problem: GridProblem, scales: Sequence[int], names: Sequence[str]) -> None:
+    """Raise ValueError where a grid cannot be run at these scales or with these sources."""
+    for scale in scales:
+        problem.scale(scale)
+    slow = [name for name in names if name in ablation_sources() and name not in GRID_ABLATIONS]
+    reason = visibility_problem(problem.to_grid()) if slow else ''
+    if reason:
+        message = f'--source {",".join(slow)}: {reason}'
+        raise ValueError(message)
 
 
 def _combinations(

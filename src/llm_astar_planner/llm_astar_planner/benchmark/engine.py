@@ -17,8 +17,9 @@ import numpy as np
 from llm_astar_msgs_adapter.barrier_map import BarrierMap, Sample
 from numpy.typing import NDArray
 
+from llm_astar_planner.benchmark.grid_dataset import GRID_RULES
 from llm_astar_planner.benchmark.results import Case, Row
-from llm_astar_planner.benchmark.samples import BenchmarkSample
+from llm_astar_planner.benchmark.samples import BenchmarkSample, ProblemMap
 from llm_astar_planner.planner import NOT_ASKED, Plan, Planner, PlanRequest
 from llm_astar_planner.result_code import ResultCode
 from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS, compile_kernels
@@ -138,7 +139,7 @@ def run_task(task: Task) -> list[Row]:
     return rows
 
 
-def plan_again(barrier_map: BarrierMap, sample: Sample, row: Row, settings: Settings) -> Plan:
+def plan_again(barrier_map: ProblemMap, sample: Sample, row: Row, settings: Settings) -> Plan:
     """Plan a row of scale 1 once more with the waypoints it had, to see what it expanded."""
     planner = _planner(replace(barrier_map, samples=()))
     reply = WaypointReply(parse_points(row.waypoints), label=row.source)
@@ -185,8 +186,11 @@ def _warm_up() -> None:
 
 
 @lru_cache(maxsize=16)
-def _planner(barrier_map: BarrierMap) -> Planner:
-    return Planner.for_barrier_map(barrier_map).prepare()
+def _planner(barrier_map: ProblemMap) -> Planner:
+    """Make the planner of a map: the paper's rules on barriers, MovingAI's on a grid."""
+    if isinstance(barrier_map, BarrierMap):
+        return Planner.for_barrier_map(barrier_map).prepare()
+    return Planner(barrier_map.to_grid(), GRID_RULES).prepare()
 
 
 def _ask(source: WaypointSource, query: WaypointQuery) -> tuple[WaypointReply, float]:

@@ -23,6 +23,7 @@ from llm_astar_planner.benchmark.findings import headline, sentence
 from llm_astar_planner.benchmark.report_html import html_report
 from llm_astar_planner.benchmark.report_md import report
 from llm_astar_planner.benchmark.results import Case, ResultsFolder, Row
+from llm_astar_planner.benchmark.samples import ProblemMap
 from llm_astar_planner.benchmark.scalability import Growth, growth
 from llm_astar_planner.benchmark.summary import (
     CaseSummary,
@@ -42,7 +43,7 @@ Pictures = list[tuple[Path, str]]
 def publish(
     folder: ResultsFolder,
     metadata: Mapping[str, Any],
-    maps: Sequence[BarrierMap],
+    maps: Sequence[ProblemMap],
 ) -> dict[str, Any]:
     """Write summary.json, the figures, report.md and report.html; return the summary as read back.
 
@@ -77,7 +78,7 @@ def publish(
 def draw_all(
     folder: Path,
     rows: Sequence[Row],
-    maps: Sequence[BarrierMap],
+    maps: Sequence[ProblemMap],
     figures: tuple[Sequence[CaseSummary], Sequence[Growth]],
     settings: Settings,
 ) -> Pictures:
@@ -101,7 +102,7 @@ def draw_all(
 
 
 def _draw_sample(
-    folder: Path, rows: Sequence[Row], maps: Sequence[BarrierMap], settings: Settings
+    folder: Path, rows: Sequence[Row], maps: Sequence[ProblemMap], settings: Settings
 ) -> Pictures:
     """Draw the sample whose saving over A* is the median: neither the best nor the worst."""
     chosen = _middle(rows)
@@ -118,6 +119,9 @@ def _draw_sample(
     path = folder / 'compare.png'
     compare_figure(grid_map, plans, titles, ends).savefig(path, dpi=DPI)
     pictures: Pictures = [(path, f'{where}: what {titles[0]} and {titles[1]} expanded.')]
+    if not isinstance(barrier_map, BarrierMap):
+        # The animation replays the paper's rules, which are not a grid's.
+        return pictures
     waypoints = [(int(x), int(y)) for x, y in parse_points(row.waypoints)]
     targets = target_list(plans[1].waypoints, *ends)[1:]
     blocked = grid_map.blocked()

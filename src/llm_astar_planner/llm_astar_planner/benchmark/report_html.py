@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, PackageLoader
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.grid_map import FREE, GridMap
 from markupsafe import Markup
+from PIL import Image
 
 from llm_astar_planner.benchmark import report_md as tables
 from llm_astar_planner.benchmark.figures import case_label
 from llm_astar_planner.benchmark.findings import growth_sentence, headline, sentence
+from llm_astar_planner.benchmark.grid_dataset import GRID_RULES
 from llm_astar_planner.benchmark.results import Row
+from llm_astar_planner.benchmark.samples import ProblemMap
 from llm_astar_planner.benchmark.scalability import Growth
 from llm_astar_planner.benchmark.summary import CaseSummary, Contrast, by_case, place
 
+# As the page draws walls, and lighter what nobody has seen.
+WALL_COLOUR, UNKNOWN_COLOUR = (31, 36, 48, 255), (154, 160, 172, 96)
 MEDIA_TYPES = {'.png': 'image/png', '.gif': 'image/gif'}
 
 
@@ -29,7 +37,7 @@ def html_report(
     metadata: Mapping[str, Any],
     *,
     rows: Sequence[Row],
-    maps: Sequence[BarrierMap],
+    maps: Sequence[ProblemMap],
     pictures: Sequence[tuple[Path, str]] = (),
 ) -> str:
     """Write the page; `pictures` are (file, caption). It asks the network for nothing."""
@@ -54,7 +62,7 @@ def html_report(
     return page
 
 
-def browser_data(rows: Sequence[Row], maps: Sequence[BarrierMap]) -> dict[str, Any]:
+def browser_data(rows: Sequence[Row], maps: Sequence[ProblemMap]) -> dict[str, Any]:
     """Return what the browser of samples shows: maps, cases, and the rows of scale 1."""
     cases = dict(sorted(by_case(rows).items(), key=lambda item: place(item[0])))
     samples = sorted({(row.map, row.pair) for row in rows if row.scale == 1})
@@ -69,18 +77,38 @@ def browser_data(rows: Sequence[Row], maps: Sequence[BarrierMap]) -> dict[str, A
     }
 
 
-def _map(barrier_map: BarrierMap) -> dict[str, Any]:
-    """Describe a map in cells, counted from its corner."""
-    (x_min, x_max), (y_min, y_max) = barrier_map.range_x, barrier_map.range_y
+def _map(problem: ProblemMap) -> dict[str, Any]:
+    """Describe a map in cells, counted from its corner: its barriers, or a picture of its grid."""
+    pairs = [
+        [*problem.to_cell(sample.start), *problem.to_cell(sample.goal), sample.query]
+        for sample in problem.samples
+    ]
+    if not isinstance(problem, BarrierMap):
+        grid_map = problem.to_grid()
+        return {
+            'size': [grid_map.width, grid_map.height],
+            'h': [],
+            'v': [],
+            'image': _picture(grid_map),
+            'pairs': pairs,
+        }
+    (x_min, x_max), (y_min, y_max) = problem.range_x, problem.range_y
     return {
         'size': [x_max - x_min, y_max - y_min],
-        'h': [[y - y_min, a - x_min, b - x_min] for y, a, b in barrier_map.horizontal_barriers],
-        'v': [[x - x_min, a - y_min, b - y_min] for x, a, b in barrier_map.vertical_barriers],
-        'pairs': [
-            [*barrier_map.to_cell(sample.start), *barrier_map.to_cell(sample.goal), sample.query]
-            for sample in barrier_map.samples
-        ],
+        'h': [[y - y_min, a - x_min, b - x_min] for y, a, b in problem.horizontal_barriers],
+        'v': [[x - x_min, a - y_min, b - y_min] for x, a, b in problem.vertical_barriers],
+        'pairs': pairs,
     }
+
+
+def _picture(grid_map: GridMap) -> str:
+    """Draw a grid, a pixel a cell, row 0 below: blocked dark, unknown grey, free clear."""
+    pixels = np.zeros((*grid_map.cells.shape, 4), dtype=np.uint8)
+    pixels[grid_map.cells < FREE] = UNKNOWN_COLOUR
+    pixels[grid_map.blocked(GRID_RULES.occupied_threshold)] = WALL_COLOUR
+    buffer = io.BytesIO()
+    Image.fromarray(pixels[::-1]).quantize().save(buffer, 'PNG')
+    return f'data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}'
 
 
 def _entry(row: Row | None) -> list[Any] | None:

@@ -220,7 +220,7 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     old = before.get('parameters', {})
     return changed + [
         f'{name} ({old.get(name)} before)'
-        for name in ('seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality')
+        for name in ('seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid')
         if old.get(name) != now['parameters'].get(name)
     ]
 

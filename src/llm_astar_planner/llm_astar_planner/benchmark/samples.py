@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+import json
 import random
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from llm_astar_msgs_adapter.barrier_map import BarrierMap, Sample, load_barrier_maps
+from llm_astar_msgs_adapter.barrier_map import (
+    BarrierMap,
+    Sample,
+    load_barrier_maps,
+    save_barrier_maps,
+)
+from llm_astar_msgs_adapter.grid_problem import (
+    GridProblem,
+    is_grid_problem,
+    parse_grid_problem,
+    to_line,
+)
+
+from llm_astar_planner.benchmark.grid_dataset import is_grid_dataset, load_grid_problem
+
+# A map with its samples: barriers, as the paper's, or any grid.
+ProblemMap = BarrierMap | GridProblem
 
 
 class SelectionError(ValueError):
@@ -18,7 +35,7 @@ class SelectionError(ValueError):
 class BenchmarkSample:
     """One start-goal pair: its unscaled map (without its samples) and its index there."""
 
-    barrier_map: BarrierMap
+    barrier_map: ProblemMap
     pair: int
     sample: Sample
 
@@ -34,10 +51,20 @@ def load_samples(
     """Load the samples of a dataset in order of map and pair.
 
     `maps` selects map ids, such as `50-99` or `0-9,12`. `limit` draws so many of them by `seed`;
-    a larger limit holds every sample of a smaller one. Raises BarrierMapError on a bad file and
-    SelectionError on a selection that leaves nothing.
+    a larger limit holds every sample of a smaller one. Raises what `load_maps` raises on a bad
+    file and SelectionError on a selection that leaves nothing.
     """
-    loaded = load_barrier_maps(path)
+    return select_samples(load_maps(path, limit, seed), str(path), maps, limit, seed)
+
+
+def select_samples(
+    loaded: Sequence[ProblemMap],
+    path: str,
+    maps: str | None = None,
+    limit: int | None = None,
+    seed: int = 0,
+) -> list[BenchmarkSample]:
+    """Select samples of loaded maps as `load_samples` does; `path` is for messages."""
     if maps is not None:
         wanted = set(parse_ranges(maps, '--maps'))
         known = {barrier_map.id for barrier_map in loaded}
@@ -50,6 +77,43 @@ def load_samples(
         message = f'{path}: its maps have no samples'
         raise SelectionError(message)
     return samples if limit is None else draw(samples, limit, seed)
+
+
+def load_maps(path: str | Path, limit: int | None = None, seed: int = 0) -> list[ProblemMap]:
+    """Load the maps of a dataset with their samples.
+
+    Barrier-map JSON; MovingAI's `x.map.scen` beside its map; a map_server yaml, on which `limit`
+    pairs (100) are drawn by `seed`. Raises BarrierMapError, GridProblemError, MovingAiError or
+    MapServerError that names the file and the field.
+    """
+    if is_grid_dataset(path):
+        return [load_grid_problem(path, limit, seed)]
+    return list(load_barrier_maps(path))
+
+
+def save_kept_maps(maps: Sequence[ProblemMap], path: str | Path) -> None:
+    """Write the maps of a results folder. Raises OSError."""
+    barriers = [item for item in maps if isinstance(item, BarrierMap)]
+    if barriers:
+        save_barrier_maps(barriers, path)
+        return
+    lines = ',\n'.join(to_line(item) for item in maps if isinstance(item, GridProblem))
+    Path(path).write_text(f'[\n{lines}\n]\n', encoding='utf-8')
+
+
+def load_kept_maps(path: str | Path) -> list[ProblemMap]:
+    """Read the maps of a results folder back. Raises BarrierMapError or GridProblemError."""
+    path = Path(path)
+    try:
+        entries = json.loads(path.read_text(encoding='utf-8'))
+    except (OSError, ValueError):
+        entries = None
+    if isinstance(entries, list) and entries and is_grid_problem(entries[0]):
+        return [
+            parse_grid_problem(entry, f'{path}: map at index {index}')
+            for index, entry in enumerate(entries)
+        ]
+    return list(load_barrier_maps(path))
 
 
 def draw(samples: Sequence[BenchmarkSample], count: int, seed: int) -> list[BenchmarkSample]:
@@ -74,7 +138,7 @@ def parse_ranges(text: str, option: str) -> list[int]:
     return sorted(numbers)
 
 
-def _samples(maps: Iterable[BarrierMap]) -> Iterable[BenchmarkSample]:
+def _samples(maps: Iterable[ProblemMap]) -> Iterable[BenchmarkSample]:
     for barrier_map in maps:
         bare = replace(barrier_map, samples=())
         for pair, sample in enumerate(barrier_map.samples):

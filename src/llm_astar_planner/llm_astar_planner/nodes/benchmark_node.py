@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from llm_astar_planner.benchmark.engine import ANSWERED
+from llm_astar_planner.benchmark.grid_dataset import is_grid_dataset
 from llm_astar_planner.benchmark.progress import progress
 from llm_astar_planner.benchmark.publish import publish
 from llm_astar_planner.benchmark.report_md import text_report
@@ -51,6 +52,9 @@ def main(args: Sequence[str] | None = None) -> int:
     arguments = _arguments(remove_ros_args(sys.argv if args is None else args)[1:])
     try:
         dataset = find_file(arguments.dataset, 'maps')
+        if is_grid_dataset(dataset):
+            message = f'{dataset}: a grid dataset runs without the graph: llm-astar bench'
+            raise SelectionError(message)
         samples = load_samples(dataset, arguments.maps, arguments.limit, arguments.seed)
         folder = ResultsFolder(arguments.out)
         parameters = {'methods': arguments.methods, 'limit': arguments.limit}

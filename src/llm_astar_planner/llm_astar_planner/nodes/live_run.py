@@ -9,7 +9,6 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from llm_astar_msgs_adapter.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.occupancy_grid import grid_to_message
 from llm_astar_msgs_adapter.path import path_from_message
@@ -21,7 +20,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 
 from llm_astar_planner.benchmark.engine import BASELINE, turning_points
 from llm_astar_planner.benchmark.results import Case, Row
-from llm_astar_planner.benchmark.samples import BenchmarkSample
+from llm_astar_planner.benchmark.samples import BenchmarkSample, ProblemMap
 from llm_astar_planner.nodes.caller import Caller, CallerError
 from llm_astar_planner.nodes.qos import LATCHED
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
@@ -102,7 +101,7 @@ class LiveRun:
         self._caller.wait_until_ready(grid_map.digest, client=self._client)
 
     def _plan(
-        self, sample: BenchmarkSample, barrier_map: BarrierMap, grid_map: GridMap, case: Case
+        self, sample: BenchmarkSample, barrier_map: ProblemMap, grid_map: GridMap, case: Case
     ) -> Row:
         cells = [barrier_map.to_cell(point) for point in sample.sample[:2]]
         start, goal = (Pose2D(*place) for place in grid_map.grid_to_world(cells).tolist())

@@ -1,8 +1,9 @@
-"""map_node: publishes a barrier map as an occupancy grid, latched."""
+"""map_node: publishes a barrier map or a map_server map as an occupancy grid, latched."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.barrier_map import (
@@ -11,6 +12,7 @@ from llm_astar_msgs_adapter.barrier_map import (
     load_barrier_maps,
 )
 from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError
+from llm_astar_msgs_adapter.map_server import MapServerError, load_map
 from llm_astar_msgs_adapter.occupancy_grid import grid_to_message
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap
@@ -22,7 +24,12 @@ from llm_astar_planner.nodes.run import run
 from llm_astar_planner.share import find_file
 
 PARAMETERS = (
-    Parameter('map_file', 'demo.json', 'A barrier-map JSON file: a path, or a name in maps/'),
+    Parameter(
+        'map_file',
+        'demo.json',
+        'A barrier-map JSON file, a path or a name in maps/; or a map_server yaml, which brings '
+        'its own resolution: map_id and resolution are not used then',
+    ),
     Parameter('map_id', 0, 'Which map of the file', minimum=0, maximum=2**31 - 1),
     Parameter('resolution', 1.0, 'Metres a cell', minimum=0.001, maximum=1000.0),
     Parameter('frame_id', 'map', 'The frame of the map'),
@@ -46,7 +53,9 @@ class MapNode(Node):
         self._message = grid_to_message(grid_map, self.get_clock().now().to_msg())
         self._publisher.publish(self._message)
         size = f'{grid_map.width} x {grid_map.height} cells of {grid_map.resolution} m'
-        name = f'{self._settings["map_file"]} map {self._settings["map_id"]}'
+        name = self._settings['map_file']
+        if not _is_yaml(name):
+            name = f'{name} map {self._settings["map_id"]}'
         self.get_logger().info(f'published {name}: {size}, digest {grid_map.digest}')
 
     def _on_get_map(self, _: GetMap.Request, response: GetMap.Response) -> GetMap.Response:
@@ -56,14 +65,20 @@ class MapNode(Node):
 
 def _load(values: dict[str, Any]) -> GridMap:
     path = find_file(values['map_file'], 'maps')
+    if _is_yaml(path):
+        return load_map(path, frame_id=values['frame_id'])
     barrier_map = find_barrier_map(load_barrier_maps(path), values['map_id'])
     return barrier_map.to_grid(values['resolution'], values['frame_id'])
+
+
+def _is_yaml(path: str | Path) -> bool:
+    return Path(path).suffix.lower() in ('.yaml', '.yml')
 
 
 def _problem(values: dict[str, Any]) -> str:
     try:
         _load(values)
-    except (BarrierMapError, GridMapError, FileNotFoundError) as error:
+    except (BarrierMapError, GridMapError, MapServerError, FileNotFoundError) as error:
         return str(error)
     return ''
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 import rclpy
 from llm_astar_msgs_adapter.barrier_map import BarrierMapError
 from llm_astar_msgs_adapter.grid_map import GridMapError
+from llm_astar_msgs_adapter.map_server import MapServerError
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.context import Context
 from rclpy.exceptions import (
@@ -26,6 +27,7 @@ USER_ERRORS = (
     ParameterError,
     BarrierMapError,
     GridMapError,
+    MapServerError,
     InvalidParameterTypeException,
     InvalidParameterValueException,
     UnknownROSArgsError,

@@ -7,6 +7,7 @@ oracle's, and `random` knows nothing. All answer the same question alike every t
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -26,9 +27,16 @@ from llm_astar_planner.waypoint_source.base import (
 )
 
 Cell = tuple[int, int]
+Corners = tuple[Waypoint, ...]
 # The published noisy oracle is off by up to three cells on the unscaled maps.
 NOISE_CELLS = 3
 RANDOM_POINTS = 4
+# Time and memory grow with the square: 1600 corners take 8 s and 0.8 GB, 7800 over an hour.
+MAX_CORNERS = 2000
+
+
+class TooManyCornersError(RuntimeError):
+    """A map with too many wall ends for a visibility graph."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +60,7 @@ class OracleSource:
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the corners in order, none where start sees goal or no way exists."""
-        return _reply(self.name, shortest_corners(query.grid_map, query.start, query.goal))
+        return _corners_reply(self.name, query, lambda corners: corners)
 
 
 @dataclass(frozen=True)
@@ -63,8 +71,7 @@ class ReversedSource:
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the oracle's corners, last first."""
-        corners = shortest_corners(query.grid_map, query.start, query.goal)
-        return _reply(self.name, corners[::-1])
+        return _corners_reply(self.name, query, lambda corners: corners[::-1])
 
 
 @dataclass(frozen=True)
@@ -76,11 +83,14 @@ class NoisySource:
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Displace every corner; nothing keeps the result off obstacles or on the map."""
-        corners = shortest_corners(query.grid_map, query.start, query.goal)
         reach = NOISE_CELLS * (query.sample.scale if query.sample else 1)
         random = _generator(self.name, self.seed, query)
-        shifts = random.integers(-reach, reach, size=(len(corners), 2), endpoint=True)
-        return _reply(self.name, [(x + dx, y + dy) for (x, y), (dx, dy) in zip(corners, shifts)])
+
+        def displace(corners: Corners) -> Corners:
+            shifts = random.integers(-reach, reach, size=(len(corners), 2), endpoint=True)
+            return tuple((x + dx, y + dy) for (x, y), (dx, dy) in zip(corners, shifts))
+
+        return _corners_reply(self.name, query, displace)
 
 
 @dataclass(frozen=True)
@@ -123,7 +133,18 @@ def any_angle_length(grid_map: GridMap, start: Cell, goal: Cell) -> float:
     return _route(grid_map, start, goal)[1]
 
 
-def _reply(label: str, points: list[Waypoint] | tuple[Waypoint, ...]) -> WaypointReply:
+def _corners_reply(
+    label: str, query: WaypointQuery, change: Callable[[Corners], Corners]
+) -> WaypointReply:
+    """Answer with the oracle's corners, changed; with an error where the map has too many."""
+    try:
+        corners = shortest_corners(query.grid_map, query.start, query.goal)
+    except TooManyCornersError as error:
+        return WaypointReply(label=label, status=SourceStatus.ERROR, detail=str(error))
+    return _reply(label, change(corners))
+
+
+def _reply(label: str, points: list[Waypoint] | Corners) -> WaypointReply:
     status = SourceStatus.OK if points else SourceStatus.NO_WAYPOINTS
     waypoints = tuple((float(x), float(y)) for x, y in points)
     return WaypointReply(waypoints, label=label, status=status)
@@ -144,10 +165,20 @@ class _VisibilityGraph:
     distances: NDArray[np.float64]
 
 
+def visibility_problem(grid_map: GridMap) -> str:
+    """Say why a map is too large for the sources that need its visibility graph, or ''."""
+    corners = len(_corner_cells(grid_map.blocked(), walls_of(grid_map)))
+    if corners <= MAX_CORNERS:
+        return ''
+    return f'the map has {corners} corners, over {MAX_CORNERS}, for a visibility graph'
+
+
 @lru_cache(maxsize=32)
 def _visibility_graph(grid_map: GridMap) -> _VisibilityGraph:
     walls = walls_of(grid_map)
     corners = _corner_cells(grid_map.blocked(), walls)
+    if len(corners) > MAX_CORNERS:
+        raise TooManyCornersError(visibility_problem(grid_map))
     distances = np.zeros((len(corners), len(corners)))
     i, j = np.triu_indices(len(corners), 1)
     seen = walls.clear(corners[i], corners[j])
