@@ -7,7 +7,6 @@ values and `run_task` a plain function, so any concurrent.futures executor can t
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
@@ -17,6 +16,7 @@ import numpy as np
 from llm_astar_msgs_adapter.barrier_map import BarrierMap, Sample
 from numpy.typing import NDArray
 
+from llm_astar_planner.asking import ask
 from llm_astar_planner.benchmark.grid_dataset import GRID_RULES
 from llm_astar_planner.benchmark.results import Case, Row
 from llm_astar_planner.benchmark.samples import BenchmarkSample, ProblemMap
@@ -132,7 +132,7 @@ def run_task(task: Task) -> list[Row]:
         source = task.askers[index].source
         if source is not None and index not in replies:
             query = WaypointQuery(planner.grid_map, *ends, task.settings.time_limit, key)
-            replies[index] = _ask(source, query)
+            replies[index] = ask(source, query)
         reply, seconds = replies.get(index, (NOT_ASKED, 0.0))
         row = _row(planner, key, ends, case, reply=reply, settings=task.settings)
         rows.append(replace(row, seconds_source=seconds))
@@ -191,17 +191,6 @@ def _planner(barrier_map: ProblemMap) -> Planner:
     if isinstance(barrier_map, BarrierMap):
         return Planner.for_barrier_map(barrier_map).prepare()
     return Planner(barrier_map.to_grid(), GRID_RULES).prepare()
-
-
-def _ask(source: WaypointSource, query: WaypointQuery) -> tuple[WaypointReply, float]:
-    begin = time.perf_counter()
-    try:
-        reply = source.waypoints(query)
-    except Exception as error:  # noqa: BLE001 - one bad answer must not end a sweep
-        reply = WaypointReply(
-            label=source.name, status=SourceStatus.ERROR, detail=f'{type(error).__name__}: {error}'
-        )
-    return reply, time.perf_counter() - begin
 
 
 @dataclass(frozen=True)

@@ -225,6 +225,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = measure(cases, rounds=options.rounds)
     text = json.dumps([asdict(row) for row in rows], indent=1) if options.json else table(rows)
     sys.stdout.write(text + '\n')
+    if len({row.planner for row in rows}) == 1:
+        sys.stderr.write('no peer is installed: pip install nano-astar pyastar2d w9-pathfinding\n')
     return 0
 
 
