@@ -297,7 +297,9 @@ def test_replayed_reference_replies_give_the_reference_aggregates(undrawn, out, 
 def test_a_real_interrupt_ends_the_process_with_130(dataset, out):
     """The signal, not a raised exception: the process ends itself and its rows are whole."""
     script = (
-        'import sys, argparse\n'
+        'import sys, argparse, signal\n'
+        # In the background of a shell, tests and what they start ignore the signal.
+        'signal.signal(signal.SIGINT, signal.default_int_handler)\n'
         'from llm_astar_planner import cli_bench\n'
         'parser = argparse.ArgumentParser()\n'
         'cli_bench.add_parser(parser.add_subparsers())\n'
