@@ -81,8 +81,10 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     how.add_argument(
         '--max-suboptimality',
         type=float,
+        default=1.1,
         metavar='W',
-        help='have guided prove its path within W of the shortest, W >= 1 (default: first path)',
+        help='have guided prove its path within W of the shortest, W >= 1; 0: take its first path '
+        '(default: %(default)s)',
     )
     how.add_argument('--any-angle', action='store_true', help='shorten the path at any angle')
     how.add_argument('--time-limit', type=float, default=60.0, metavar='SECONDS')
@@ -112,7 +114,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.heuristic,
         arguments.weight,
         arguments.time_limit,
-        max_suboptimality=arguments.max_suboptimality,
+        max_suboptimality=arguments.max_suboptimality or None,
         any_angle=arguments.any_angle,
         sample=_sample(problem, start, goal),
     )
@@ -196,8 +198,9 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ValueError('--start and --goal go together; leave both out to take --pair')
     if not arguments.weight >= 1.0:
         raise ValueError(f'--weight {arguments.weight} is not 1 or more')
-    if arguments.max_suboptimality is not None and not arguments.max_suboptimality >= 1.0:
-        raise ValueError(f'--max-suboptimality {arguments.max_suboptimality} is not 1 or more')
+    bound = arguments.max_suboptimality
+    if bound != 0.0 and not bound >= 1.0:
+        raise ValueError(f'--max-suboptimality {bound} is neither 0 nor 1 or more')
     if not arguments.time_limit > 0.0:
         raise ValueError(f'--time-limit {arguments.time_limit} is not above 0 seconds')
 

@@ -85,6 +85,20 @@ def test_coordinates_are_the_maps_own(capsys, shifted):
     assert plan['waypoints'][0]['x'] == -14
 
 
+def test_guided_proves_its_bound_unless_told_to_take_the_first_path(capsys):
+    bounded = run_json(capsys, 'plan', '--map-id', '1')[1]
+    first = run_json(capsys, 'plan', '--map-id', '1', '--max-suboptimality', '0')[1]
+    assert 1.0 <= bounded['ratio'] <= 1.1
+    assert first['first_operation'] == first['operation'] <= bounded['operation']
+
+
+def test_a_reader_that_has_seen_enough_is_no_error():
+    command = f'{sys.executable} -m llm_astar_planner.cli plan --any-angle | head -c 1'
+    done = subprocess.run(command, shell=True, capture_output=True, text=True)  # noqa: S602
+    assert done.stderr == ''
+    assert done.stdout == 'N'
+
+
 def test_no_plan_is_exit_code_1_and_still_json(capsys):
     code, plan = run_json(capsys, 'plan', '--start', '0', '0', '--goal', '5', '5')
     assert code == 1
@@ -124,6 +138,7 @@ def test_the_picture_is_drawn_where_asked(capsys, tmp_path):
         (['--start', '1', '1'], ['--goal']),
         (['--weight', '0.5'], ['--weight']),
         (['--time-limit', '-1'], ['--time-limit']),
+        (['--max-suboptimality', '0.9'], ['--max-suboptimality', '0.9']),
         (['--png', 'plan.xyz'], ['xyz']),
     ],
 )
