@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.grid_map import GridMap
 from llm_astar_msgs_adapter.path import path_to_message
 from nav_msgs.msg import Path
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.plan import Plan
 from llm_astar_planner.search.shortcut import interpolate
@@ -20,11 +21,17 @@ class Paths:
         self._grid_map = grid_map
         self._stamp = stamp
         self._goal_yaw = goal_yaw
+        self._last: tuple[NDArray[np.float64], Path] | None = None
 
     def message(self, points: ArrayLike) -> Path:
-        """Write points [n, 2] in grid coordinates."""
-        places = self._grid_map.grid_to_world(points)
-        return path_to_message(places, self._grid_map.frame_id, self._stamp, self._goal_yaw)
+        """Write points [n, 2] in grid coordinates; the same message where they are the last's."""
+        cells = np.asarray(points, dtype=np.float64)
+        if self._last is not None and np.array_equal(self._last[0], cells):
+            return self._last[1]
+        places = self._grid_map.grid_to_world(cells)
+        path = path_to_message(places, self._grid_map.frame_id, self._stamp, self._goal_yaw)
+        self._last = (cells, path)
+        return path
 
     def final(self, plan: Plan) -> Path:
         """Write a plan's path; an any-angle one with a pose a cell, as controllers expect."""

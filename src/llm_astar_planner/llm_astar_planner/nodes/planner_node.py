@@ -191,15 +191,19 @@ class PlannerNode(Node):
             self._tell(ends, stamp)
             return path_to_message([], grid_map.frame_id, stamp)
         made = Paths(grid_map, stamp, ends[1].yaw)
+        published: list[Path] = []
 
         def publish_better(better: Improvement) -> None:
-            self._plan_publisher.publish(made.message(better.path))
+            published.append(made.message(better.path))
+            self._plan_publisher.publish(published[-1])
 
         plan = planner.plan(self._request(*ends, grid_map), on_improvement=publish_better)
         path = made.final(plan)
         if plan.code is ResultCode.NONE:
-            self._plan_publisher.publish(path)
-            self._raw_publisher.publish(made.message(plan.path))
+            if not published or published[-1] is not path:
+                self._plan_publisher.publish(path)
+            if self._raw_publisher.get_subscription_count():
+                self._raw_publisher.publish(made.message(plan.path))
         self._show(plan, grid_map, stamp)
         self._tell(plan_report(plan, grid_map), stamp)
         return path
