@@ -31,7 +31,8 @@ class Walls:
     @property
     def ends(self) -> NDArray[np.intp]:
         """The cells (x, y) at which walls end, [n, 2]."""
-        return self._ends
+        ends: NDArray[np.intp] = self._ends
+        return ends
 
     def clear(self, begins: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
         """Tell for each line from `begins` to `ends`, both [n, 2] cells, whether it is free."""

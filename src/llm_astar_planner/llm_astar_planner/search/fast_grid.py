@@ -329,7 +329,7 @@ def _run_exact(
     control = workspace.control
     if status == kernels.OVERFLOW:
         return None
-    expanded = _NO_EXPANDED
+    expanded: NDArray[np.bool_] = _NO_EXPANDED
     if want_expanded:
         expanded = np.empty(grid.blocked.shape, dtype=np.bool_)
         kernels.mark_expanded(workspace.records, workspace.generation, expanded)

@@ -234,7 +234,8 @@ class _Run:
         self.ends = grid.index(search._start), grid.index(search._goal)
         self.waypoints: NDArray[np.float64] | None = None
         self.status: SearchStatus | None = None
-        self.marks, self.active = NO_MARKS, NONE_ACTIVE
+        self.marks: NDArray[np.int32] = NO_MARKS
+        self.active: NDArray[np.int64] = NONE_ACTIVE
         if landmarks is not None:
             active = landmarks.active(grid, search._start, search._goal)
             if active is None:
@@ -268,8 +269,8 @@ class _Run:
         wanted = search._max_suboptimality
         control[kernels.G_RATIO] = 0 if wanted is None else math.floor(wanted * kernels.ONE)
         self.heads = np.zeros(_BUCKETS + 1, dtype=np.int32)
-        self.keys = np.empty(self.led.pool.size, dtype=np.int64)
-        self.targets = np.empty((0, 3), dtype=np.int64)
+        self.keys: NDArray[np.int64] = np.empty(self.led.pool.size, dtype=np.int64)
+        self.targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
         kernels.begin(
             self.led.records,
             self.led.pool,

@@ -44,7 +44,7 @@ def shorten(grid: FastGrid, path: NDArray[np.int32]) -> AnyAnglePath:
     Every leg is checked against the grid. It is a local finish: corners stay on the same side
     of each obstacle. Raises ValueError for a path that is not on free cells or not joined.
     """
-    points = np.ascontiguousarray(path, dtype=np.int32).reshape(-1, 2)
+    points: NDArray[np.int32] = np.ascontiguousarray(path, dtype=np.int32).reshape(-1, 2)
     if len(points) == 0:
         return AnyAnglePath(points, float('nan'), float('nan'))
     for cell in (points.min(axis=0), points.max(axis=0)):
