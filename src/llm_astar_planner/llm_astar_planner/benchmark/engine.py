@@ -239,7 +239,7 @@ def _row(
         seconds_search=plan.seconds_search,
         guided_by=plan.guided_by,
         verdicts=';'.join(point.verdict.value for point in plan.waypoints),
-        path=_points(turning_points(plan.path)),
+        path=format_points(turning_points(plan.path)),
         first_operation=float(plan.first_operation) if found else float('nan'),
         ratio=plan.ratio,
     )
@@ -260,7 +260,7 @@ def _llm_only(
     return replace(
         _empty_row(key, case, reply, ResultCode.NONE),
         length=float(np.hypot(*steps.T).sum()),
-        path=_points(points),
+        path=format_points(points),
     )
 
 
@@ -274,7 +274,7 @@ def _empty_row(key: SampleKey, case: Case, reply: WaypointReply, code: ResultCod
         source_status=reply.status.value,
         prompt_tokens=reply.prompt_tokens,
         completion_tokens=reply.completion_tokens,
-        waypoints=_points(reply.waypoints),
+        waypoints=format_points(reply.waypoints),
     )
 
 
@@ -287,5 +287,6 @@ def turning_points(path: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.asarray(path[np.concatenate([[True], turns, [True]])])
 
 
-def _points(points: Iterable[Iterable[float]]) -> str:
+def format_points(points: Iterable[Iterable[float]]) -> str:
+    """Write points as the rows hold them; `parse_points` reads them back."""
     return ';'.join(','.join(f'{value:g}' for value in point) for point in points)

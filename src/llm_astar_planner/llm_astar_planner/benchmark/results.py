@@ -44,6 +44,10 @@ class Case(NamedTuple):
         return '/'.join(part for part in self if part)
 
 
+# What no two rows of a run share: map, pair, scale and case.
+RowKey = tuple[int, int, int, Case]
+
+
 @dataclass(frozen=True)
 class Row:
     """One sample under one case, a line of results.csv.
@@ -85,7 +89,7 @@ class Row:
         return Case(self.method, self.source, self.prompt, self.model)
 
     @property
-    def key(self) -> tuple[int, int, int, Case]:
+    def key(self) -> RowKey:
         """What no two rows of a run share: map, pair, scale and case."""
         return self.map, self.pair, self.scale, self.case
 

@@ -20,10 +20,10 @@ from llm_astar_planner.benchmark.engine import (
     run_tasks,
 )
 from llm_astar_planner.benchmark.results import (
-    Case,
     ResultsError,
     ResultsFolder,
     Row,
+    RowKey,
     describe_run,
     differences,
 )
@@ -48,7 +48,7 @@ class Sweep:
     seed: int = 0
     files: Sequence[Path] = ()
 
-    def tasks(self, done: frozenset[tuple[int, int, int, Case]] = frozenset()) -> list[Task]:
+    def tasks(self, done: frozenset[RowKey] = frozenset()) -> list[Task]:
         """Return the tasks that are not `done`."""
         pairs = [(sample, 1) for sample in self.samples if 1 in self.scales]
         larger = [scale for scale in self.scales if scale != 1]
@@ -72,6 +72,15 @@ def begin(
         folder.start()
         folder.write_json('metadata.json', metadata)
         return sweep.tasks(), metadata
+    done = go_on(folder, metadata)
+    return sweep.tasks(done), metadata
+
+
+def go_on(folder: ResultsFolder, metadata: dict[str, Any]) -> frozenset[RowKey]:
+    """Go on with a folder: drop the rows no source answered, return the keys of the others.
+
+    The seconds spent before go into `metadata`. Raises ResultsError as `begin` does.
+    """
     before = folder.read_json('metadata.json')
     changed = differences(before, metadata)
     if changed:
@@ -80,7 +89,7 @@ def begin(
     rows = [row for row in folder.read() if row.source_status in ANSWERED]
     folder.rewrite(rows)
     metadata['seconds'] = float(before.get('seconds') or 0.0)
-    return sweep.tasks(frozenset(row.key for row in rows)), metadata
+    return frozenset(row.key for row in rows)
 
 
 def carry_out(

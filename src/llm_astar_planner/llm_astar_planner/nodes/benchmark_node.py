@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import rclpy
 from llm_astar_msgs_adapter.barrier_map import (
@@ -20,7 +21,6 @@ from llm_astar_msgs_adapter.barrier_map import (
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from llm_astar_planner.benchmark.engine import ANSWERED
 from llm_astar_planner.benchmark.grid_dataset import is_grid_dataset
 from llm_astar_planner.benchmark.progress import progress
 from llm_astar_planner.benchmark.publish import publish
@@ -29,12 +29,13 @@ from llm_astar_planner.benchmark.results import (
     MAPS_FILE,
     ResultsError,
     ResultsFolder,
+    RowKey,
     describe_run,
-    differences,
 )
+from llm_astar_planner.benchmark.run import go_on
 from llm_astar_planner.benchmark.samples import BenchmarkSample, SelectionError, load_samples
 from llm_astar_planner.nodes.caller import Caller, CallerError
-from llm_astar_planner.nodes.live_run import Key, LiveRun
+from llm_astar_planner.nodes.live_run import LiveRun
 from llm_astar_planner.search.methods import METHODS
 from llm_astar_planner.share import find_file
 
@@ -65,7 +66,7 @@ def main(args: Sequence[str] | None = None) -> int:
         return _complain(str(error), BAD_INPUT)
     begun = time.monotonic()
     code = _replay(args, arguments, folder, samples, done)
-    metadata['seconds'] = time.monotonic() - begun
+    metadata['seconds'] = float(metadata.get('seconds', 0.0)) + time.monotonic() - begun
     return _close(folder, metadata, arguments.seed, code)
 
 
@@ -108,21 +109,15 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def _begin(
-    folder: ResultsFolder, metadata: dict[str, object], dataset: Path, *, resume: bool
-) -> frozenset[Key]:
+    folder: ResultsFolder, metadata: dict[str, Any], dataset: Path, *, resume: bool
+) -> frozenset[RowKey]:
     """Start the folder, or go on with it; return the keys of the rows it has."""
     if not (resume and folder.results.exists()):
         folder.start()
         folder.write_json('metadata.json', metadata)
         save_barrier_maps(load_barrier_maps(dataset), folder.path / MAPS_FILE)
         return frozenset()
-    changed = differences(folder.read_json('metadata.json'), metadata)
-    if changed:
-        message = f'{folder.path}: cannot go on, another run made it: {", ".join(changed)} differ'
-        raise ResultsError(message)
-    rows = [row for row in folder.read() if row.source_status in ANSWERED]
-    folder.rewrite(rows)
-    return frozenset(row.key for row in rows)
+    return go_on(folder, metadata)
 
 
 def _replay(
@@ -130,7 +125,7 @@ def _replay(
     arguments: argparse.Namespace,
     folder: ResultsFolder,
     samples: Sequence[BenchmarkSample],
-    done: frozenset[Key],
+    done: frozenset[RowKey],
 ) -> int:
     """Replay into the folder; a row is kept as soon as it comes."""
     # Ctrl-C must reach Python, to put the planner's parameters back before the end.
@@ -155,7 +150,7 @@ def _replay(
     return OK
 
 
-def _close(folder: ResultsFolder, metadata: dict[str, object], seed: int, code: int) -> int:
+def _close(folder: ResultsFolder, metadata: dict[str, Any], seed: int, code: int) -> int:
     """Write what is read of a run, and print it."""
     try:
         rows = folder.read()

@@ -14,12 +14,11 @@ from llm_astar_msgs_adapter.occupancy_grid import grid_to_message
 from llm_astar_msgs_adapter.path import path_from_message
 from llm_astar_msgs_adapter.report import PlanReport
 from nav_msgs.msg import OccupancyGrid, Path
-from numpy.typing import ArrayLike
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter, parameter_value_to_python
 
-from llm_astar_planner.benchmark.engine import BASELINE, turning_points
-from llm_astar_planner.benchmark.results import Case, Row
+from llm_astar_planner.benchmark.engine import BASELINE, format_points, turning_points
+from llm_astar_planner.benchmark.results import Case, Row, RowKey
 from llm_astar_planner.benchmark.samples import BenchmarkSample, ProblemMap
 from llm_astar_planner.nodes.caller import Caller, CallerError
 from llm_astar_planner.nodes.qos import LATCHED
@@ -28,7 +27,6 @@ from llm_astar_planner.search.methods import WAYPOINT_METHODS
 # What a run sets of the planner, and puts back: the paper lets paths cut corners.
 RULES = {'corner_cutting': True}
 TOUCHED = ('method', 'use_waypoints', *RULES)
-Key = tuple[int, int, int, Case]
 
 
 class LiveRun:
@@ -74,7 +72,7 @@ class LiveRun:
         return list(dict.fromkeys(cases))
 
     def rows(
-        self, samples: Sequence[BenchmarkSample], cases: Sequence[Case], done: frozenset[Key]
+        self, samples: Sequence[BenchmarkSample], cases: Sequence[Case], done: frozenset[RowKey]
     ) -> Iterator[list[Row]]:
         """Plan what is not `done`, map by map and case by case; yield rows as they come."""
         for _, group in groupby(samples, key=lambda sample: sample.barrier_map.id):
@@ -151,14 +149,10 @@ def _row(
         seconds_search=report.seconds_search,
         source_status=report.source_status,
         guided_by=report.guided_by,
-        waypoints=_points(places.round(6)),
+        waypoints=format_points(places.round(6).tolist()),
         verdicts=';'.join(verdict for _, _, verdict in report.waypoints),
-        path=_points(turning_points(cells)),
+        path=format_points(turning_points(cells)),
         seconds_round_trip=round_trip,
         first_operation=float(report.first_operation) if report.code == 0 else math.nan,
         ratio=math.nan if report.ratio is None else report.ratio,
     )
-
-
-def _points(points: ArrayLike) -> str:
-    return ';'.join(f'{x:g},{y:g}' for x, y in np.asarray(points).reshape(-1, 2).tolist())
