@@ -52,9 +52,9 @@ def process(name, *arguments, namespace=''):
 
 
 @contextlib.contextmanager
-def calling(namespace=''):
+def calling(namespace='', name='test_caller'):
     """Join the graph as a caller."""
-    node = rclpy.create_node('test_caller', namespace=namespace or None)
+    node = rclpy.create_node(name, namespace=namespace or None)
     try:
         with Caller(node) as caller:
             yield caller
