@@ -151,6 +151,18 @@ def report_from_message(message: DiagnosticArray, kind: type[Value]) -> Value:
     return kind(**values)
 
 
+def status_values(status: DiagnosticStatus) -> dict[str, Any]:
+    """Read the values of a diagnostic status by key; the plain text of other nodes stays text."""
+    return {value.key: _from_json(value.value) for value in status.values}
+
+
+def _from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
 def _frozen(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     """Turn JSON's lists into tuples, as the reports hold them."""
     return tuple(_frozen(item) for item in value) if isinstance(value, list) else value
