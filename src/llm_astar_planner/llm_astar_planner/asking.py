@@ -12,17 +12,21 @@ from llm_astar_planner.waypoint_source.base import (
     WaypointReply,
     WaypointSource,
 )
+from llm_astar_planner.waypoint_source.wish import with_outcome
 
 
 def ask(source: WaypointSource, query: WaypointQuery) -> tuple[WaypointReply, float]:
-    """Return a source's reply and the seconds it took; what it raises becomes an ERROR."""
+    """Return a source's reply and the seconds it took; what it raises becomes an ERROR.
+
+    The reply to a wish says what became of it, whatever the source says.
+    """
     begin = time.monotonic()
     try:
         reply = source.waypoints(query)
     except Exception as error:  # noqa: BLE001 - no source may ever stop a plan
         detail = f'{type(error).__name__} in source {source.name}'
         reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
-    return reply, time.monotonic() - begin
+    return with_outcome(reply, query, source.name), time.monotonic() - begin
 
 
 class Asking:
