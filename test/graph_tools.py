@@ -12,6 +12,7 @@ from llm_astar_msgs_adapter.grid_map import Pose2D
 from llm_astar_planner.nodes.caller import Caller
 from llm_astar_planner.share import find_file
 from rcl_interfaces.srv import SetParameters
+from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
 
 START, GOAL = Pose2D(39.0, 18.0), Pose2D(7.0, 19.0)
@@ -49,6 +50,23 @@ def process(name, *arguments, namespace=''):
         finally:
             reader.join(10.0)
             node.stdout.close()
+
+
+@contextlib.contextmanager
+def spinning(*nodes):
+    """Spin nodes of this process on threads of their own, and destroy them in the end."""
+    executor = MultiThreadedExecutor(num_threads=8)
+    for node in nodes:
+        executor.add_node(node)
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    try:
+        yield
+    finally:
+        executor.shutdown()
+        thread.join()
+        for node in nodes:
+            node.destroy_node()
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ from dataclasses import asdict
 
 import pytest
 import rclpy
-from graph_tools import GOAL, START, calling, wait_for
+from graph_tools import GOAL, START, calling, spinning, wait_for
 from llm_astar_msgs_adapter.grid_map import Pose2D
 from llm_astar_planner.cli import main
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode
@@ -19,7 +19,6 @@ from llm_astar_planner.nodes.planner_node import PlannerNode
 from llm_astar_planner.nodes.reports import failure_report
 from llm_astar_planner.result_code import ResultCode
 from llm_astar_planner.watch import Kind, Seen, to_json, to_line
-from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
 
 SPACE = '/watched'
@@ -47,7 +46,7 @@ PLAN = Seen(
 
 @pytest.fixture(scope='module')
 def graph():
-    """The three nodes, in this process, spun by one thread."""
+    """The three nodes, in this process, spun by threads."""
     rclpy.init()
     nodes = [
         MapNode(namespace=SPACE),
@@ -56,18 +55,9 @@ def graph():
             namespace=SPACE, parameter_overrides=[Parameter('search_while_waiting', value=False)]
         ),
     ]
-    executor = MultiThreadedExecutor(num_threads=4)
-    for node in nodes:
-        executor.add_node(node)
-    thread = threading.Thread(target=executor.spin)
-    thread.start()
-    with calling(SPACE) as caller:
+    with spinning(*nodes), calling(SPACE) as caller:
         caller.wait_until_ready(client='llm_client_node')
         yield caller
-    executor.shutdown()
-    thread.join()
-    for node in nodes:
-        node.destroy_node()
     rclpy.try_shutdown()
 
 

@@ -10,6 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import groupby
 
 from llm_astar_planner import targets
 from llm_astar_planner.plan import Plan, PlanRequest
@@ -94,14 +95,10 @@ def _honoured(
 
 def _via(direct: Plan, is_free: Callable[[Cell], bool]) -> tuple[Cell, ...]:
     """Return the cells of the waypoints that can be passed, start and goal left out."""
-    cells: list[Cell] = []
-    for point in direct.waypoints:
-        cell = round(point.x), round(point.y)
-        if _can_be_passed(point, is_free) and cell != (cells or [direct.start])[-1]:
-            cells.append(cell)
-    if cells and cells[-1] == direct.goal:
-        cells.pop()
-    return tuple(cells)
+    passable = (point for point in direct.waypoints if _can_be_passed(point, is_free))
+    cells = [(round(point.x), round(point.y)) for point in passable]
+    between = [cell for cell in cells if cell not in (direct.start, direct.goal)]
+    return tuple(cell for cell, _ in groupby(between))
 
 
 def _can_be_passed(point: JudgedWaypoint, is_free: Callable[[Cell], bool]) -> bool:

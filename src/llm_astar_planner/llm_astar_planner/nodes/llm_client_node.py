@@ -20,9 +20,11 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallb
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
+from llm_astar_planner.asking import ask
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
 from llm_astar_planner.nodes.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.run import run
+from llm_astar_planner.prompts.instruction import clean_instruction
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.share import find_file
 from llm_astar_planner.waypoint_source.base import (
@@ -99,6 +101,7 @@ PARAMETERS = (
     Parameter('cache_size', DEFAULTS.cache_size, 'Answers kept', minimum=1, maximum=1000000),
     Parameter('record', '', 'A transcript to add each exchange to'),
     Parameter('transcript', '', 'What replay answers from: a path, or a name in maps/'),
+    Parameter('instruction', '', 'The wish asked with; planner_node sets its own before it asks'),
     Parameter('dataset', '', 'Barrier maps whose ids key transcripts: a path, or a name in maps/'),
 )
 
@@ -111,6 +114,7 @@ class LlmClientNode(Node):
         super().__init__('llm_client_node', **node_options)
         self._grid_map: GridMap | None = None
         self._last: ExchangeReport | None = None
+        self._chosen: dict[str, Any] = {}
         self._settings = Parameters(self, PARAMETERS, self._problem)
         self._adopt()
         self.add_post_set_parameters_callback(lambda _: self._adopt())
@@ -132,10 +136,15 @@ class LlmClientNode(Node):
 
     def _problem(self, values: dict[str, Any]) -> str:
         """Say why no source can be made of parameters, or keep the one made to be adopted."""
+        chosen = {name: value for name, value in values.items() if name != 'instruction'}
         try:
-            self._candidate = _make_source(values)
+            clean_instruction(values['instruction'])
+            # A wish is no reason for a new source: the old one has its cache.
+            if chosen != self._chosen:
+                self._candidate = _make_source(values)
         except (BarrierMapError, OSError, ValueError) as error:
             return str(error)
+        self._chosen = chosen
         return ''
 
     def _adopt(self) -> None:
@@ -155,9 +164,10 @@ class LlmClientNode(Node):
         """Ask the source; publish the exchange, then answer under the same stamp."""
         stamp = self.get_clock().now().to_msg()
         grid_map = self._grid_map
-        query = self._query(request, grid_map)
+        wish = clean_instruction(self._settings['instruction'])
+        query = self._query(request, grid_map, wish)
         reply = _refusal(query) if isinstance(query, str) else self._ask(query)
-        self._last = _exchange_report(reply, query)
+        self._last = _exchange_report(reply, query, wish)
         self._exchange_publisher.publish(report_to_message(self._last, self.get_name(), stamp))
         self.get_logger().info(self._last.summary)
         if grid_map is not None:
@@ -166,7 +176,9 @@ class LlmClientNode(Node):
         response.plan.header.stamp = stamp
         return response
 
-    def _query(self, request: GetPlan.Request, grid_map: GridMap | None) -> WaypointQuery | str:
+    def _query(
+        self, request: GetPlan.Request, grid_map: GridMap | None, wish: str
+    ) -> WaypointQuery | str:
         """Read a request; a string says why it is none.
 
         GetPlan has no field for the time a caller waits: here `tolerance` holds it, in seconds.
@@ -181,15 +193,10 @@ class LlmClientNode(Node):
         limit = self._settings['timeout_s']
         if request.tolerance > 0.0:
             limit = min(limit, request.tolerance)
-        return WaypointQuery(grid_map, start, goal, limit)
+        return WaypointQuery(grid_map, start, goal, limit, instruction=wish)
 
     def _ask(self, query: WaypointQuery) -> WaypointReply:
-        source: WaypointSource = self._source
-        try:
-            reply = source.waypoints(query)
-        except Exception as error:  # noqa: BLE001 - the planner must get an answer
-            self.get_logger().error(f'{type(error).__name__} in source {source.name}')
-            return _refusal(f'{type(error).__name__} in source {source.name}')
+        reply, _ = ask(self._source, query)
         finite = tuple(point for point in reply.waypoints if all(map(math.isfinite, point)))
         return replace(reply, waypoints=finite)
 
@@ -223,7 +230,9 @@ def _refusal(detail: str) -> WaypointReply:
     return WaypointReply(status=SourceStatus.ERROR, detail=detail)
 
 
-def _exchange_report(reply: WaypointReply, query: WaypointQuery | str) -> ExchangeReport:
+def _exchange_report(
+    reply: WaypointReply, query: WaypointQuery | str, wish: str
+) -> ExchangeReport:
     key = SampleKey('', '') if isinstance(query, str) else live_key(query)
     return ExchangeReport(
         label=reply.label,
@@ -240,6 +249,8 @@ def _exchange_report(reply: WaypointReply, query: WaypointQuery | str) -> Exchan
         waypoints=reply.waypoints,
         map_digest=str(key.map),
         pair=str(key.pair),
+        instruction=wish,
+        instruction_outcome=reply.instruction,
     )
 
 

@@ -20,8 +20,10 @@ from nav_msgs.srv import GetPlan
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
+from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
+from llm_astar_planner.nodes.instruction import instruction_problem, take_instruction
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
 from llm_astar_planner.nodes.paths import Paths
 from llm_astar_planner.nodes.qos import LATCHED, RELIABLE, REPORTS
@@ -65,6 +67,7 @@ PARAMETERS = (
         'llm_client', 'llm_client_node', 'Node to ask for waypoints; empty asks none', fixed=True
     ),
     Parameter('use_waypoints', True, 'Whether to ask for waypoints'),
+    Parameter('instruction', '', 'A wish in plain language, for the language model'),
     Parameter('occupied_threshold', 65, 'Occupancy that blocks', minimum=1, maximum=100),
     Parameter('allow_unknown', True, 'Whether paths may cross unknown cells'),
     Parameter(
@@ -134,6 +137,13 @@ class PlannerNode(Node):
         )
         self.create_subscription(
             PoseStamped, 'goal_pose', self._on_goal_pose, RELIABLE, callback_group=alone
+        )
+        self.create_subscription(
+            String,
+            '~/instruction',
+            lambda message: take_instruction(self, message),
+            RELIABLE,
+            callback_group=MutuallyExclusiveCallbackGroup(),
         )
         self.create_timer(1.0, self._publish_health, callback_group=together)
 
@@ -222,6 +232,7 @@ class PlannerNode(Node):
             search_while_waiting=self._settings['search_while_waiting'],
             any_angle=self._settings['any_angle'],
             want_expanded=self._explored_publisher.get_subscription_count() > 0,
+            instruction=self._settings['instruction'],
         )
 
     def _show(self, plan: Plan, grid_map: GridMap, stamp: Time) -> None:
@@ -272,7 +283,7 @@ def _problem(values: dict[str, Any]) -> str:
     bound = values['max_suboptimality']
     if 0.0 < bound < 1.0:
         return f'max_suboptimality: {bound} is neither 0 (first path) nor 1 or more'
-    return ''
+    return instruction_problem(values['instruction'])
 
 
 def _ends(

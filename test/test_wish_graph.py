@@ -1,0 +1,111 @@
+"""A wish in plain language through the live graph: from a topic to the model, and to the path."""
+
+import pytest
+import rclpy
+from graph_tools import GOAL, START, calling, set_parameter, spinning, wait_for
+from llm_astar_msgs_adapter.path import path_from_message
+from llm_astar_planner.nodes.llm_client_node import LlmClientNode
+from llm_astar_planner.nodes.map_node import MapNode
+from llm_astar_planner.nodes.planner_node import PlannerNode
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+
+SPACE = '/wished'
+WISH = 'pass by 5, 5'
+FOLLOWED = 'followed through 1 via point'
+REPLAY = {
+    'source': 'replay',
+    'transcript': 'demo_transcript.jsonl',
+    'dataset': 'demo.json',
+}
+
+
+@pytest.fixture(scope='module', autouse=True)
+def _context():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def graph():
+    """The three nodes in this process, the client as its parameters say, and a caller."""
+    stack = []
+
+    def start(**parameters):
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        nodes = (
+            MapNode(namespace=SPACE),
+            LlmClientNode(namespace=SPACE, parameter_overrides=overrides),
+            PlannerNode(namespace=SPACE),
+        )
+        stack.append(spinning(*nodes))
+        stack[0].__enter__()
+        stack.append(calling(SPACE))
+        caller = stack[1].__enter__()
+        caller.wait_until_ready(client='llm_client_node')
+        return nodes[1], nodes[2], caller
+
+    yield start
+    for context in reversed(stack):
+        context.__exit__(None, None, None)
+
+
+def test_a_wish_on_the_topic_reaches_the_model_and_bends_the_path(graph, chat_server):
+    chat_server.script = [chat_server.completion('Generated Path: [[39, 18], [5, 5], [7, 19]]')]
+    _, planner, caller = graph(
+        source='endpoint', base_url=chat_server.base_url, model='tiny', timeout_s=20.0
+    )
+    topic = caller.node.create_publisher(String, 'planner_node/instruction', 10)
+    wait_for(topic.get_subscription_count, 'the topic')
+
+    def wish():
+        return planner.get_parameter('instruction').value
+
+    topic.publish(String(data=WISH))
+    wait_for(lambda: wish() == WISH, 'the wish')
+    path, report, _ = caller.call(START, GOAL)
+    assert (report.code, report.instruction) == (0, FOLLOWED)
+    assert report.guided_by == 'endpoint:tiny'
+    assert [5.0, 5.0] in path_from_message(path).round(6).tolist()
+    assert f'Wish: "{WISH}"\nIts places' in chat_server.requests[0]['messages'][0]['content']
+
+    topic.publish(String(data='x' * 501))
+    refused = set_parameter(caller, 'planner_node', 'instruction', 'x' * 501)
+    assert not refused.successful
+    assert '501 characters are more than 500' in refused.reason
+    assert wish() == WISH
+
+    topic.publish(String(data=''))
+    wait_for(lambda: not wish(), 'no wish')
+    assert caller.call(START, GOAL)[1].instruction == ''
+    wait_for(lambda: len(chat_server.requests) > 1, 'the question without a wish')
+    assert 'Wish: ' not in chat_server.requests[1]['messages'][0]['content']
+
+
+def test_an_answer_counts_for_the_very_wish_alone(graph, chat_server):
+    """Somebody else tells the client another wish: the planner notices, and tells it again."""
+    chat_server.script = [chat_server.completion('Generated Path: [[39, 18], [5, 5], [7, 19]]')]
+    client, _, caller = graph(
+        source='endpoint', base_url=chat_server.base_url, model='tiny', timeout_s=20.0
+    )
+    assert set_parameter(caller, 'planner_node', 'instruction', WISH).successful
+    assert caller.call(START, GOAL)[1].instruction == FOLLOWED
+    assert set_parameter(caller, 'llm_client_node', 'instruction', 'something else').successful
+    assert caller.call(GOAL, START)[1].instruction == FOLLOWED
+    assert client.get_parameter('instruction').value == WISH
+    wishes = [request['messages'][0]['content'] for request in chat_server.requests]
+    assert ['something else' in text for text in wishes] == [False, True, False]
+
+
+def test_a_client_that_cannot_read_a_wish_has_it_ignored_with_the_reason(graph):
+    _, _, caller = graph(**REPLAY)
+    assert set_parameter(caller, 'planner_node', 'instruction', WISH).successful
+    report = caller.call(START, GOAL)[1]
+    assert (report.code, report.guided_by) == (0, 'replay:hand-written example')
+    reason = 'replay: the recording was made without this instruction'
+    assert report.instruction == f'ignored: {reason}'
+    assert set_parameter(caller, 'llm_client_node', 'source', 'oracle').successful
+    assert caller.call(START, GOAL)[1].instruction == (
+        'ignored: source oracle cannot read instructions'
+    )
