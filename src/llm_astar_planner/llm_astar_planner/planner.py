@@ -169,14 +169,14 @@ class Planner:
     def _search(self, draft: _Draft, on_improvement: Watcher | None) -> Plan | None:
         """Search leg by leg; return a failure, or None where every leg has a path.
 
-        The deadline is one for all: a leg may take its part of the time left by straight length.
+        The deadline is one for all: of the time left a leg may take its share, half of it in
+        equal parts and half by straight length.
         """
         places = draft.places
-        lengths = [_octile(start, goal) for (_, start), (_, goal) in pairwise(places)]
+        lengths = [math.dist(start, goal) for (_, start), (_, goal) in pairwise(places)]
+        parts = [1.0 + length + sum(lengths) / len(lengths) for length in lengths]
         for number, ((_, start), (_, goal)) in enumerate(pairwise(places)):
-            rest = sum(lengths[number:])
-            share = lengths[number] / rest if rest else 1.0
-            leg = self._leg(draft, start, goal, share)
+            leg = self._leg(draft, start, goal, parts[number] / sum(parts[number:]))
             draft.legs.append(leg)
             draft.results.append(leg.search(self._watcher(draft, on_improvement)))
             if _failed(draft.results[-1]):
@@ -297,12 +297,6 @@ class Planner:
             warnings=ends.warnings,
             via=draft.request.via,
         )
-
-
-def _octile(cell: Cell, other: Cell) -> float:
-    """Return the length in cells of a way between two cells where nothing is in between."""
-    across, along = sorted(abs(a - b) for a, b in zip(cell, other))
-    return along + (math.sqrt(2.0) - 1.0) * across
 
 
 def _failed(result: SearchResult) -> bool:
