@@ -62,10 +62,10 @@ class PlanReport:
 
     @property
     def level(self) -> bytes:
-        """OK for a plan as asked, WARN for one whose source failed, ERROR for no plan."""
+        """OK for a plan as asked, WARN for one with warnings or no source, ERROR for no plan."""
         if self.code != 0:
             return bytes(DiagnosticStatus.ERROR)
-        fine = self.source_status in ('OK', 'NONE')
+        fine = self.source_status in ('OK', 'NONE') and not self.warnings
         return bytes(DiagnosticStatus.OK if fine else DiagnosticStatus.WARN)
 
     @property
