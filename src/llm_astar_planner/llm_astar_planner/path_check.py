@@ -19,7 +19,7 @@ def invalid_poses(
     """
     height, width = blocked.shape
     inside = ((cells >= 0) & (cells < (width, height))).all(axis=1)
-    invalid = ~inside
+    invalid: NDArray[np.bool_] = np.logical_not(inside)
     invalid[inside] = blocked[cells[inside, 1], cells[inside, 0]]
     far = np.abs(np.diff(cells, axis=0)).max(axis=1, initial=0) > 1
     for index in np.flatnonzero(far[first:]) + first:

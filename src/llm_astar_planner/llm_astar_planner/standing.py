@@ -138,7 +138,9 @@ def _ahead(kept: _Kept, start: Cell) -> tuple[Waypoint, ...]:
     if distance > ON_THE_WAY:
         return ()
     waypoints = kept.reply.waypoints
-    return tuple(point for point in waypoints if not place or _nearest(kept.path, point)[0] > place)
+    return tuple(
+        point for point in waypoints if not place or _nearest(kept.path, point)[0] > place
+    )
 
 
 def _nearest(path: NDArray[np.int32], point: tuple[float, float]) -> tuple[int, float]:

@@ -74,6 +74,8 @@ class Answering:
         settings: Parameters,
         maps: MapKeeper,
         reader: Reader,
+        *,
+        recall: Recall,
         announcer: Announcer,
     ) -> None:
         """Take the parts it works with."""
@@ -82,12 +84,12 @@ class Answering:
         self.on_outdated: Callable[[], None] = lambda: None
         self.standing: Standing | None = None
         self.tally = Tally()
-        self.recall = Recall(settings['remember_plans'])
         self._running: set[Cancel] = set()
         self._node = node
         self._settings = settings
         self._maps = maps
         self._reader = reader
+        self._recall = recall
         self._announcer = announcer
 
     def answer(
@@ -177,7 +179,7 @@ class Answering:
                 self._announcer.publish(job.published)
                 job.on_better()
 
-        return self.recall.plan(
+        return self._recall.plan(
             planner, request, max(LEAST_SECONDS, limit - spent), job.cancel.stop, publish_better
         )
 

@@ -38,7 +38,7 @@ RESULT_SECONDS = 10
 
 
 def question_of(goal: Any) -> Question:  # noqa: ANN401 - a goal of either action
-    """Return the question of a goal: `goal`, or `goals`, a list or since Kilted a nav_msgs/Goals."""
+    """Return the question of a goal: `goal`, or `goals`, since Kilted within a nav_msgs/Goals."""
     goals = getattr(goal, 'goals', None)
     poses = [goal.goal] if goals is None else getattr(goals, 'goals', goals)
     start = goal.start if goal.use_start else None
@@ -185,9 +185,7 @@ def serve_nav2(
     if not HAS_NAV2:
         return False
     PathAction(entities, ComputePathToPose, 'compute_path_to_pose', answering, on_goal)
-    PathAction(
-        entities, ComputePathThroughPoses, 'compute_path_through_poses', answering, on_goal
-    )
+    PathAction(entities, ComputePathThroughPoses, 'compute_path_through_poses', answering, on_goal)
     entities.service(
         IsPathValid,
         'is_path_valid',

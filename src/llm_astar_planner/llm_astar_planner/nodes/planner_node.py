@@ -82,7 +82,7 @@ class ManagedPlannerNode(LifecycleNode):
         self._close()
         return super().on_shutdown(state)
 
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def on_error(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Leave the graph, and be ready to be configured anew."""
         self._close()
         return TransitionCallbackReturn.SUCCESS

@@ -24,6 +24,7 @@ from llm_astar_planner.nodes.remote_source import RemoteSource
 from llm_astar_planner.nodes.requests import Question, Reader
 from llm_astar_planner.nodes.revalidation import Revalidation
 from llm_astar_planner.planner import Planner
+from llm_astar_planner.recall import Recall
 from llm_astar_planner.search.methods import compile_kernels
 
 NEWER_GOAL = 'a newer goal came'
@@ -44,11 +45,19 @@ class PlannerServer:
         self._entities = entities = Entities(node)
         self._goals = Newest()
         self._initial: PoseStamped | None = None
+        self._recall = Recall(settings['remember_plans'])
         self._source = self._make_source()
         frames = self._make_frames()
         self._maps = MapKeeper(entities, lambda: grid_rules(settings), self._on_planner)
         reader = Reader(settings, frames, self._source)
-        self._answering = Answering(node, settings, self._maps, reader, Announcer(entities))
+        self._answering = Answering(
+            node,
+            settings,
+            self._maps,
+            reader,
+            recall=self._recall,
+            announcer=Announcer(entities),
+        )
         self._answering.on_outdated = self._look_again
         self._revalidation = Revalidation(node, settings, self._answering)
         entities.on_close(self._revalidation.close)
@@ -78,7 +87,7 @@ class PlannerServer:
         client = self._settings['llm_client']
         if not client:
             return None
-        source = RemoteSource(self._node, client, lambda: self._answering.recall.forget())
+        source = RemoteSource(self._node, client, self._recall.forget)
         self._entities.on_close(source.close)
         return source
 
@@ -96,9 +105,7 @@ class PlannerServer:
         self._entities.subscription(
             PoseWithCovarianceStamped, 'initialpose', self._on_initial_pose, RELIABLE, group
         )
-        self._entities.subscription(
-            PoseStamped, 'goal_pose', self._on_goal_pose, RELIABLE, group
-        )
+        self._entities.subscription(PoseStamped, 'goal_pose', self._on_goal_pose, RELIABLE, group)
         self._node.add_post_set_parameters_callback(self._on_parameters)
         self._entities.on_close(
             lambda: self._node.remove_post_set_parameters_callback(self._on_parameters)
@@ -110,7 +117,7 @@ class PlannerServer:
         self._node.get_logger().info(f"{served} Nav2's planner actions")
 
     def _on_parameters(self, _: Any) -> None:  # noqa: ANN401 - rclpy's own
-        self._answering.recall.resize(self._settings['remember_plans'])
+        self._recall.resize(self._settings['remember_plans'])
         self._maps.refresh()
 
     def _on_planner(self, planner: Planner) -> None:

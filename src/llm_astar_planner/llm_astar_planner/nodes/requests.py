@@ -54,7 +54,9 @@ class RefusalError(Exception):
 class Reader:
     """Reads questions under the node's parameters."""
 
-    def __init__(self, settings: Parameters, frames: Frames, source: WaypointSource | None) -> None:
+    def __init__(
+        self, settings: Parameters, frames: Frames, source: WaypointSource | None
+    ) -> None:
         """Take what a request is made of beside the question."""
         self._settings = settings
         self._frames = frames
@@ -67,9 +69,7 @@ class Reader:
             raise RefusalError(ResultCode.UNKNOWN, 'no goal is given')
         try:
             start = self._start(question, frame_id)
-            goals = tuple(
-                self._frames.locate(goal, frame_id, 'goal') for goal in question.goals
-            )
+            goals = tuple(self._frames.locate(goal, frame_id, 'goal') for goal in question.goals)
         except FrameError as error:
             raise RefusalError(ResultCode.TF_ERROR, str(error)) from None
         except GridMapError as error:

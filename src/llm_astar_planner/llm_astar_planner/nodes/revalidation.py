@@ -1,4 +1,4 @@
-"""Looks at the last path again when the map or the rules have changed, and replans a broken one."""
+"""Looks at the last path again when the ground has changed, and replans a broken one."""
 
 from __future__ import annotations
 
