@@ -17,6 +17,10 @@ ROS = {
     'visualization_msgs',
     'builtin_interfaces',
     'rcl_interfaces',
+    'lifecycle_msgs',
+    'map_msgs',
+    'nav2_msgs',
+    'tf2_ros',
 }
 # Adapter modules that hold values and know no message.
 PLAIN = {
@@ -27,7 +31,9 @@ PLAIN = {
         'grid_map',
         'grid_problem',
         'map_server',
+        'map_update',
         'movingai',
+        'transform',
     )
 }
 

@@ -10,6 +10,8 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+# The client's parameter.
+WISH = 'instruction'
 # The client's services are found one after the other.
 DISCOVERY_SECONDS = 1.0
 
@@ -50,7 +52,7 @@ class RemoteWish:
         patience = min(DISCOVERY_SECONDS, max(0.0, deadline - time.monotonic()))
         if not self._client.wait_for_service(patience):
             return f'{self._client_name} takes no parameters'
-        parameter = Parameter('instruction', value=wish).to_parameter_msg()
+        parameter = Parameter(WISH, value=wish).to_parameter_msg()
         done = threading.Event()
         future = self._client.call_async(SetParameters.Request(parameters=[parameter]))
         future.add_done_callback(lambda _: done.set())
