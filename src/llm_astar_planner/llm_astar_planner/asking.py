@@ -19,8 +19,9 @@ from llm_astar_planner.waypoint_source.wish import with_outcome
 
 # Seconds between two looks at the caller's flag: what a cancel may take to be seen.
 LOOK = 0.01
-# A source that keeps its time limit answers then, and with a better reason than ours.
-GRACE = 0.1
+# A source that keeps its time limit answers then, and with a better reason than ours: wait for it
+# so many seconds longer, or this part of the limit.
+GRACE_SECONDS, GRACE_SHARE = 0.05, 0.1
 
 
 def ask(
@@ -34,7 +35,8 @@ def ask(
     """
     begin = time.monotonic()
     asking = Asking(source, query, lambda _: None)
-    answered = asking.wait(query.time_limit + GRACE, stop)
+    grace = min(GRACE_SECONDS, GRACE_SHARE * query.time_limit)
+    answered = asking.wait(query.time_limit + grace, stop)
     reply, seconds = asking.close(source.name)
     if answered:
         return reply, seconds

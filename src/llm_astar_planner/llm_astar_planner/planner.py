@@ -232,7 +232,9 @@ class Planner:
         if draft.request.via:
             (start, _), (goal, _) = places
             message += f', from {start} to {goal}'
-        return self._failure(draft, code, message, replace(result, operation=operation))
+        storage = sum(one.storage for one in draft.results)
+        whole = replace(result, operation=operation, storage=storage)
+        return self._failure(draft, code, message, whole)
 
     def _plan(self, draft: _Draft, result: SearchResult) -> Plan:
         """Turn a search's outcome into a plan; only a valid path leaves."""
@@ -274,7 +276,7 @@ class Planner:
         result: SearchResult | None = None,
     ) -> Plan:
         """Build a plan without a path."""
-        source, ends = draft.request.source, draft.ends
+        cells, source, ends = self.grid_map.cells, draft.request.source, draft.ends
         leg = draft.legs[0] if draft.legs else None
         return Plan(
             code=code,
@@ -283,7 +285,7 @@ class Planner:
             start=ends.start,
             goal=ends.goal,
             path=np.empty((0, 2), dtype=np.int32),
-            expanded=np.zeros_like(self.blocked) if result is None else result.expanded,
+            expanded=np.zeros(cells.shape, dtype=bool) if result is None else result.expanded,
             waypoints=leg.judged if leg else (),
             guided_by=leg.reply.label if leg and leg.used else 'none',
             source='none' if source is None else source.name,

@@ -1,12 +1,15 @@
 """The robot's body on a map, against the definition taken cell by cell."""
 
 import math
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.grid_map import GridMap
+from llm_astar_msgs_adapter.map_server import load_map
 from llm_astar_planner.ground import Ground
 from llm_astar_planner.inflation import inflate
 from llm_astar_planner.plan import GridRules
@@ -158,3 +161,19 @@ def test_a_gap_narrower_than_the_robot_is_none():
 def test_rules_no_robot_can_have_are_refused_by_name(name, value):
     with pytest.raises(ValueError, match=name):
         GridRules(**{name: value})
+
+
+@pytest.mark.skipif('LLM_ASTAR_REFERENCE' not in os.environ, reason='LLM_ASTAR_REFERENCE unset')
+def test_a_robot_gets_about_a_real_depot_without_touching_it():
+    grid_map = load_map(Path(os.environ['LLM_ASTAR_REFERENCE']) / 'grids' / 'depot.yaml')
+    rules = GridRules(robot_radius=0.2, inflation_radius=0.55, cost_scaling_factor=3.0)
+    planner = Planner(grid_map, rules)
+    whole = np.bincount(planner.components[planner.components > 0]).argmax()
+    places = np.argwhere(planner.components == whole)[:, ::-1]
+    random = np.random.default_rng(0)
+    for start, goal in random.choice(places, (20, 2)).tolist():
+        request = PlanRequest(tuple(start), tuple(goal), max_suboptimality=1.1, time_limit=60.0)
+        plan = planner.plan(request)
+        assert plan.code is ResultCode.NONE, plan.message
+        assert plan.clearance > 0.2
+        assert plan.ratio <= 1.1

@@ -39,20 +39,22 @@ def rules(draw, radii=(0.0, 0.05, 0.3, 10.0)):
 
 near = st.tuples(st.integers(-2, 25), st.integers(-2, 25))
 far = st.tuples(st.integers(), st.integers())
-metres = st.sampled_from([0.0, 0.05, 0.5, 3.0, 1000.0]) | st.floats()
+anywhere = st.one_of(near, near, near, far)
+metres = st.sampled_from([0.0, 0.05, 0.5, 3.0, 1000.0])
+any_number = st.one_of(metres, metres, metres, metres, st.floats())
 requests = st.builds(
     PlanRequest,
-    start=near | far,
-    goal=near | far,
+    start=anywhere,
+    goal=anywhere,
     method=st.sampled_from([*METHODS, 'theta']),
     source=st.none() | st.just(FixedReply('[[3, 7], [5, 5], [40, 2]]')),
-    max_suboptimality=st.none() | st.sampled_from([1.0, 1.2, math.nan]),
-    time_limit=st.sampled_from([10.0, math.inf, 0.0, math.nan]),
+    max_suboptimality=st.sampled_from([None, 1.0, 1.2, 1000.0, math.nan]),
+    time_limit=st.sampled_from([10.0, 5.0, 1.0, math.inf, 0.0, math.nan]),
     any_angle=st.booleans(),
     want_expanded=st.booleans(),
     search_while_waiting=st.booleans(),
-    tolerance=metres,
-    start_tolerance=metres,
+    tolerance=any_number,
+    start_tolerance=any_number,
     via=st.lists(near, max_size=3).map(tuple) | st.lists(far, max_size=1).map(tuple),
 )
 # Requests that a path may well answer: cells on or near the map, sound numbers.

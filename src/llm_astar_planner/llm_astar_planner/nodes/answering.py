@@ -151,14 +151,21 @@ class Answering:
         path = paths.final(plan)
         if plan.code is ResultCode.NONE:
             self._publish(job, plan, path, paths)
-            self.standing = Standing(job.question, planner.grid_map, plan)
-            if self._maps.planner not in (None, planner):
-                self.on_outdated()
+            self._keep(job, plan, planner)
         self._announcer.show(plan, planner.grid_map, job.stamp)
         report = plan_report(plan, planner.grid_map)
         if how:
             report = replace(report, message=f'{report.message}; {how}')
         return path, report
+
+    def _keep(self, job: _Job, plan: Plan, planner: Planner) -> None:
+        """Keep a published path, to look at it again when the ground changes."""
+        if not self._settings['remember_plans']:
+            self.standing = None
+            return
+        self.standing = Standing(job.question, planner.grid_map, plan)
+        if self._maps.planner not in (None, planner):
+            self.on_outdated()
 
     def _paths(self, job: _Job, ends: Ends, grid_map: GridMap) -> Paths:
         as_it_arrives = self._settings['use_final_approach_orientation']

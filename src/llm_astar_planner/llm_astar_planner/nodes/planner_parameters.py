@@ -103,7 +103,7 @@ REQUESTS = (
     Parameter(
         'remember_plans',
         64,
-        'Plans kept to answer the same question again; 0 also asks for waypoints anew',
+        'Plans kept for the same question; 0: nothing is kept, the last path neither',
         minimum=0,
         maximum=100000,
     ),
