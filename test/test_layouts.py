@@ -176,8 +176,12 @@ def test_each_panel_of_foxglove_shows_topics_the_nodes_publish(nodes, foxglove):
         assert {info.topic_type for info in ends_of(nodes, topic, 'publishers')} <= SHOWN[kind]
 
 
-def test_the_publish_tool_of_foxglove_sends_poses_to_the_planner(nodes, foxglove):
+def test_foxglove_sends_wishes_and_poses_to_the_planner(nodes, foxglove):
     (scene,) = panels(foxglove, '3D')
+    (panel,) = panels(foxglove, 'Publish')
+    assert json.loads(panel['value']).keys() == {'data'}
+    (subscriber,) = ends_of(nodes, panel['topicName'], 'subscriptions')
+    assert subscriber.topic_type == panel['datatype'] == 'std_msgs/msg/String'
     for field, name in (('poseTopic', 'SetGoal'), ('poseEstimateTopic', 'SetInitialPose')):
         subscribers = ends_of(nodes, scene['publish'][field], 'subscriptions')
         assert [info.topic_type for info in subscribers] == [TOOLS[name]]

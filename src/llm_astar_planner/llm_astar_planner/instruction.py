@@ -26,6 +26,8 @@ DIRECT_SHARE = 0.9
 # A way so many times as long as the direct one is worth a warning.
 DETOUR = 3.0
 MAX_REASON_CHARS = 200
+# What an outcome begins with that another try may better.
+NOT_HONOURED = 'not honoured'
 
 
 def plan_with_wish(
@@ -56,7 +58,7 @@ def plan_with_wish(
     if direct.reply.instruction != FOLLOWED:
         return _told(direct, f'ignored: {_reason(direct, request)}')
     if direct.code is not ResultCode.NONE:
-        return _told(direct, 'not honoured: there is no plan at all')
+        return _told(direct, f'{NOT_HONOURED}: there is no plan at all')
     return _honoured(request, direct, make, is_free, deadline)
 
 
@@ -72,13 +74,13 @@ def _honoured(
     lost = _lost(direct.waypoints, is_free)
     if not via:
         if lost:
-            return _told(direct, f'not honoured: no waypoint can be passed ({lost})')
+            return _told(direct, f'{NOT_HONOURED}: no waypoint can be passed ({lost})')
         return _told(direct, 'followed by the direct way: no waypoint lies in between')
     time_left = deadline - time.monotonic()
     through = make(replace(request, instruction='', source=None, via=via, time_limit=time_left))
     if through.code is not ResultCode.NONE:
         why = f'no path through its {_points(len(via))}: {through.message}'
-        return _told(_with_work_of(direct, through), f'not honoured: {why}')
+        return _told(_with_work_of(direct, through), f'{NOT_HONOURED}: {why}')
     outcome = f'followed through {_points(len(via))}'
     if lost:
         outcome += f'; left out: {lost}'
