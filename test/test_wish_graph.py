@@ -2,11 +2,16 @@
 
 import pytest
 import rclpy
+from builtin_interfaces.msg import Time
 from graph_tools import GOAL, START, calling, set_parameter, spinning, wait_for
-from llm_astar_msgs_adapter.path import path_from_message
+from llm_astar_msgs_adapter.grid_map import Pose2D
+from llm_astar_msgs_adapter.path import path_from_message, pose_to_message
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner_node import PlannerNode
+from llm_astar_planner.plan_memory import REMEMBERED
+from nav_msgs.msg import Path
+from nav_msgs.srv import GetPlan
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
@@ -51,6 +56,10 @@ def graph():
         context.__exit__(None, None, None)
 
 
+def is_seen(caller):
+    return caller._health.get('wished/planner_node: planner', {}).get('llm_client_ready')
+
+
 def test_a_wish_on_the_topic_reaches_the_model_and_bends_the_path(graph, chat_server):
     chat_server.script = [chat_server.completion('Generated Path: [[39, 18], [5, 5], [7, 19]]')]
     _, planner, caller = graph(
@@ -68,6 +77,9 @@ def test_a_wish_on_the_topic_reaches_the_model_and_bends_the_path(graph, chat_se
     assert (report.code, report.instruction) == (0, FOLLOWED)
     assert report.guided_by == 'endpoint:tiny'
     assert [5.0, 5.0] in path_from_message(path).round(6).tolist()
+    again = caller.call(START, GOAL)[1]
+    assert again.instruction == FOLLOWED
+    assert REMEMBERED in again.message
     assert f'Wish: "{WISH}"\nIts places' in chat_server.requests[0]['messages'][0]['content']
 
     topic.publish(String(data='x' * 501))
@@ -109,3 +121,25 @@ def test_a_client_that_cannot_read_a_wish_has_it_ignored_with_the_reason(graph):
     assert caller.call(START, GOAL)[1].instruction == (
         'ignored: source oracle cannot read instructions'
     )
+
+
+def test_a_client_of_another_make_has_a_wish_ignored_and_its_waypoints_used():
+    """Any GetPlan service may give waypoints; one that knows nothing of wishes says nothing."""
+
+    def answer(request, response):
+        pose = pose_to_message(Pose2D(12.0, 9.0), 'map', Time())
+        response.plan = Path(header=pose.header, poses=[pose])
+        return response
+
+    client = rclpy.create_node('llm_client_node', namespace=SPACE)
+    client.create_service(GetPlan, '~/get_waypoints', answer)
+    with (
+        spinning(MapNode(namespace=SPACE), PlannerNode(namespace=SPACE), client),
+        calling(SPACE) as caller,
+    ):
+        caller.wait_until_ready()
+        caller.wait_for(lambda: is_seen(caller), 'the client', 15.0)
+        assert set_parameter(caller, 'planner_node', 'instruction', WISH).successful
+        report = caller.call(START, GOAL)[1]
+    assert (report.code, report.guided_by) == (0, 'llm_client')
+    assert report.instruction.startswith('ignored: /wished/llm_client_node refused it: ')

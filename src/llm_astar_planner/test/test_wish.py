@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 from llm_astar_msgs_adapter.grid_map import GridMap
 from llm_astar_planner.instruction import plan_with_wish
 from llm_astar_planner.planner import Planner, PlanRequest
+from llm_astar_planner.recall import Recall
 from llm_astar_planner.result_code import ResultCode
+from llm_astar_planner.search.methods import no_stop
 from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointReply
 from llm_astar_planner.waypoint_source.factory import SOURCES, make_source
 from llm_astar_planner.waypoint_source.fixed import FixedReply
@@ -162,6 +164,22 @@ def test_no_plan_stays_no_plan_and_says_so():
     plan = Planner(GridMap(cells)).plan(request(Follower(EAST)))
     assert plan.code is ResultCode.NO_VALID_PATH
     assert plan.instruction == 'ignored: no waypoints were asked for'
+
+
+def test_a_robot_on_its_way_keeps_to_the_wish_without_asking_again():
+    source, recall = Follower(EAST), Recall(8)
+    asked = request(source)
+    first, _ = recall.plan(PLANNER, asked, 5.0, no_stop())
+    cells = CELLS.copy()
+    cells[0, 0] = 100
+    changed = Planner(GridMap(cells, 0.5))
+    start = tuple(first.path[3].tolist())
+    later, _ = recall.plan(changed, replace(asked, start=start), 5.0, no_stop())
+    assert len(source.queries) == 1
+    assert later.instruction == 'followed through 2 via points'
+    other, _ = recall.plan(changed, replace(asked, instruction='hurry'), 5.0, no_stop())
+    assert len(source.queries) == 2
+    assert other.instruction == 'followed through 2 via points'
 
 
 @settings(max_examples=40)

@@ -209,6 +209,8 @@ class LlmClientNode(Node):
             'map_digest': self._grid_map.digest if self._grid_map else None,
             'last_status': self._last.status if self._last else None,
             'last_detail': self._last.detail if self._last else None,
+            'instruction': self._settings['instruction'],
+            **(client.budget.values() if client else {}),
         }
         failed = self._last is not None and self._last.level != DiagnosticStatus.OK
         level = DiagnosticStatus.WARN if failed else DiagnosticStatus.OK

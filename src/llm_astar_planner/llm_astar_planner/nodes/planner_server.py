@@ -168,6 +168,7 @@ class PlannerServer:
             'llm_client_ready': self._source is not None and self._source.ready,
             'landmark_bytes': self._maps.landmark_bytes,
             'last_path': self._revalidation.last,
+            'instruction': self._settings['instruction'],
             **self._answering.tally.values(),
         }
         is_well = planner is not None and self.is_active
