@@ -163,6 +163,9 @@ def test_each_panel_of_foxglove_shows_topics_the_nodes_publish(nodes, foxglove):
         ('RawMessages', config['topicPath'].split('.')[0])
         for config in panels(foxglove, 'RawMessages')
     ]
+    for config in panels(foxglove, 'DiagnosticStatusPanel'):
+        # A report is the status of the node that publishes it.
+        assert config['selectedName'] == config['topicToRender'].split('/')[1]
     assert {topic for _, topic in shown} == {
         '/map',
         '/plan',

@@ -109,15 +109,14 @@ def test_ctrl_c_ends_a_watch_cleanly_and_a_silent_graph_is_told_of(graph):
         assert word in advice
 
 
-def test_what_cannot_be_watched_is_refused_in_one_line(capsys):
-    assert main(['watch', '--count', '0']) == 2
-    errors = [capsys.readouterr().err]
-    with watch('--namespace', 'no/1bad') as (process, _):
-        assert process.wait(30.0) == 2
-        errors.append(process.stderr.read())
-    for error in errors:
-        assert error.startswith('llm-astar: error: ')
-        assert error.count('\n') == 1
+@pytest.mark.parametrize(
+    'arguments', [('--count', '0'), ('--namespace', 'no/1bad'), ('--node', 'a b')]
+)
+def test_what_cannot_be_watched_is_refused_in_one_line(capsys, arguments):
+    assert main(['watch', *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith('llm-astar: error: ')
+    assert error.count('\n') == 1
 
 
 def test_a_line_has_what_a_person_looks_for():

@@ -15,11 +15,12 @@ from nav_msgs.srv import GetPlan
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
-SPACE = '/wished'
+SPACE, OTHER = '/wished', '/other'
 WISH = 'pass by 5, 5'
 FOLLOWED = 'followed through 1 via point'
 REPLAY = {
     'source': 'replay',
+    'model': '',
     'transcript': 'demo_transcript.jsonl',
     'dataset': 'demo.json',
 }
@@ -32,32 +33,32 @@ def _context():
     rclpy.try_shutdown()
 
 
+@pytest.fixture(scope='module')
+def nodes(_context):
+    """The three nodes in this process, and a caller of them."""
+    nodes = [make(namespace=SPACE) for make in (MapNode, LlmClientNode, PlannerNode)]
+    with spinning(*nodes), calling(SPACE) as caller:
+        caller.wait_until_ready(client='llm_client_node')
+        yield nodes[1], nodes[2], caller
+
+
 @pytest.fixture
-def graph():
-    """The three nodes in this process, the client as its parameters say, and a caller."""
-    stack = []
+def graph(nodes):
+    """The nodes, once the client has a new source by parameters and nobody a wish."""
+    client, planner, caller = nodes
+    planner.set_parameters([Parameter('instruction', value='')])
 
     def start(**parameters):
-        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        nodes = (
-            MapNode(namespace=SPACE),
-            LlmClientNode(namespace=SPACE, parameter_overrides=overrides),
-            PlannerNode(namespace=SPACE),
-        )
-        stack.append(spinning(*nodes))
-        stack[0].__enter__()
-        stack.append(calling(SPACE))
-        caller = stack[1].__enter__()
-        caller.wait_until_ready(client='llm_client_node')
-        return nodes[1], nodes[2], caller
+        changes = [Parameter(name, value=value) for name, value in parameters.items()]
+        result = client.set_parameters_atomically(changes)
+        assert result.successful, result.reason
+        return client, planner, caller
 
-    yield start
-    for context in reversed(stack):
-        context.__exit__(None, None, None)
+    return start
 
 
 def is_seen(caller):
-    return caller._health.get('wished/planner_node: planner', {}).get('llm_client_ready')
+    return caller._health.get('other/planner_node: planner', {}).get('llm_client_ready')
 
 
 def test_a_wish_on_the_topic_reaches_the_model_and_bends_the_path(graph, chat_server):
@@ -131,15 +132,15 @@ def test_a_client_of_another_make_has_a_wish_ignored_and_its_waypoints_used():
         response.plan = Path(header=pose.header, poses=[pose])
         return response
 
-    client = rclpy.create_node('llm_client_node', namespace=SPACE)
+    client = rclpy.create_node('llm_client_node', namespace=OTHER)
     client.create_service(GetPlan, '~/get_waypoints', answer)
     with (
-        spinning(MapNode(namespace=SPACE), PlannerNode(namespace=SPACE), client),
-        calling(SPACE) as caller,
+        spinning(MapNode(namespace=OTHER), PlannerNode(namespace=OTHER), client),
+        calling(OTHER) as caller,
     ):
         caller.wait_until_ready()
         caller.wait_for(lambda: is_seen(caller), 'the client', 15.0)
         assert set_parameter(caller, 'planner_node', 'instruction', WISH).successful
         report = caller.call(START, GOAL)[1]
     assert (report.code, report.guided_by) == (0, 'llm_client')
-    assert report.instruction.startswith('ignored: /wished/llm_client_node refused it: ')
+    assert report.instruction.startswith('ignored: /other/llm_client_node refused it: ')

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from llm_astar_planner.nodes.watcher import Watcher
 
 # How long nothing may be heard before the user is told what to look at.
-SILENCE_SECONDS = 4.0
+SILENCE_SECONDS = 3.0
 # A signal that falls between two waits wakes nobody up: no wait is longer.
 LONGEST_WAIT = 0.5
 

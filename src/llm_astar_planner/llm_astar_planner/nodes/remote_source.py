@@ -219,7 +219,7 @@ def _outcome(
         return problem or ('the client does not say what it answered' if is_lost else '')
     if exchange.instruction != query.instruction:
         return problem or 'the client answered another wish'
-    return exchange.instruction_outcome
+    return str(exchange.instruction_outcome)
 
 
 def _status(name: str) -> SourceStatus:

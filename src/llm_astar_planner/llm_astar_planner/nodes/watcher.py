@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import queue
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict
 
 import rclpy
@@ -107,9 +107,16 @@ class Watcher:
 @contextlib.contextmanager
 def watching(namespace: str, planner: str, client: str) -> Iterator[Watcher]:
     """Join the graph in `namespace` and watch. Raises ValueError for names no node can have."""
+    namespace = f'/{namespace.strip("/")}'
+    _check_names(namespace, planner, client)
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = _make_node(f'/{namespace.strip("/")}', (planner, client))
+        node = rclpy.create_node(
+            'llm_astar_watch',
+            namespace=namespace,
+            start_parameter_services=False,
+            enable_rosout=False,
+        )
         watcher = Watcher(node, planner, client)
         thread = SpinThread(node)
         thread.start()
@@ -122,20 +129,14 @@ def watching(namespace: str, planner: str, client: str) -> Iterator[Watcher]:
         rclpy.try_shutdown()
 
 
-def _make_node(namespace: str, names: Sequence[str]) -> Node:
-    """Make the node that watches. Raises ValueError where `names` or their space cannot be."""
+def _check_names(namespace: str, *nodes: str) -> None:
+    """Raise ValueError where a namespace or a node's name cannot be one."""
     try:
         validate_namespace(namespace)
-        for name in names:
+        for name in nodes:
             validate_topic_name(name)
     except (InvalidNamespaceException, InvalidTopicNameException) as error:
         raise ValueError(' '.join(str(error).split())) from None
-    return rclpy.create_node(
-        'llm_astar_watch',
-        namespace=namespace,
-        start_parameter_services=False,
-        enable_rosout=False,
-    )
 
 
 def _seconds(stamp: Time) -> float:
