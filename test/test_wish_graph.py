@@ -33,10 +33,16 @@ def _context():
     rclpy.try_shutdown()
 
 
+def planner_in(namespace):
+    """Make a planner that waits for waypoints, wish or not."""
+    waits = Parameter('search_while_waiting', value=False)
+    return PlannerNode(namespace=namespace, parameter_overrides=[waits])
+
+
 @pytest.fixture(scope='module')
 def nodes(_context):
     """The three nodes in this process, and a caller of them."""
-    nodes = [make(namespace=SPACE) for make in (MapNode, LlmClientNode, PlannerNode)]
+    nodes = [MapNode(namespace=SPACE), LlmClientNode(namespace=SPACE), planner_in(SPACE)]
     with spinning(*nodes), calling(SPACE) as caller:
         caller.wait_until_ready(client='llm_client_node')
         yield nodes[1], nodes[2], caller
@@ -135,7 +141,7 @@ def test_a_client_of_another_make_has_a_wish_ignored_and_its_waypoints_used():
     client = rclpy.create_node('llm_client_node', namespace=OTHER)
     client.create_service(GetPlan, '~/get_waypoints', answer)
     with (
-        spinning(MapNode(namespace=OTHER), PlannerNode(namespace=OTHER), client),
+        spinning(MapNode(namespace=OTHER), planner_in(OTHER), client),
         calling(OTHER) as caller,
     ):
         caller.wait_until_ready()

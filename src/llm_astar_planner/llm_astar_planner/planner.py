@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -119,22 +120,22 @@ class Planner:
         plan's is; none where there are `via` cells, as the legs before the last have no whole
         path. A wish is honoured where it can be and never costs a plan; see `instruction`.
         """
+        stop = no_stop() if stop is None else stop
         if request.instruction:
-            return plan_with_wish(
-                request, lambda asked: self._answer(asked, stop, None), self._prepared.is_free
-            )
+            make = partial(self._answer, stop=stop)
+            return plan_with_wish(request, make, self._prepared.judge, stop)
         return self._answer(request, stop, on_improvement)
 
     def _answer(
         self,
         request: PlanRequest,
-        stop: NDArray[np.uint8] | None,
-        on_improvement: Watcher | None,
+        stop: NDArray[np.uint8],
+        on_improvement: Watcher | None = None,
     ) -> Plan:
         draft = _Draft(
             request,
             time.monotonic() + request.time_limit,
-            no_stop() if stop is None else stop,
+            stop,
             Ends(request.start, request.goal),
         )
         refusal = self._find_ends(draft)
