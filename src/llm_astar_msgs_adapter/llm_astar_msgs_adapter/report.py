@@ -28,6 +28,11 @@ class PlanReport:
     counts all expansions, `first_operation` those up to the first path. `waypoints` are
     (x, y, verdict), in metres in the map's frame. `seconds_*` are wall clock. `map_digest` names
     the map planned on.
+
+    In metres too: how far start and goal were shifted to be plannable, how far the path runs
+    through unknown cells, and its least distance to a lethal one, None where there is none.
+    `turns` are its changes of direction. `instruction` tells what became of a wish in plain
+    language, '' where none was made.
     """
 
     code: int
@@ -47,6 +52,13 @@ class PlanReport:
     seconds_search: float
     waypoints: tuple[tuple[float, float, str], ...]
     map_digest: str
+    start_shift: float = 0.0
+    goal_shift: float = 0.0
+    unknown_length: float = 0.0
+    clearance: float | None = None
+    turns: int = 0
+    warnings: tuple[str, ...] = ()
+    instruction: str = ''
 
     @property
     def level(self) -> bytes:

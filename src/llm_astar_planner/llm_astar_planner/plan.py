@@ -25,15 +25,23 @@ NOT_ASKED = WaypointReply(status=SourceStatus.NONE)
 class GridRules:
     """Where a path may go, and what it costs there.
 
-    `occupied_threshold` is the occupancy that blocks. `cost_multiplier` is what occupancy below
-    it adds to the price of a move, for `guided` and `exact_astar` (Nav2's
+    `occupied_threshold` is the occupancy that is lethal. `cost_multiplier` is what occupancy
+    below it adds to the price of a move, for `guided` and `exact_astar` (Nav2's
     `cost_travel_multiplier`): d * (1 + multiplier * occupancy / 100); 0 counts lengths alone.
+
+    The robot's body, in metres: cells nearer than `robot_radius` to a lethal one are blocked, and
+    from there to `inflation_radius` they cost the more the nearer, decaying by
+    `cost_scaling_factor` a metre (Nav2's InflationLayer). With both radii 0 the map is taken as
+    it is, which is right for a costmap: it is inflated already.
     """
 
     occupied_threshold: int = 65
     allow_unknown: bool = True
     corner_cutting: bool = False
     cost_multiplier: float = 2.0
+    robot_radius: float = 0.0
+    inflation_radius: float = 0.0
+    cost_scaling_factor: float = 10.0
 
 
 @dataclass(frozen=True)
@@ -46,6 +54,11 @@ class PlanRequest:
     first one where that is None; `search_while_waiting` starts it before the waypoints are there,
     which may then come too late to guide. `any_angle` adds a shortened path, `want_expanded`
     False spares the picture of expanded cells. `sample` names the benchmark sample, if it is one.
+
+    Where the goal cannot be had, the nearest cell to it that can is taken, at most `tolerance`
+    metres off; where the start is not free, the nearest free cell, at most `start_tolerance` off.
+    `via` are cells the path must pass, in order. `instruction` is a wish in plain language, for
+    the source.
     """
 
     start: Cell
@@ -61,6 +74,10 @@ class PlanRequest:
     any_angle: bool = False
     want_expanded: bool = True
     sample: SampleKey | None = None
+    tolerance: float = 0.0
+    start_tolerance: float = 0.0
+    via: tuple[Cell, ...] = ()
+    instruction: str = ''
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +90,19 @@ class Plan:
     `first_operation` those up to the first path. `guided_by` names whose waypoints steered the
     search, `none` where nobody's did; `reply` is the source's whole answer. `expanded` is bool
     [height, width], or empty where it was not wanted.
+
+    `start` and `goal` are the cells planned between, `start_shift` and `goal_shift` how many
+    metres they lie off those asked for, and `warnings` a sentence on each such thing. Of the path,
+    in metres: `unknown_length` through unknown cells, `clearance` the least distance from the
+    centres of its cells to that of a lethal one (inf where there is none). `turns` are its changes
+    of direction.
     """
 
     code: ResultCode
     message: str
     method: str
+    start: Cell
+    goal: Cell
     path: NDArray[np.int32]
     expanded: NDArray[np.bool_]
     waypoints: tuple[JudgedWaypoint, ...] = ()
@@ -93,6 +118,12 @@ class Plan:
     any_angle: AnyAnglePath | None = None
     seconds_source: float = 0.0
     seconds_search: float = 0.0
+    start_shift: float = 0.0
+    goal_shift: float = 0.0
+    unknown_length: float = 0.0
+    clearance: float = float('inf')
+    turns: int = 0
+    warnings: tuple[str, ...] = ()
 
     @property
     def source_status(self) -> SourceStatus:

@@ -40,7 +40,7 @@ from llm_astar_planner.search.methods import (
     SearchOptions,
     no_stop,
 )
-from llm_astar_planner.search.result import SearchResult, SearchStatus
+from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
 from llm_astar_planner.search.shortcut import AnyAnglePath, shorten
 from llm_astar_planner.targets import JudgedWaypoint
 from llm_astar_planner.validator import legs_problem, path_problem
@@ -271,7 +271,8 @@ class Planner:
             search.guide(_points(draft.judged))
         with _raised_after(draft.time_left, draft.stop), _timed(draft):
             for better in search.improvements(want_expanded=request.want_expanded):
-                if on_improvement is not None and not self._path_problem(request, better.path):
+                problem = self.path_problem(better.path, request.start, request.goal)
+                if on_improvement is not None and not problem:
                     on_improvement(better)
         result = search.result()
         if asking is not None and request.source is not None:
@@ -289,7 +290,7 @@ class Planner:
         if result.status is SearchStatus.EXHAUSTED:
             message = 'every reachable cell was searched'
             return self._failure(draft, ResultCode.NO_VALID_PATH, message, result)
-        problem = self._path_problem(request, result.path)
+        problem = self.path_problem(result.path, request.start, request.goal)
         if problem is not None:
             message = f'the path found was withheld: {problem}'
             return self._failure(draft, ResultCode.UNKNOWN, message, result)
@@ -306,11 +307,10 @@ class Planner:
             any_angle=self._shorten(result.path) if request.any_angle else None,
         )
 
-    def _path_problem(self, request: PlanRequest, path: NDArray[np.int32]) -> str | None:
+    def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
+        """Say what is wrong with a path of cells [n, 2] on this map, under its rules, or None."""
         corner_cutting = self.rules.corner_cutting
-        return path_problem(
-            path, self.blocked, request.start, request.goal, corner_cutting=corner_cutting
-        )
+        return path_problem(path, self.blocked, start, goal, corner_cutting=corner_cutting)
 
     def _shorten(self, path: NDArray[np.int32]) -> AnyAnglePath | None:
         """Pull a path taut, or return None where the check does not let the result pass."""
@@ -333,6 +333,8 @@ class Planner:
             code=code,
             message=message,
             method=draft.request.method,
+            start=draft.request.start,
+            goal=draft.request.goal,
             path=np.empty((0, 2), dtype=np.int32),
             expanded=np.zeros_like(self.blocked) if result is None else result.expanded,
             waypoints=draft.judged,

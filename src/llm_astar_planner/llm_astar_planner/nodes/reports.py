@@ -34,6 +34,13 @@ def plan_report(plan: Plan, grid_map: GridMap) -> PlanReport:
         seconds_search=plan.seconds_search,
         waypoints=tuple((x, y, verdict) for (x, y), verdict in zip(places, verdicts)),
         map_digest=grid_map.digest,
+        start_shift=plan.start_shift,
+        goal_shift=plan.goal_shift,
+        unknown_length=plan.unknown_length,
+        clearance=plan.clearance if math.isfinite(plan.clearance) else None,
+        turns=plan.turns,
+        warnings=plan.warnings,
+        instruction=plan.reply.instruction,
     )
 
 

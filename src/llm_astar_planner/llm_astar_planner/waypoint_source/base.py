@@ -43,7 +43,7 @@ class WaypointQuery:
     """One question to a source: a way from start to goal, both cells (x, y), on a map.
 
     `time_limit` is how many seconds the answer may take. `sample` names the benchmark sample,
-    where there is one.
+    where there is one. `instruction` is the caller's wish in plain language, '' for none.
     """
 
     grid_map: GridMap
@@ -51,6 +51,7 @@ class WaypointQuery:
     goal: tuple[int, int]
     time_limit: float = float('inf')
     sample: SampleKey | None = None
+    instruction: str = ''
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,8 @@ class WaypointReply:
     `label` says who answered, such as `replay:gpt-3.5` or `none`. `text` is the raw reply,
     bounded; `detail` a sentence on what went wrong, if anything did. `messages` is what the model
     was asked, last of all; `unit` how many cells one step of its coordinates was.
+    `instruction` is `followed` where the waypoints answer the wish, else why it was ignored; ''
+    where none was made.
     """
 
     waypoints: tuple[Waypoint, ...] = ()
@@ -74,6 +77,7 @@ class WaypointReply:
     seconds: float = 0.0
     messages: tuple[Message, ...] = ()
     unit: int = 1
+    instruction: str = ''
 
 
 class WaypointSource(Protocol):
