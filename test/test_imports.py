@@ -35,6 +35,7 @@ PLAIN = {
         'headings',
         'map_server',
         'movingai',
+        'report_values',
     )
 }
 

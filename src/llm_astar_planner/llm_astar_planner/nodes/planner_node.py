@@ -26,8 +26,8 @@ from llm_astar_planner.nodes.parameters import Parameter, Parameters
 from llm_astar_planner.nodes.paths import Paths
 from llm_astar_planner.nodes.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.remote_source import RemoteSource
-from llm_astar_planner.nodes.reports import failure_report, plan_report
 from llm_astar_planner.nodes.run import run
+from llm_astar_planner.plan_reports import failure_report, plan_report
 from llm_astar_planner.planner import GridRules, Plan, Planner, PlanRequest
 from llm_astar_planner.result_code import ResultCode
 from llm_astar_planner.search.guided import Improvement
