@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,11 @@ from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.headings import headings
 
 NANOSECONDS = 1_000_000_000
+# service_msgs/ServiceEventInfo's, and visualization_msgs/Marker's.
 REQUEST_RECEIVED = 1
+SPHERE_LIST, ADD, DELETE = 7, 0, 2
+ACCEPTED, REFUSED = (0.16, 0.63, 0.17), (0.84, 0.15, 0.16)
+NO_BYTES = np.zeros(0, dtype=np.uint8)
 
 
 def occupancy_grid(grid_map: GridMap, stamp: int) -> object:
@@ -90,6 +94,42 @@ def status(name: str, level: int, message: str, values: Mapping[str, Any], stamp
     return _make(array, header=_header('', stamp), status=[one])
 
 
+def waypoint_markers(
+    waypoints: Sequence[tuple[float, float, str]], size: float, frame_id: str, stamp: int
+) -> object:
+    """Draw waypoints (x, y in metres, verdict) as spheres of `size` metres.
+
+    Green where accepted, red where not. They take the place of those before; no waypoints remove
+    them.
+    """
+    colours = [ACCEPTED if verdict == 'accepted' else REFUSED for *_, verdict in waypoints]
+    marker = _make(
+        'visualization_msgs/msg/Marker',
+        header=_header(frame_id, stamp),
+        ns='waypoints',
+        id=0,
+        type=SPHERE_LIST,
+        action=ADD if waypoints else DELETE,
+        pose=_pose(Pose2D(0.0, 0.0)),
+        scale=_make('geometry_msgs/msg/Vector3', x=size, y=size, z=size),
+        color=_colour(ACCEPTED),
+        lifetime=_make('builtin_interfaces/msg/Duration', sec=0, nanosec=0),
+        frame_locked=False,
+        points=[_point(x, y) for x, y, _ in waypoints],
+        colors=[_colour(colour) for colour in colours],
+        texture_resource='',
+        texture=_make(
+            'sensor_msgs/msg/CompressedImage', header=_header('', 0), format='', data=NO_BYTES
+        ),
+        uv_coordinates=[],
+        text='',
+        mesh_resource='',
+        mesh_file=_make('visualization_msgs/msg/MeshFile', filename='', data=NO_BYTES),
+        mesh_use_embedded_materials=False,
+    )
+    return _make('visualization_msgs/msg/MarkerArray', markers=[marker])
+
+
 def _make(msgtype: str, **fields: Any) -> object:  # noqa: ANN401 - of the message's own types
     return bag_types().types[msgtype](**fields)
 
@@ -103,9 +143,18 @@ def _header(frame_id: str, stamp: int) -> object:
     return _make('std_msgs/msg/Header', stamp=_time(stamp), frame_id=frame_id)
 
 
+def _point(x: float, y: float) -> object:
+    return _make('geometry_msgs/msg/Point', x=float(x), y=float(y), z=0.0)
+
+
+def _colour(colour: tuple[float, float, float]) -> object:
+    red, green, blue = colour
+    return _make('std_msgs/msg/ColorRGBA', r=red, g=green, b=blue, a=1.0)
+
+
 def _pose(pose: Pose2D) -> object:
     half = pose.yaw / 2.0
-    point = _make('geometry_msgs/msg/Point', x=float(pose.x), y=float(pose.y), z=0.0)
+    point = _point(pose.x, pose.y)
     turn = _make('geometry_msgs/msg/Quaternion', x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
     return _make('geometry_msgs/msg/Pose', position=point, orientation=turn)
 
