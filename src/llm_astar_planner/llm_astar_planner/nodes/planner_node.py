@@ -22,6 +22,7 @@ from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
+from llm_astar_planner.nodes.introspection import INTROSPECTION_MODE, introspect
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
 from llm_astar_planner.nodes.paths import Paths
 from llm_astar_planner.nodes.qos import LATCHED, RELIABLE, REPORTS
@@ -75,6 +76,7 @@ PARAMETERS = (
         maximum=100.0,
     ),
     Parameter('corner_cutting', False, 'Whether diagonal steps may pass blocked corners'),
+    INTROSPECTION_MODE,
 )
 
 
@@ -124,7 +126,10 @@ class PlannerNode(Node):
             LATCHED,
             callback_group=MutuallyExclusiveCallbackGroup(),
         )
-        self.create_service(GetPlan, '~/get_plan', self._on_get_plan, callback_group=together)
+        service = self.create_service(
+            GetPlan, '~/get_plan', self._on_get_plan, callback_group=together
+        )
+        introspect(self, service, self._settings['introspection_mode'])
         self.create_subscription(
             PoseWithCovarianceStamped,
             'initialpose',
