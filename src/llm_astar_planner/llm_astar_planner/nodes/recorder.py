@@ -52,6 +52,7 @@ TOPICS = (
 # How often new topics are looked for, and the user is told that nothing comes, in seconds.
 LOOK_EVERY = 0.25
 TELL_EVERY = 10.0
+QUIET_SECONDS = 0.05
 # Messages of a topic that wait while others are written.
 DEPTH = 100
 NANOSECONDS = 1_000_000_000
@@ -160,7 +161,20 @@ def _spin(recorder: Recorder, bag: BagWriter, stopped: threading.Event, duration
             count = sum(bag.counts.values())
             recorder.tell_progress(count, count - told)
             told, next_tell = count, time.monotonic() + TELL_EVERY
+    _drain(executor, bag)
     executor.shutdown()
+
+
+def _drain(executor: SingleThreadedExecutor, bag: BagWriter) -> None:
+    """Write what had arrived when the end came, but do not follow a graph that talks on."""
+    quiet = 0
+    for _ in range(DEPTH * len(bag.counts)):
+        count = sum(bag.counts.values())
+        executor.spin_once(timeout_sec=QUIET_SECONDS)
+        # The timer takes turns, too.
+        quiet = quiet + 1 if sum(bag.counts.values()) == count else 0
+        if quiet == 4:
+            return
 
 
 def _message_class(msgtype: str) -> type:
