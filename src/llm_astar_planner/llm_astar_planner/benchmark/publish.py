@@ -11,7 +11,7 @@ from typing import Any
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
 
 from llm_astar_planner.benchmark.animation import save_animation
-from llm_astar_planner.benchmark.engine import Settings, parse_points, plan_again
+from llm_astar_planner.benchmark.engine import Settings, plan_again
 from llm_astar_planner.benchmark.figures import (
     case_label,
     compare_figure,
@@ -20,6 +20,7 @@ from llm_astar_planner.benchmark.figures import (
     showcase_figure,
 )
 from llm_astar_planner.benchmark.findings import headline, sentence
+from llm_astar_planner.benchmark.points import parse_points
 from llm_astar_planner.benchmark.report_html import html_report
 from llm_astar_planner.benchmark.report_md import report
 from llm_astar_planner.benchmark.results import Case, ResultsFolder, Row
