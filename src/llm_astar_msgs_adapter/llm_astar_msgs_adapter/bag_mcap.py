@@ -175,9 +175,7 @@ class McapFile:
         if schema is None:
             return Channel(channel.topic, '', '', '', channel.message_encoding)
         text = schema.data.decode(errors='replace')
-        return Channel(
-            channel.topic, schema.name, text, schema.encoding, channel.message_encoding
-        )
+        return Channel(channel.topic, schema.name, text, schema.encoding, channel.message_encoding)
 
     def _complain(self, what: str) -> None:
         self.damage = self.damage or f'{self.path}: {what}'

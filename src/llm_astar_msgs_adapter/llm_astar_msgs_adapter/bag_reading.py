@@ -29,8 +29,6 @@ from rosbags.typesys import (
 )
 from rosbags.typesys.store import Typestore
 
-from llm_astar_msgs_adapter.bag_mcap import McapFile
-from llm_astar_msgs_adapter.bag_sqlite import SqliteFile
 from llm_astar_msgs_adapter.bag_file import (
     JUMP,
     MCAP,
@@ -40,6 +38,8 @@ from llm_astar_msgs_adapter.bag_file import (
     Record,
     Storage,
 )
+from llm_astar_msgs_adapter.bag_mcap import McapFile
+from llm_astar_msgs_adapter.bag_sqlite import SqliteFile
 from llm_astar_msgs_adapter.bag_types import bag_types
 
 COMPRESSED = '.zstd'

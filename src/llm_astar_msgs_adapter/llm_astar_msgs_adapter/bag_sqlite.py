@@ -61,7 +61,9 @@ class SqliteFile:
                 yield row
                 count += 1
         except sqlite3.Error as error:
-            self.damage = f'{self.path}: is damaged ({error}); the {count} messages before are read'
+            self.damage = (
+                f'{self.path}: is damaged ({error}); the {count} messages before are read'
+            )
 
     def _read_channels(self) -> Iterator[tuple[int, Channel]]:
         definitions = self._read_definitions()

@@ -11,7 +11,6 @@ from nav_msgs.msg import Path
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_msgs_adapter.grid_map import GridMapError, Pose2D
-from llm_astar_msgs_adapter.message_values import path_from_message
 from llm_astar_msgs_adapter.occupancy_grid import quaternion_of
 
 

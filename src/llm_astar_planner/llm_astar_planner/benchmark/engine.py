@@ -14,7 +14,6 @@ from functools import lru_cache
 
 import numpy as np
 from llm_astar_msgs_adapter.barrier_map import Sample
-from numpy.typing import NDArray
 
 from llm_astar_planner.asking import ask
 from llm_astar_planner.benchmark.occasion import Occasion

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,7 @@ def cells_along(points: NDArray[np.float64]) -> NDArray[np.int32]:
     """Return the cells [m, 2] that a line through points [n, 2] leads over, by single steps."""
     corners = np.rint(points).astype(np.int32)
     legs = [corners[:1]]
-    for begin, end in zip(corners[:-1], corners[1:]):
+    for begin, end in pairwise(corners):
         steps = int(np.abs(end - begin).max())
         parts = np.arange(1, steps + 1)[:, None] / max(steps, 1)
         legs.append(np.rint(begin + parts * (end - begin)).astype(np.int32))
