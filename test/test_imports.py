@@ -22,12 +22,20 @@ ROS = {
 PLAIN = {
     f'llm_astar_msgs_adapter.{name}'
     for name in (
+        'bag_idl',
+        'bag_messages',
+        'bag_storage',
+        'bag_topics',
+        'bag_types',
+        'bag_writing',
         'barrier_map',
         'barrier_summary',
         'grid_map',
         'grid_problem',
+        'headings',
         'map_server',
         'movingai',
+        'report_values',
     )
 }
 

@@ -17,7 +17,7 @@ setup(
     ],
     python_requires='>=3.10',
     # The ROS messages come from apt or from the wheels; `make install` picks.
-    install_requires=['setuptools', 'numpy', 'pillow', 'pyyaml'],
+    install_requires=['setuptools', 'mcap', 'numpy', 'pillow', 'pyyaml', 'rosbags'],
     extras_require={'test': ['pytest', 'hypothesis']},
     zip_safe=False,
 )

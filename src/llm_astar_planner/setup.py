@@ -38,6 +38,7 @@ setup(
         'numba',
         'numpy',
         'pillow',
+        'rosbags',
         'scipy',
         'shapely>=2',
         'tqdm',

@@ -11,6 +11,7 @@ from nav_msgs.msg import Path
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_msgs_adapter.grid_map import GridMapError, Pose2D
+from llm_astar_msgs_adapter.headings import headings
 from llm_astar_msgs_adapter.occupancy_grid import quaternion_of
 
 
@@ -28,7 +29,7 @@ def path_to_message(
     message.header.stamp = stamp
     message.poses = [
         pose_to_message(Pose2D(x, y, yaw), frame_id, stamp)
-        for (x, y), yaw in zip(points.tolist(), _headings(points, goal_yaw))
+        for (x, y), yaw in zip(points.tolist(), headings(points, goal_yaw))
     ]
     return message
 
@@ -55,12 +56,3 @@ def pose_from_message(message: PoseStamped, field: str = 'pose') -> Pose2D:
         raise GridMapError(field, 'holds a number that is not finite')
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return Pose2D(position.x, position.y, yaw)
-
-
-def _headings(points: NDArray[np.float64], goal_yaw: float | None) -> list[float]:
-    if len(points) == 0:
-        return []
-    steps = np.diff(points, axis=0)
-    headings: list[float] = np.arctan2(steps[:, 1], steps[:, 0]).tolist()
-    last = headings[-1] if headings else 0.0
-    return [*headings, last if goal_yaw is None else goal_yaw]

@@ -22,12 +22,13 @@ from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
+from llm_astar_planner.nodes.introspection import INTROSPECTION_MODE, introspect
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
 from llm_astar_planner.nodes.paths import Paths
 from llm_astar_planner.nodes.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.remote_source import RemoteSource
-from llm_astar_planner.nodes.reports import failure_report, plan_report
 from llm_astar_planner.nodes.run import run
+from llm_astar_planner.plan_reports import failure_report, plan_report
 from llm_astar_planner.planner import GridRules, Plan, Planner, PlanRequest
 from llm_astar_planner.result_code import ResultCode
 from llm_astar_planner.search.guided import Improvement
@@ -75,6 +76,7 @@ PARAMETERS = (
         maximum=100.0,
     ),
     Parameter('corner_cutting', False, 'Whether diagonal steps may pass blocked corners'),
+    INTROSPECTION_MODE,
 )
 
 
@@ -124,7 +126,10 @@ class PlannerNode(Node):
             LATCHED,
             callback_group=MutuallyExclusiveCallbackGroup(),
         )
-        self.create_service(GetPlan, '~/get_plan', self._on_get_plan, callback_group=together)
+        service = self.create_service(
+            GetPlan, '~/get_plan', self._on_get_plan, callback_group=together
+        )
+        introspect(self, service, self._settings['introspection_mode'])
         self.create_subscription(
             PoseWithCovarianceStamped,
             'initialpose',
