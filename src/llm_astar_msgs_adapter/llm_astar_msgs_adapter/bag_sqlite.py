@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Collection, Iterator
 from pathlib import Path
+from typing import Any
 
 from llm_astar_msgs_adapter.bag_file import BagError, Channel, Record
 
@@ -53,7 +54,7 @@ class SqliteFile:
         for number, time, data in self._rows(query):
             yield Record(wanted[number], time, data)
 
-    def _rows(self, query: str) -> Iterator[tuple[int, ...]]:
+    def _rows(self, query: str) -> Iterator[tuple[Any, ...]]:
         """Yield what a query finds, up to where the file is damaged."""
         count = 0
         try:

@@ -8,11 +8,14 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from llm_astar_msgs_adapter.grid_map import GridMapError, Pose2D
 from llm_astar_msgs_adapter.headings import headings
+from llm_astar_msgs_adapter.message_values import path_from_message
 from llm_astar_msgs_adapter.occupancy_grid import quaternion_of
+
+__all__ = ['path_from_message', 'path_to_message', 'pose_from_message', 'pose_to_message']
 
 
 def path_to_message(

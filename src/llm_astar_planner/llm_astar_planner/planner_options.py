@@ -108,16 +108,17 @@ def _sections(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 
 def _checked(option: Option, value: Any, where: str) -> Any:  # noqa: ANN401 - of its type
     """Return a value as its parameter has it. Raises OptionError where it can have no such."""
-    kind = type(option.default)
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+    kind: Any = type(option.default)
+    if kind is float and type(value) is int:
         value = float(value)
     if type(value) is not kind:
         raise OptionError(f'{where}: {kind.__name__} is expected, not {value!r}')
-    if kind in (int, float) and not option.minimum <= value <= option.maximum:
+    bounded = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if bounded and not option.minimum <= value <= option.maximum:
         raise OptionError(f'{where}: {value} is not in {option.minimum:g} to {option.maximum:g}')
     choices = {'method': METHODS, 'heuristic': HEURISTICS}.get(option.name)
     if choices is not None and value not in choices:
         raise OptionError(f'{where}: {value!r} is none of {", ".join(choices)}')
-    if option.name == 'max_suboptimality' and 0.0 < value < 1.0:
+    if option.name == 'max_suboptimality' and 0 < float(value) < 1:
         raise OptionError(f'{where}: {value} is neither 0 (first path) nor 1 or more')
     return value
