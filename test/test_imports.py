@@ -22,8 +22,12 @@ ROS = {
 PLAIN = {
     f'llm_astar_msgs_adapter.{name}'
     for name in (
+        'bag_file',
         'bag_idl',
+        'bag_mcap',
         'bag_messages',
+        'bag_reading',
+        'bag_sqlite',
         'bag_storage',
         'bag_topics',
         'bag_types',
@@ -34,8 +38,11 @@ PLAIN = {
         'grid_problem',
         'headings',
         'map_server',
+        'map_update',
+        'message_values',
         'movingai',
         'report_values',
+        'transforms',
     )
 }
 

@@ -8,11 +8,14 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from llm_astar_msgs_adapter.grid_map import GridMapError, Pose2D
 from llm_astar_msgs_adapter.headings import headings
+from llm_astar_msgs_adapter.message_values import path_from_message
 from llm_astar_msgs_adapter.occupancy_grid import quaternion_of
+
+__all__ = ['path_from_message', 'path_to_message', 'pose_from_message', 'pose_to_message']
 
 
 def path_to_message(
@@ -32,12 +35,6 @@ def path_to_message(
         for (x, y), yaw in zip(points.tolist(), headings(points, goal_yaw))
     ]
     return message
-
-
-def path_from_message(message: Path) -> NDArray[np.float64]:
-    """Read the points [n, 2] of a path in metres, whatever frame it is in."""
-    points = [(pose.pose.position.x, pose.pose.position.y) for pose in message.poses]
-    return np.array(points, dtype=np.float64).reshape(-1, 2)
 
 
 def pose_to_message(pose: Pose2D, frame_id: str, stamp: Time) -> PoseStamped:

@@ -19,11 +19,11 @@ from llm_astar_planner.benchmark.engine import (
     BASELINE,
     Asker,
     Settings,
-    parse_points,
     plan_again,
     plan_tasks,
     run_task,
 )
+from llm_astar_planner.benchmark.points import parse_points
 from llm_astar_planner.benchmark.results import Case, Row
 from llm_astar_planner.benchmark.samples import BenchmarkSample
 from llm_astar_planner.share import find_file

@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.search.result import Cell
 
 
+class Mask(Protocol):
+    """Where a path may not go: bool [height, width], or what reads like it."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Height and width."""
+
+    def __getitem__(
+        self, places: tuple[NDArray[np.int32], NDArray[np.int32]]
+    ) -> NDArray[np.bool_]:
+        """Tell which of the cells at `rows, columns` are barred."""
+
+
 def path_problem(  # noqa: PLR0911 - one return a rule
     path: NDArray[np.int32],
-    blocked: NDArray[np.bool_],
+    blocked: Mask,
     start: Cell,
     goal: Cell,
     *,
@@ -44,9 +61,26 @@ def path_problem(  # noqa: PLR0911 - one return a rule
     return None
 
 
-def legs_problem(
-    points: NDArray[np.int32], blocked: NDArray[np.bool_], *, corner_cutting: bool
-) -> str | None:
+def via_problem(path: NDArray[np.int32], via: Sequence[Cell]) -> str | None:
+    """Say which of the cells `via` a path [n, 2] does not pass in their order, or None."""
+    place = 0
+    for number, cell in enumerate(via, start=1):
+        there = (path[place:] == cell).all(axis=1)
+        if not there.any():
+            return f'it does not pass via {number} {cell} in its turn'
+        place += int(there.argmax())
+    return None
+
+
+def shift_problem(name: str, asked: Cell, taken: Cell, most: float) -> str | None:
+    """Say that an end was moved by more than `most` cells, or None."""
+    distance = math.dist(asked, taken)
+    if distance <= most * (1.0 + 1e-6):
+        return None
+    return f'its {name} {taken} is {distance:.2f} cells off {asked}, over the {most:.2f} allowed'
+
+
+def legs_problem(points: NDArray[np.int32], blocked: Mask, *, corner_cutting: bool) -> str | None:
     """Say what is wrong with straight legs between cells [n, 2] at any angle, or None.
 
     Every cell that a leg passes through must be free, and so must both cells beside a corner

@@ -17,7 +17,7 @@ from llm_astar_planner.validator import path_problem
 from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointReply
 from llm_astar_planner.waypoint_source.fixed import FixedReply
 
-from llm_astar_planner import planner as planner_module
+from llm_astar_planner import leg as leg_module
 
 MAP = BarrierMap(0, (0, 21), (0, 15), (Barrier(7, 4, 14),), (Barrier(16, 3, 11),))
 PLANNER = Planner.for_barrier_map(MAP)
@@ -205,7 +205,7 @@ def test_the_validator_withholds_the_path_of_a_broken_search(monkeypatch, broken
     def broken_search(blocked, start, goal, targets, options):
         return SearchResult(SearchStatus.FOUND, 1, 1, np.zeros_like(blocked), path, 8.0)
 
-    monkeypatch.setitem(planner_module.PAPER_METHODS, 'astar', broken_search)
+    monkeypatch.setitem(leg_module.PAPER_METHODS, 'astar', broken_search)
     plan = PLANNER.plan(PlanRequest(START, GOAL, 'astar'))
     assert plan.code is ResultCode.UNKNOWN
     assert 'withheld' in plan.message

@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -366,10 +367,19 @@ _STATUS = {
 
 def _prices(cost: ArrayLike, shape: tuple[int, ...], cost_multiplier: float) -> NDArray[np.uint16]:
     """Turn costs 0 to 100 into surcharges a cell, in 1/256 of a move's length."""
-    values = np.asarray(cost, dtype=np.float64)
+    values = np.asarray(cost)
     if values.shape != shape:
         raise ValueError(f'cost: shape {values.shape} is not that of the grid, {shape}')
     if not 0.0 <= cost_multiplier <= 255.0:
         raise ValueError(f'cost_multiplier: {cost_multiplier} is not in 0 to 255')
-    shares = np.clip(np.nan_to_num(values), 0.0, 100.0) / 100.0
-    return np.rint(shares * cost_multiplier * _PRICE_ONE).astype(np.uint16).reshape(-1)
+    if values.dtype != np.int8:
+        return _surcharges(values, cost_multiplier).reshape(-1)
+    # Occupancy has few values: looking them up spares large maps several arrays of floats.
+    every_value = np.arange(256, dtype=np.uint8).view(np.int8)
+    table = _surcharges(every_value, cost_multiplier)
+    return table[values.view(np.uint8)].reshape(-1)
+
+
+def _surcharges(cost: NDArray[Any], cost_multiplier: float) -> NDArray[np.uint16]:
+    shares = np.clip(np.nan_to_num(cost.astype(np.float64)), 0.0, 100.0) / 100.0
+    return np.rint(shares * cost_multiplier * _PRICE_ONE).astype(np.uint16)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
 
+from llm_astar_planner.prompts.lattice import Lattice
 from llm_astar_planner.waypoint_source.answer import read_answer
 from llm_astar_planner.waypoint_source.base import (
     SampleKey,
@@ -15,7 +16,7 @@ from llm_astar_planner.waypoint_source.base import (
     WaypointQuery,
     WaypointReply,
 )
-from llm_astar_planner.waypoint_source.sample_key import SampleResolver
+from llm_astar_planner.waypoint_source.sample_key import SampleResolver, live_key
 from llm_astar_planner.waypoint_source.transcript import Exchange, read_transcript
 
 
@@ -65,6 +66,10 @@ class ReplaySource:
         sample, lattice = self._resolver.resolve(query)
         key = _Key(sample, self.model, self.prompt)
         exchange = self._exchanges.get(key)
+        if exchange is None:
+            # A dataset's sample may have been asked about live, by its cells.
+            exchange = self._exchanges.get(key._replace(sample=live_key(query)))
+            lattice = Lattice()
         if exchange is None:
             return self._missing(key)
         answer = read_answer(exchange.response)
