@@ -1,6 +1,7 @@
 """The live graph into a bag: real processes, and readers that are not ours."""
 
 import contextlib
+import csv
 import json
 import signal
 import subprocess
@@ -10,11 +11,13 @@ import time
 
 import pytest
 import rclpy
-from graph_tools import GOAL, PATIENCE, START, calling, process, wait_for
+from graph_tools import DEMO, PATIENCE, calling, process, wait_for
 from llm_astar_msgs_adapter.bag_types import bag_types
+from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.grid_map import Pose2D
 from llm_astar_msgs_adapter.path import path_from_message
 from llm_astar_planner.cli import main
+from llm_astar_planner.share import find_file
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -26,7 +29,10 @@ from std_msgs.msg import String
 ALONE = '/recorded'
 EVENT = f'{ALONE}/planner_node/get_plan/_service_event'
 LATCHED_ALL = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-PAIRS = [(START, GOAL), (Pose2D(6.0, 22.0), Pose2D(41.0, 5.0)), (GOAL, START)]
+PAIRS = [
+    tuple(Pose2D(float(x), float(y)) for x, y in (sample.start, sample.goal))
+    for sample in load_barrier_maps(find_file('demo.json', 'maps'))[0].samples[:3]
+]
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -141,6 +147,25 @@ def test_a_recording_keeps_what_publishers_offered(drive):
     assert offered[f'{ALONE}/plan'] is QosDurability.VOLATILE
     assert recorder.told('never there: /recorded/map_updates')
     assert recorder.told('3 /recorded/plan')
+
+
+def test_a_recorded_drive_evaluated_with_replay_gives_the_paths_it_had(drive, tmp_path):
+    """The same rules, the recorded exchanges: the same waypoints, cell for cell the same paths."""
+    folder, answers, _ = drive
+    out = tmp_path / 'out'
+    topics = ['--map-topic', f'{ALONE}/map', '--plan-topic', f'{ALONE}/plan']
+    options = ['--methods', 'llm_astar', '--source', 'replay', '--params-file', DEMO]
+    assert main(['evaluate', str(folder), *topics, *options, '--out', str(out)]) == 0
+    with (out / 'results.csv').open() as file:
+        rows = [row for row in csv.DictReader(file) if row['source'] == 'replay']
+    assert len(rows) == len(PAIRS)
+    for row, (_, report) in zip(rows, answers, strict=True):
+        assert row['code'] == report.code_name == 'NONE'
+        assert row['recorded_problem'] == ''
+        assert row['path'] == row['recorded_path']
+        assert row['waypoints'] == row['recorded_waypoints'] != ''
+        assert float(row['operation']) == report.operation
+        assert float(row['length']) == pytest.approx(report.length)
 
 
 def test_messages_are_written_as_they_come_and_split_by_size(tmp_path):
