@@ -122,7 +122,7 @@ def run(args: argparse.Namespace) -> int:
             progress(len(tasks)) as step,
         ):
             metadata['parameters']['jobs'] = args.dask or at_once // 2
-            carry_out(folder, tasks, executor, at_once, metadata=metadata, step=step)
+            carry_out(folder, tasks, executor, at_once, metadata=metadata, step=lambda *_: step())
     except KeyboardInterrupt:
         left = 'the rows so far are kept; go on with --resume'
         code = complain(args, f'interrupted: {left}', INTERRUPTED)

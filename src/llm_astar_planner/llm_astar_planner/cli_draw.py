@@ -85,7 +85,7 @@ def _rows(
     case = Case('llm_astar', asker.name, asker.prompt, asker.model)
     cases = [(BASELINE, 0), (case, 1)]
     (task,) = plan_tasks([(sample, 1)], cases, [Asker(), asker], Settings())
-    plain, guided = run_task(task)
+    plain, guided = (outcome.row for outcome in run_task(task))
     if not (plain.found and guided.found):
         message = f'map {plain.map}, pair {plain.pair}: {plain.code}, there is nothing to draw'
         raise ValueError(message)

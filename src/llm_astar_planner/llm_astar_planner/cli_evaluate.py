@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from llm_astar_planner.benchmark.askers import GRID_ABLATIONS, make_askers
 from llm_astar_planner.benchmark.bag_contents import REQUESTS, Wanted, describe, describe_text
 from llm_astar_planner.benchmark.bag_exchanges import write_exchanges
 from llm_astar_planner.benchmark.bag_tasks import BagRun, BagSweep
-from llm_astar_planner.benchmark.engine import Asker, Settings
+from llm_astar_planner.benchmark.engine import Asker, Outcome, Settings, Task
 from llm_astar_planner.benchmark.progress import progress
 from llm_astar_planner.benchmark.request_list import ListedRequest, load_requests
 from llm_astar_planner.benchmark.results import (
@@ -26,6 +27,7 @@ from llm_astar_planner.benchmark.results import (
     ResultsFolder,
     describe_run,
 )
+from llm_astar_planner.benchmark.results_bag import ResultsBag
 from llm_astar_planner.benchmark.run import carry_out, open_folder
 from llm_astar_planner.benchmark.samples import save_kept_maps
 from llm_astar_planner.cli_run import (
@@ -42,6 +44,7 @@ from llm_astar_planner.cli_run import (
     live_settings,
     make_executor,
 )
+from llm_astar_planner.plan_reports import plan_report
 from llm_astar_planner.planner_options import (
     RULES,
     SEARCH,
@@ -122,6 +125,9 @@ def _add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
         metavar='SECONDS',
         help='how long after a request its recorded plan may come (10)',
     )
+    group.add_argument(
+        '--results-bag', metavar='DIR', help='also write the plans and reports into this new bag'
+    )
 
 
 def _add_rules(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -161,17 +167,43 @@ def run(args: argparse.Namespace) -> int:
     code = OK
     try:
         running = make_executor(args, sweep.askers)
-        with running as (executor, at_once), progress(None, 'request') as step:
+        with running as (executor, at_once), _watching(args) as step:
             metadata['parameters']['jobs'] = args.dask or at_once // 2
             # Big maps wait in the queue, so it is no longer than it must be.
+            few = max(1, at_once // 2)
             tasks = bags.tasks(done)
-            carry_out(folder, tasks, executor, max(1, at_once // 2), metadata=metadata, step=step)
+            carry_out(folder, tasks, executor, few, metadata=metadata, step=step)
     except KeyboardInterrupt:
         left = 'the rows so far are kept; go on with --resume'
         code = complain(args, f'interrupted: {left}', INTERRUPTED)
     except ResultsError as error:
         return complain(args, str(error), INCOMPLETE)
     return _close(args, folder, metadata, bags, code)
+
+
+@contextmanager
+def _watching(args: argparse.Namespace) -> Iterator[Callable[[Task, list[Outcome]], None]]:
+    """Yield what shows the progress and writes the plans into a bag, if one is wanted."""
+    with progress(None, 'request') as step, ExitStack() as stack:
+        bag = stack.enter_context(ResultsBag(args.results_bag)) if args.results_bag else None
+
+        def keep(task: Task, outcomes: list[Outcome]) -> None:
+            if bag is not None:
+                _show(bag, task, outcomes)
+            step()
+
+        yield keep
+
+
+def _show(bag: ResultsBag, task: Task, outcomes: list[Outcome]) -> None:
+    """Write what the methods made of a request into a bag."""
+    grid_map = task.sample.barrier_map.to_grid()
+    for row, plan in outcomes:
+        if plan is not None and task.occasion is not None:
+            source = '/'.join(part for part in row.case[1:] if part)
+            points = grid_map.grid_to_world(plan.path)
+            report = replace(plan_report(plan, grid_map), seconds_source=row.seconds_source)
+            bag.add(row.method, source, grid_map, task.occasion.time, points=points, report=report)
 
 
 def _close(

@@ -199,7 +199,7 @@ def _occasion(bag: Bag, request: BagRequest) -> Occasion:
     return Occasion(
         bag.name,
         request.index,
-        request.time / 1e9,
+        request.time,
         grid_map.digest,
         None if points is None else points.round(6),
         recorded.code,

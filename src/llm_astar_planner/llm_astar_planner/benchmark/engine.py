@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.barrier_map import Sample
@@ -38,6 +39,7 @@ BASELINE = Case('astar')
 LLM_ONLY = 'llm_only'
 ALL_METHODS = (*METHODS, LLM_ONLY)
 _planners = PlannerCache()
+NOTHING_EXPANDED = np.zeros((0, 0), dtype=np.bool_)
 # What a source said, or did not, when the blame is not the waypoints'.
 ANSWERED = {status.value for status in (
     SourceStatus.OK, SourceStatus.NONE, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED,
@@ -87,6 +89,13 @@ class Task:
     is_sample: bool = True
 
 
+class Outcome(NamedTuple):
+    """What came of one case of a task: its row, and the plan, if a planner made one."""
+
+    row: Row
+    plan: Plan | None = None
+
+
 def plan_cases(methods: Sequence[str], askers: Sequence[Asker]) -> list[tuple[Case, int]]:
     """Pair methods with askers: waypoint methods with each, the others with none. A* is first.
 
@@ -122,17 +131,20 @@ def plan_tasks(
 
 
 def run_tasks(
-    tasks: Iterable[Task], executor: Executor, at_once: int, keep: Callable[[list[Row]], None]
+    tasks: Iterable[Task],
+    executor: Executor,
+    at_once: int,
+    keep: Callable[[Task, list[Outcome]], None],
 ) -> None:
-    """Run tasks with at most `at_once` in flight; `keep` gets each task's rows as it ends.
+    """Run tasks with at most `at_once` in flight; `keep` gets each with what came of it.
 
     An exception, KeyboardInterrupt among them, cancels what has not begun and passes on.
     """
-    for rows in _completed(tasks, executor, at_once):
-        keep(rows)
+    for task, outcomes in _completed(tasks, executor, at_once):
+        keep(task, outcomes)
 
 
-def run_task(task: Task) -> list[Row]:
+def run_task(task: Task) -> list[Outcome]:
     """Ask each source of the task once and plan every case."""
     _warm_up()
     scaled = replace(task.sample.barrier_map, samples=(task.sample.sample,)).scale(task.scale)
@@ -142,7 +154,7 @@ def run_task(task: Task) -> list[Row]:
     key = SampleKey(*task.sample.key, task.scale)
     replies: dict[int, tuple[WaypointReply, float]] = {}
     known = {} if task.occasion is None else task.occasion.columns(planner)
-    rows = []
+    outcomes = []
     for case, index in task.cases:
         source = task.askers[index].source
         if source is not None and index not in replies:
@@ -150,9 +162,10 @@ def run_task(task: Task) -> list[Row]:
             query = WaypointQuery(planner.grid_map, *ends, task.settings.time_limit, asked)
             replies[index] = ask(source, query)
         reply, seconds = replies.get(index, (NOT_ASKED, 0.0))
-        row = _row(planner, key, ends, case, reply=reply, settings=task.settings)
-        rows.append(replace(row, seconds_source=seconds, **known))
-    return rows
+        outcome = _run_case(planner, key, ends, case, reply=reply, settings=task.settings)
+        row = replace(outcome.row, seconds_source=seconds, **known)
+        outcomes.append(outcome._replace(row=row))
+    return outcomes
 
 
 def plan_again(barrier_map: ProblemMap, sample: Sample, row: Row, settings: Settings) -> Plan:
@@ -174,18 +187,20 @@ def plan_again(barrier_map: ProblemMap, sample: Sample, row: Row, settings: Sett
     return planner.plan(request)
 
 
-def _completed(tasks: Iterable[Task], executor: Executor, at_once: int) -> Iterator[list[Row]]:
-    waiting: set[Future[list[Row]]] = set()
+def _completed(
+    tasks: Iterable[Task], executor: Executor, at_once: int
+) -> Iterator[tuple[Task, list[Outcome]]]:
+    waiting: dict[Future[list[Outcome]], Task] = {}
     left = iter(tasks)
     try:
         while True:
             while len(waiting) < at_once and (task := next(left, None)) is not None:
-                waiting.add(executor.submit(run_task, task))
+                waiting[executor.submit(run_task, task)] = task
             if not waiting:
                 return
-            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            done, _ = wait(waiting, return_when=FIRST_COMPLETED)
             for future in done:
-                yield future.result()
+                yield waiting.pop(future), future.result()
     finally:
         for future in waiting:
             future.cancel()
@@ -210,7 +225,7 @@ class _Answered:
         return self.reply
 
 
-def _row(
+def _run_case(
     planner: Planner,
     key: SampleKey,
     ends: tuple[Cell, Cell],
@@ -218,9 +233,9 @@ def _row(
     *,
     reply: WaypointReply,
     settings: Settings,
-) -> Row:
+) -> Outcome:
     if case.method == LLM_ONLY:
-        return _llm_only(planner, key, ends, case, reply)
+        return Outcome(_llm_only(planner, key, ends, case, reply))
     source = None if reply is NOT_ASKED else _Answered(case.source, reply)
     request = PlanRequest(
         *ends,
@@ -237,7 +252,7 @@ def _row(
     )
     plan = planner.plan(request)
     found = plan.code is ResultCode.NONE
-    return replace(
+    row = replace(
         _empty_row(key, case, reply, plan.code),
         operation=float(plan.operation),
         storage=float(plan.storage),
@@ -252,6 +267,7 @@ def _row(
         turns=plan.turns,
         unknown_length=plan.unknown_length if found else float('nan'),
     )
+    return Outcome(row, replace(plan, expanded=NOTHING_EXPANDED))
 
 
 def _llm_only(

@@ -14,7 +14,7 @@ from llm_astar_planner.planner import Planner
 
 @dataclass(frozen=True, eq=False)
 class Occasion:
-    """One request of a bag: `stamp` is when it was made, in seconds since 1970.
+    """One request of a bag: `time` is when it was made (ns since 1970).
 
     `points` [n, 2] is the recorded path in grid coordinates: empty where the stack found none,
     None where nothing was recorded. `code` and `waypoints` (grid coordinates) are from a report.
@@ -22,7 +22,7 @@ class Occasion:
 
     bag: str
     request: int
-    stamp: float
+    time: int
     map_digest: str
     points: NDArray[np.float64] | None = None
     code: str = ''
@@ -33,7 +33,7 @@ class Occasion:
         columns: dict[str, Any] = {
             'bag': self.bag,
             'request': self.request,
-            'stamp': self.stamp,
+            'stamp': self.time / 1e9,
             'map_digest': self.map_digest,
             'recorded_code': self.code,
             'recorded_waypoints': format_points(self.waypoints),

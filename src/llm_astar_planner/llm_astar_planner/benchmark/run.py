@@ -13,6 +13,7 @@ from typing import Any
 from llm_astar_planner.benchmark.engine import (
     ANSWERED,
     Asker,
+    Outcome,
     Settings,
     Task,
     plan_cases,
@@ -105,13 +106,13 @@ def carry_out(
     at_once: int,
     *,
     metadata: dict[str, Any],
-    step: Callable[[], object],
+    step: Callable[[Task, list[Outcome]], object],
 ) -> None:
     """Run tasks into a folder, `step` after each; the time goes into the metadata in any case."""
 
-    def keep(rows: list[Row]) -> None:
-        folder.append(rows)
-        step()
+    def keep(task: Task, outcomes: list[Outcome]) -> None:
+        folder.append(outcome.row for outcome in outcomes)
+        step(task, outcomes)
 
     begun = time.monotonic()
     try:
