@@ -36,6 +36,8 @@ REQUIRED = {
     'shapely': ('the benchmark', 'pip install shapely'),
     'jinja2': ('the benchmark', 'pip install jinja2'),
     'tqdm': ('the benchmark', 'pip install tqdm'),
+    'rosbags': ('bags', 'pip install rosbags'),
+    'mcap': ('bags', 'pip install mcap'),
 }
 ROS = {
     'rclpy.node': ('the nodes', 'apt install ros-jazzy-rclpy, or make install for the wheels'),
