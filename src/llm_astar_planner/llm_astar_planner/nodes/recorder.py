@@ -41,6 +41,7 @@ TOPICS = (
     'planner_node/get_plan/_service_event',
     'planner_node/raw_plan',
     'planner_node/report',
+    'planner_node/instruction',
     'llm_client_node/exchange',
     'odom',
     'tf',
