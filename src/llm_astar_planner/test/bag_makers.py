@@ -147,9 +147,9 @@ def report_at(seconds, code, waypoints, stamp):
     return '/planner_node/report', seconds, message
 
 
-def exchange_at(seconds, **values):
-    message = status('llm_client_node', 0, '', values, at(seconds))
-    return '/llm_client_node/exchange', seconds, message
+def exchange_at(when, **values):
+    message = status('llm_client_node', 0, '', values, at(when))
+    return '/llm_client_node/exchange', when, message
 
 
 def list_at(seconds, value):

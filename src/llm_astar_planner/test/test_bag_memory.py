@@ -1,4 +1,4 @@
-"""A bag of 2 GB is evaluated within 1 GB of memory. Slow: `pytest -m slow`, needs 2.2 GB of disk."""
+"""A bag of 2 GB is evaluated within 1 GB of memory. Slow, and needs 2.2 GB of disk."""
 
 import csv
 import os
