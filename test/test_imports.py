@@ -17,6 +17,10 @@ ROS = {
     'visualization_msgs',
     'builtin_interfaces',
     'rcl_interfaces',
+    'lifecycle_msgs',
+    'map_msgs',
+    'nav2_msgs',
+    'tf2_ros',
 }
 # Adapter modules that hold values and know no message.
 PLAIN = {
@@ -42,6 +46,7 @@ PLAIN = {
         'message_values',
         'movingai',
         'report_values',
+        'transform',
         'transforms',
     )
 }

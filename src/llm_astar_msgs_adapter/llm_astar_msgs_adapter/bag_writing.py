@@ -99,6 +99,11 @@ class BagWriter:
         with contextlib.suppress(Exception):
             self._close_part()
 
+    @property
+    def total(self) -> int:
+        """The number of messages written, of all topics."""
+        return sum(self.counts.values())
+
     def add_topic(self, topic: Topic) -> None:
         """Make a topic known, once, before its first message."""
         self._topics[topic.name] = topic

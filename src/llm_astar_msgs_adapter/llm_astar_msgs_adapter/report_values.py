@@ -51,10 +51,10 @@ class PlanReport:
 
     @property
     def level(self) -> bytes:
-        """OK for a plan as asked, WARN for one whose source failed, ERROR for no plan."""
+        """OK for a plan as asked, WARN for one with warnings or no source, ERROR for no plan."""
         if self.code != 0:
             return ERROR
-        fine = self.source_status in ('OK', 'NONE')
+        fine = self.source_status in ('OK', 'NONE') and not self.warnings
         return OK if fine else WARN
 
     @property

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from collections.abc import Collection
 from typing import Any
 
 from llm_astar_msgs_adapter.barrier_map import BarrierMap, Point, find_barrier_map
 
 from llm_astar_planner.benchmark.samples import ProblemMap, load_maps
+from llm_astar_planner.cli_plan_output import plan_to_json, plan_to_text
 from llm_astar_planner.cli_source import add_source_arguments, source_settings
 from llm_astar_planner.planner import GridRules, Plan, Planner, PlanRequest
 from llm_astar_planner.prompts.query import parse_query
@@ -24,7 +24,8 @@ EPILOG = """\
 examples:
   llm-astar plan
   llm-astar plan --map demo.json --map-id 0 --pair 1 --method astar --png out/astar.png
-  llm-astar plan --map depot.yaml --start 150 150 --goal 450 200
+  llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --robot-radius 0.2
+  llm-astar plan --start 5 5 --goal 20 20 --via 30 8 --tolerance 1.5
   llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
   llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
   llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids
@@ -67,6 +68,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         metavar='TEXT',
         help="a sentence instead: of the dataset's own form, or any with --source endpoint",
     )
+    _add_robot_arguments(parser)
     how = parser.add_argument_group('how')
     how.add_argument(
         '--method', default='guided', help=f'one of {", ".join(METHODS)} (default: guided)'
@@ -96,14 +98,49 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     output.add_argument('--json', action='store_true', help='print one JSON object')
 
 
+def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
+    robot = parser.add_argument_group('robot', 'in metres; a barrier map has one a unit')
+    metres: dict[str, Any] = {'type': float, 'default': 0.0, 'metavar': 'METRES'}
+    robot.add_argument('--robot-radius', **metres, help='stay this far from obstacles')
+    robot.add_argument(
+        '--inflation-radius',
+        **metres,
+        help='count cells up to here as dear, nearer ones as dearer',
+    )
+    robot.add_argument(
+        '--tolerance', **metres, help='how far off the goal the path may end, where it must'
+    )
+    robot.add_argument(
+        '--start-tolerance',
+        **metres,
+        help='how far off a start that is not free the path may begin',
+    )
+    robot.add_argument(
+        '--via',
+        type=int,
+        nargs=2,
+        action='append',
+        default=[],
+        metavar=('X', 'Y'),
+        help='a cell to pass on the way; repeat it for more, in order',
+    )
+
+
 def run(arguments: argparse.Namespace) -> int:
-    """Plan, print, draw; return 0 for a plan and 1 for none. Raises ValueError on bad input."""
+    """Plan, print, draw; return 0 for a plan and 1 for none. Raises ValueError on bad input.
+
+    The code of what went wrong, Nav2's as the nodes have it, is in what is printed.
+    """
     _check(arguments)
     maps, (problem, start, goal) = _problem(arguments)
     compile_kernels()
     barriers = problem if isinstance(problem, BarrierMap) else None
-    corner_cutting = barriers is not None and not arguments.no_corner_cutting
-    planner = Planner(problem.to_grid(), GridRules(corner_cutting=corner_cutting), barriers)
+    rules = GridRules(
+        corner_cutting=barriers is not None and not arguments.no_corner_cutting,
+        robot_radius=arguments.robot_radius,
+        inflation_radius=arguments.inflation_radius,
+    )
+    planner = Planner(problem.to_grid(), rules, barriers)
     planner.prepare()
     offset = _corner(problem)
     request = PlanRequest(
@@ -117,6 +154,9 @@ def run(arguments: argparse.Namespace) -> int:
         max_suboptimality=arguments.max_suboptimality or None,
         any_angle=arguments.any_angle,
         sample=_sample(problem, start, goal),
+        tolerance=arguments.tolerance,
+        start_tolerance=arguments.start_tolerance,
+        via=tuple(problem.to_cell((x, y)) for x, y in arguments.via),
     )
     plan = planner.plan(request)
     if arguments.json:
@@ -124,63 +164,8 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         print(plan_to_text(plan, offset))
     if arguments.png:
-        _draw(arguments, plan, planner, request, offset)
+        _draw(arguments, plan, planner, offset)
     return 0 if plan.code == 0 else 1
-
-
-def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
-    """Return a plan as a JSON object, in map coordinates: cells counted from `offset`."""
-    x_min, y_min = offset
-    return {
-        'code': int(plan.code),
-        'code_name': plan.code.name,
-        'message': plan.message,
-        'method': plan.method,
-        'guided_by': plan.guided_by,
-        'source': plan.source,
-        'source_status': plan.source_status.value,
-        'source_detail': plan.reply.detail,
-        'path': (plan.path + offset).tolist(),
-        'waypoints': [
-            {'x': point.x + x_min, 'y': point.y + y_min, 'verdict': point.verdict.value}
-            for point in plan.waypoints
-        ],
-        'operation': plan.operation,
-        'storage': plan.storage,
-        'first_operation': plan.first_operation,
-        'length': _finite(plan.length),
-        'cost': _finite(plan.cost),
-        'ratio': _finite(plan.ratio),
-        'any_angle_path': None
-        if plan.any_angle is None
-        else (plan.any_angle.points + offset).tolist(),
-        'seconds_source': plan.seconds_source,
-        'seconds_search': plan.seconds_search,
-    }
-
-
-def plan_to_text(plan: Plan, offset: Point) -> str:
-    """Return a plan as a few lines for a person."""
-    lines = [f'{plan.code.name} ({int(plan.code)}): {plan.message}']
-    asked = f'{plan.source}, {plan.source_status.value}'
-    lines.append(f'guided by  {plan.guided_by} (source {asked})')
-    for number, point in enumerate(plan.waypoints, start=1):
-        place = f'[{point.x + offset[0]:g}, {point.y + offset[1]:g}]'
-        lines.append(f'waypoint {number} {place} {point.verdict.value.replace("_", " ")}')
-    if plan.code == 0:
-        lines.append(f'operation  {plan.operation}')
-        lines.append(f'storage    {plan.storage}')
-        lines.append(f'length     {plan.length:.3f} cells over {len(plan.path)} points')
-        if plan.any_angle is not None:
-            legs = len(plan.any_angle.points) - 1
-            lines.append(f'any angle  {plan.any_angle.length:.3f} cells in {legs} straight legs')
-    milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)
-    lines.append('time       {:.2f} ms in source, {:.2f} ms in search'.format(*milliseconds))
-    return '\n'.join(lines)
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -264,13 +249,12 @@ def _draw(
     arguments: argparse.Namespace,
     plan: Plan,
     planner: Planner,
-    request: PlanRequest,
     offset: Point,
 ) -> None:
     # matplotlib takes most of a second to import; who draws nothing need not wait for it.
     from llm_astar_planner.plot import picture_of, save_picture  # noqa: PLC0415
 
-    picture = picture_of(plan, planner.grid_map, request.start, request.goal, offset)
+    picture = picture_of(plan, planner.grid_map, plan.start, plan.goal, offset)
     save_picture(picture, arguments.png)
     if not arguments.json:
         print(f'picture    {arguments.png}')

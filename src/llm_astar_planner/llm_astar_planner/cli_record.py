@@ -51,8 +51,8 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
 
 def run(arguments: argparse.Namespace) -> int:
     """Record; return 0, or 1 where nothing came. Raises ValueError, OSError."""
-    if not arguments.duration > 0 or arguments.max_size < 0:
-        raise ValueError('--duration, --max-size: are more than 0')
+    if not arguments.duration > 0 or not arguments.max_size >= 0:
+        raise ValueError('--duration S, --max-size MB: a number above 0 is expected')
     try:
         from llm_astar_planner.nodes.recorder import TOPICS, Options, record  # noqa: PLC0415
     except ImportError as error:

@@ -97,7 +97,7 @@ class Leg:
         """Ask the source for waypoints and judge them."""
         query = self._query()
         if query is not None and self.request.source is not None:
-            self.reply, self.seconds_source = ask(self.request.source, query)
+            self.reply, self.seconds_source = ask(self.request.source, query, self.stop)
             self.judged = self._judge(self.reply)
 
     def _judge(self, reply: WaypointReply) -> tuple[JudgedWaypoint, ...]:

@@ -25,8 +25,9 @@ from llm_astar_planner.nodes.caller import Caller, CallerError
 from llm_astar_planner.nodes.qos import LATCHED
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
 
-# What a run sets of the planner, and puts back: the paper lets paths cut corners.
-RULES = {'corner_cutting': True}
+# What a run sets of the planner, and puts back: the paper lets paths cut corners, and a plan
+# that is remembered, or made again on the next map, has no time of its own.
+RULES = {'corner_cutting': True, 'remember_plans': 0}
 TOUCHED = ('method', 'use_waypoints', *RULES)
 
 

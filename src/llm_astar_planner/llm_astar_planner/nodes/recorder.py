@@ -41,6 +41,7 @@ TOPICS = (
     'planner_node/get_plan/_service_event',
     'planner_node/raw_plan',
     'planner_node/report',
+    'planner_node/instruction',
     'llm_client_node/exchange',
     'odom',
     'tf',
@@ -52,6 +53,7 @@ TOPICS = (
 # How often new topics are looked for, and the user is told that nothing comes, in seconds.
 LOOK_EVERY = 0.25
 TELL_EVERY = 10.0
+QUIET_SECONDS = 0.05
 # Messages of a topic that wait while others are written.
 DEPTH = 100
 NANOSECONDS = 1_000_000_000
@@ -96,7 +98,8 @@ class Recorder(Node):
 
     def _on_message(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
         """Write a message at the time it arrived, not the later one at which its turn came."""
-        self._bag.write(topic, info['received_timestamp'], data)
+        # Not every middleware knows that time; those that do not say 0.
+        self._bag.write(topic, info['received_timestamp'] or time.time_ns(), data)
 
     def tell_progress(self, total: int, new: int) -> None:
         """Tell how much came, and where nothing did, where it was looked for."""
@@ -136,17 +139,18 @@ def record(options: Options, tell: Tell) -> dict[str, int]:
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
-    with BagWriter(options.folder, options.storage, options.max_bytes) as bag:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        try:
+    writer = BagWriter(options.folder, options.storage, options.max_bytes)
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        with writer as bag:
             recorder = Recorder(bag, options.topics, options.namespace, tell)
             _spin(recorder, bag, stopped, options.duration)
             if recorder.missing:
                 tell(f'never there: {", ".join(recorder.missing)}')
             recorder.destroy_node()
-        finally:
-            rclpy.try_shutdown()
-    return bag.counts
+    finally:
+        rclpy.try_shutdown()
+    return writer.counts
 
 
 def _spin(recorder: Recorder, bag: BagWriter, stopped: threading.Event, duration: float) -> None:
@@ -157,10 +161,22 @@ def _spin(recorder: Recorder, bag: BagWriter, stopped: threading.Event, duration
     while not stopped.is_set() and time.monotonic() < end:
         executor.spin_once(timeout_sec=LOOK_EVERY)
         if time.monotonic() >= next_tell:
-            count = sum(bag.counts.values())
-            recorder.tell_progress(count, count - told)
-            told, next_tell = count, time.monotonic() + TELL_EVERY
+            recorder.tell_progress(bag.total, bag.total - told)
+            told, next_tell = bag.total, time.monotonic() + TELL_EVERY
+    _drain(executor, bag)
     executor.shutdown()
+
+
+def _drain(executor: SingleThreadedExecutor, bag: BagWriter) -> None:
+    """Write what had arrived when the end came, but do not follow a graph that talks on."""
+    quiet = 0
+    for _ in range(DEPTH * len(bag.counts)):
+        count = bag.total
+        executor.spin_once(timeout_sec=QUIET_SECONDS)
+        # The timer takes turns, too.
+        quiet = quiet + 1 if bag.total == count else 0
+        if quiet == 4:
+            return
 
 
 def _message_class(msgtype: str) -> type:

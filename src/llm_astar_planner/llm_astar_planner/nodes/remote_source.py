@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import OrderedDict
+from collections.abc import Callable
 
 import rclpy
 from builtin_interfaces.msg import Time
@@ -13,7 +14,9 @@ from llm_astar_msgs_adapter.grid_map import GridMap
 from llm_astar_msgs_adapter.path import path_from_message, path_to_message
 from llm_astar_msgs_adapter.report import ExchangeReport, ReportError, report_from_message
 from nav_msgs.srv import GetPlan
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
+from rclpy.qos import qos_profile_parameter_events
 
 from llm_astar_planner.nodes.qos import REPORTS
 from llm_astar_planner.nodes.run import SpinThread
@@ -32,6 +35,8 @@ POLL = 0.05
 TRANSPORT_SECONDS = 0.1
 MAX_SECONDS = 3600.0
 KEPT_EXCHANGES = 64
+# Questions under way at a time: more than the node serves callers only if the client hangs.
+MAX_PENDING = 32
 
 
 class RemoteSource:
@@ -43,8 +48,12 @@ class RemoteSource:
 
     name = LABEL
 
-    def __init__(self, parent: Node, client: str) -> None:
-        """Join the graph beside `parent`, in its context and namespace, to ask node `client`."""
+    def __init__(self, parent: Node, client: str, on_change: Callable[[], None]) -> None:
+        """Join the graph beside `parent`, in its context and namespace, to ask node `client`.
+
+        `on_change` is called when the client starts, or its parameters change: from then on it
+        may answer otherwise.
+        """
         self._client_name = client
         self._node = rclpy.create_node(
             f'_{parent.get_name()}_waypoints',
@@ -60,7 +69,13 @@ class RemoteSource:
         self._client = self._node.create_client(GetPlan, service)
         self._exchanges: OrderedDict[tuple[int, int], ExchangeReport] = OrderedDict()
         self._arrived = threading.Condition()
+        self._free = threading.BoundedSemaphore(MAX_PENDING)
         self._node.create_subscription(DiagnosticArray, exchange, self._on_exchange, REPORTS)
+        self._full_name = parent.resolve_service_name(client)
+        self._on_change = on_change
+        self._node.create_subscription(
+            ParameterEvent, '/parameter_events', self._on_parameters, qos_profile_parameter_events
+        )
         self._thread = SpinThread(self._node)
         self._thread.start()
 
@@ -77,7 +92,13 @@ class RemoteSource:
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Ask the client; every failure is a status, within the query's time limit."""
         begin = time.monotonic()
-        response, status, detail = self._call(query, begin + query.time_limit)
+        if not self._free.acquire(blocking=False):
+            detail = f'{MAX_PENDING} questions to {self._client_name} are under way'
+            return self._failure(SourceStatus.REFUSED, detail, begin)
+        try:
+            response, status, detail = self._call(query, begin + query.time_limit)
+        finally:
+            self._free.release()
         if response is None:
             return self._failure(status, detail, begin)
         path = response.plan
@@ -127,6 +148,10 @@ class RemoteSource:
             if len(self._exchanges) > KEPT_EXCHANGES:
                 self._exchanges.popitem(last=False)
             self._arrived.notify_all()
+
+    def _on_parameters(self, event: ParameterEvent) -> None:
+        if event.node == self._full_name:
+            self._on_change()
 
     def _reply(
         self, waypoints: tuple[Waypoint, ...], exchange: ExchangeReport | None, begin: float
