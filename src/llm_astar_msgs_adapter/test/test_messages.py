@@ -52,6 +52,13 @@ REPORT = PlanReport(
     seconds_search=0.0005,
     waypoints=((26.0, 9.0, 'accepted'), (60.0, 1.5, 'out_of_bounds')),
     map_digest='abc',
+    start_shift=0.25,
+    goal_shift=0.1,
+    unknown_length=1.5,
+    clearance=0.35,
+    turns=4,
+    warnings=('the start cell (1, 2) is not free; the path begins at (3, 2), 0.25 m off',),
+    instruction='followed',
 )
 
 
@@ -172,12 +179,13 @@ def test_reports_come_back_as_they_went(report):
 @pytest.mark.parametrize(
     ('change', 'level'),
     [
-        ({}, DiagnosticStatus.OK),
-        ({'source_status': 'TIMEOUT'}, DiagnosticStatus.WARN),
+        ({'warnings': ()}, DiagnosticStatus.OK),
+        ({}, DiagnosticStatus.WARN),
+        ({'warnings': (), 'source_status': 'TIMEOUT'}, DiagnosticStatus.WARN),
         ({'code': 208}, DiagnosticStatus.ERROR),
     ],
 )
-def test_the_level_tells_success_from_a_failed_source_from_no_plan(change, level):
+def test_the_level_tells_a_plan_as_asked_from_one_with_warnings_from_none(change, level):
     message = report_to_message(replace(REPORT, **change), 'planner_node', STAMP)
     assert message.status[0].level == level
 

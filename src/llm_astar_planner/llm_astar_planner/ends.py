@@ -111,15 +111,14 @@ def _find_start(prepared: PreparedMap, request: PlanRequest) -> Cell | Refusal:
         return Refusal(ResultCode.START_OUTSIDE_MAP, _outside(prepared, 'start', start))
     if prepared.is_free(start):
         return start
-    escape = None
-    if request.start_tolerance > 0.0:
-        escape = _escape(prepared, request)
-    if escape is None:
-        message = _barred(prepared, 'start', start)
-        if request.start_tolerance > 0.0:
-            message += f', nor can a free cell be reached within {request.start_tolerance:g} m'
+    message = _barred(prepared, 'start', start)
+    if request.start_tolerance == 0.0:
         return Refusal(ResultCode.START_OCCUPIED, message)
-    return escape
+    escape = _escape(prepared, request)
+    if escape is not None:
+        return escape
+    message += f', nor can a free cell be reached within {request.start_tolerance:g} m'
+    return Refusal(ResultCode.START_OCCUPIED, message)
 
 
 def _find_goal(prepared: PreparedMap, request: PlanRequest, start: Cell) -> Cell | Refusal:

@@ -156,14 +156,14 @@ class Planner:
     def _search(self, draft: _Draft, on_improvement: Watcher | None) -> Plan | None:
         """Search leg by leg; return a failure, or None where every leg has a path.
 
-        The deadline is one for all: a leg may take its part of the time left by straight length.
+        The deadline is one for all: of the time left a leg may take its share, half of it in
+        equal parts and half by straight length.
         """
         places = draft.places
-        lengths = [_octile(start, goal) for (_, start), (_, goal) in pairwise(places)]
+        lengths = [math.dist(start, goal) for (_, start), (_, goal) in pairwise(places)]
+        parts = [1.0 + length + sum(lengths) / len(lengths) for length in lengths]
         for number, ((_, start), (_, goal)) in enumerate(pairwise(places)):
-            rest = sum(lengths[number:])
-            share = lengths[number] / rest if rest else 1.0
-            leg = self._leg(draft, start, goal, share)
+            leg = self._leg(draft, start, goal, parts[number] / sum(parts[number:]))
             draft.legs.append(leg)
             draft.results.append(leg.search(self._watcher(draft, on_improvement)))
             if _failed(draft.results[-1]):
@@ -219,7 +219,9 @@ class Planner:
         if draft.request.via:
             (start, _), (goal, _) = places
             message += f', from {start} to {goal}'
-        return self._failure(draft, code, message, replace(result, operation=operation))
+        storage = sum(one.storage for one in draft.results)
+        whole = replace(result, operation=operation, storage=storage)
+        return self._failure(draft, code, message, whole)
 
     def _plan(self, draft: _Draft, result: SearchResult) -> Plan:
         """Turn a search's outcome into a plan; only a valid path leaves."""
@@ -261,7 +263,7 @@ class Planner:
         result: SearchResult | None = None,
     ) -> Plan:
         """Build a plan without a path."""
-        source, ends = draft.request.source, draft.ends
+        cells, source, ends = self.grid_map.cells, draft.request.source, draft.ends
         leg = draft.legs[0] if draft.legs else None
         return Plan(
             code=code,
@@ -270,7 +272,7 @@ class Planner:
             start=ends.start,
             goal=ends.goal,
             path=np.empty((0, 2), dtype=np.int32),
-            expanded=np.zeros_like(self.blocked) if result is None else result.expanded,
+            expanded=np.zeros(cells.shape, dtype=bool) if result is None else result.expanded,
             waypoints=leg.judged if leg else (),
             guided_by=leg.reply.label if leg and leg.used else 'none',
             source='none' if source is None else source.name,
@@ -283,12 +285,6 @@ class Planner:
             goal_shift=ends.goal_shift,
             warnings=ends.warnings,
         )
-
-
-def _octile(cell: Cell, other: Cell) -> float:
-    """Return the length in cells of a way between two cells where nothing is in between."""
-    across, along = sorted(abs(a - b) for a, b in zip(cell, other))
-    return along + (math.sqrt(2.0) - 1.0) * across
 
 
 def _failed(result: SearchResult) -> bool:

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from llm_astar_planner.cli import main
 from llm_astar_planner.share import find_file
@@ -107,6 +108,59 @@ def test_no_plan_is_exit_code_1_and_still_json(capsys):
     assert plan['length'] is None
 
 
+ROOM = """\
+image: room.pgm
+resolution: 0.05
+origin: [-1.0, -2.0, 0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.25
+"""
+
+
+@pytest.fixture
+def room(tmp_path):
+    """A map_server map: 60 x 40 cells with a wall that leaves a door of 11 at the top."""
+    pixels = np.full((40, 60), 254, dtype=np.uint8)
+    pixels[11:, 30] = 0
+    Image.fromarray(pixels).save(tmp_path / 'room.pgm')
+    (tmp_path / 'room.yaml').write_text(ROOM)
+    return str(tmp_path / 'room.yaml')
+
+
+def test_a_robots_body_is_kept_off_the_walls_of_a_map_server_map(capsys, room):
+    where = ['plan', '--map', room, '--start', '5', '20', '--goal', '55', '20']
+    point = run_json(capsys, *where)[1]
+    body = run_json(capsys, *where, '--robot-radius', '0.2')[1]
+    wary = run_json(capsys, *where, '--robot-radius', '0.2', '--inflation-radius', '0.5')[1]
+    assert point['clearance'] < 0.2 < body['clearance']
+    assert body['length'] <= wary['length']
+    assert wary['cost'] > wary['length']
+    code, stuck = run_json(capsys, *where, '--robot-radius', '0.6')
+    assert (code, stuck['code_name']) == (1, 'NO_VALID_PATH')
+
+
+def test_tolerances_and_via_cells_are_told_of(capsys, room):
+    where = ['plan', '--map', room, '--start', '30', '35', '--goal', '66', '20']
+    code, refused = run_json(capsys, *where)
+    assert (code, refused['code_name']) == (1, 'GOAL_OUTSIDE_MAP')
+    where += ['--robot-radius', '0.2', '--tolerance', '0.5']
+    where += ['--via', '10', '9', '--via', '50', '33']
+    code, plan = run_json(capsys, *where)
+    assert code == 0
+    assert plan['goal'] == plan['path'][-1] == [59, 20]
+    assert plan['goal_shift'] == pytest.approx(0.35)
+    assert plan['path'].index([10, 9]) < plan['path'].index([50, 33])
+    assert len(plan['warnings']) == 1
+    text = run(capsys, *where)[1]
+    assert 'warning    the goal cell (66, 20) is outside the map' in text
+    assert 'clearance  0.' in text
+    escape = ['--start', '28', '20', '--goal', '10', '20', '--start-tolerance', '0.3']
+    plan = run_json(capsys, 'plan', '--map', room, '--robot-radius', '0.2', *escape)[1]
+    assert plan['start'] == plan['path'][0] == [25, 20]
+    assert plan['start_shift'] == pytest.approx(0.15)
+
+
 def test_a_person_reads_the_plan(capsys):
     code, out, _ = run(capsys, 'plan', '--reply', 'no idea')
     assert code == 0
@@ -140,6 +194,7 @@ def test_the_picture_is_drawn_where_asked(capsys, tmp_path):
         (['--time-limit', '-1'], ['--time-limit']),
         (['--max-suboptimality', '0.9'], ['--max-suboptimality', '0.9']),
         (['--png', 'plan.xyz'], ['xyz']),
+        (['--robot-radius', '-1'], ['robot_radius', '-1.0', '0 to 10']),
     ],
 )
 def test_bad_usage_is_one_line_and_exit_code_2(capsys, arguments, words):

@@ -1,0 +1,140 @@
+"""Every cause of failure has its code and a sentence, alike in plans, reports and JSON."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from llm_astar_msgs_adapter.grid_map import GridMap
+from llm_astar_msgs_adapter.report import PlanReport, report_from_message, report_to_message
+from llm_astar_planner.cli_plan_output import plan_to_json, plan_to_text
+from llm_astar_planner.leg import Leg
+from llm_astar_planner.nodes.reports import plan_report
+from llm_astar_planner.planner import GridRules, Planner, PlanRequest
+from llm_astar_planner.request_check import MAX_VIA
+from llm_astar_planner.result_code import ResultCode
+from llm_astar_planner.search.fast_grid import PathTooLongError
+from llm_astar_planner.search.methods import no_stop
+
+# A wall with a box behind it: (25, 5) is free and cut off; unknown cells on the right.
+CELLS = np.zeros((20, 40), dtype=np.int8)
+CELLS[:, 30] = 100
+CELLS[3:8, 23:28] = 100
+CELLS[5, 25] = 0
+CELLS[15, 5] = -1
+GRID = GridMap(CELLS, 0.1)
+OPEN, BODY = GridRules(), GridRules(robot_radius=0.25, allow_unknown=False)
+START, GOAL = (3, 3), (15, 15)
+CODE = ResultCode
+
+CAUSES = [
+    (OPEN, {'method': 'theta'}, CODE.INVALID_PLANNER, "no method 'theta'"),
+    (OPEN, {'heuristic': 'l7'}, CODE.INVALID_PLANNER, "no heuristic 'l7'"),
+    (OPEN, {'max_suboptimality': 0.5}, CODE.INVALID_PLANNER, 'max_suboptimality 0.5'),
+    (OPEN, {'max_suboptimality': math.nan}, CODE.INVALID_PLANNER, 'max_suboptimality nan'),
+    (OPEN, {'weight': math.nan}, CODE.INVALID_PLANNER, 'weight nan'),
+    (OPEN, {'tolerance': math.nan}, CODE.INVALID_PLANNER, 'tolerance nan'),
+    (OPEN, {'tolerance': -0.1}, CODE.INVALID_PLANNER, 'tolerance -0.1'),
+    (OPEN, {'start_tolerance': math.inf}, CODE.INVALID_PLANNER, 'start_tolerance inf'),
+    (OPEN, {'time_limit': math.nan}, CODE.INVALID_PLANNER, 'time_limit'),
+    (OPEN, {'via': ((5, 5),) * (MAX_VIA + 1)}, CODE.INVALID_PLANNER, f'over the {MAX_VIA}'),
+    (OPEN, {'start': (-1, 3)}, CODE.START_OUTSIDE_MAP, 'start cell (-1, 3) is outside'),
+    (OPEN, {'start': (40, 3)}, CODE.START_OUTSIDE_MAP, '40 x 20'),
+    (OPEN, {'start': (40, 3), 'start_tolerance': 1.0}, CODE.START_OUTSIDE_MAP, '40 x 20'),
+    (OPEN, {'goal': (3, 20)}, CODE.GOAL_OUTSIDE_MAP, 'goal cell (3, 20) is outside'),
+    (OPEN, {'goal': (3, 30), 'tolerance': 0.5}, CODE.GOAL_OUTSIDE_MAP, 'within 0.5 m'),
+    (OPEN, {'start': (30, 3)}, CODE.START_OCCUPIED, 'occupancy 100'),
+    (BODY, {'start': (29, 3)}, CODE.START_OCCUPIED, "robot's radius, 0.25 m"),
+    (BODY, {'start': (5, 15)}, CODE.START_OCCUPIED, 'unknown'),
+    (OPEN, {'goal': (30, 3)}, CODE.GOAL_OCCUPIED, 'goal cell (30, 3)'),
+    (BODY, {'goal': (28, 15)}, CODE.GOAL_OCCUPIED, "robot's radius"),
+    (BODY, {'goal': (5, 15)}, CODE.GOAL_OCCUPIED, 'unknown'),
+    (OPEN, {'goal': (24, 5), 'tolerance': 0.1}, CODE.GOAL_OCCUPIED, 'within 0.1 m'),
+    (OPEN, {'goal': (35, 3)}, CODE.NO_VALID_PATH, 'cut the goal off'),
+    (OPEN, {'goal': (35, 3), 'tolerance': 0.2}, CODE.NO_VALID_PATH, 'within 0.2 m'),
+    (OPEN, {'via': ((5, 5), (50, 5))}, CODE.GOAL_OUTSIDE_MAP, 'via 2 cell (50, 5)'),
+    (OPEN, {'via': ((24, 5),)}, CODE.GOAL_OCCUPIED, 'via 1 cell (24, 5)'),
+    (OPEN, {'via': ((5, 5), (25, 5))}, CODE.NO_VALID_PATH, 'via 2, cell (25, 5)'),
+    (OPEN, {'time_limit': 0.0}, CODE.TIMEOUT, 'out of time'),
+    (OPEN, {'time_limit': -1.0, 'method': 'astar'}, CODE.TIMEOUT, 'out of time'),
+    (OPEN, {'time_limit': 0.0, 'via': ((5, 5),)}, CODE.TIMEOUT, 'from the start to via 1'),
+]
+
+
+def names(case):
+    return '-'.join(f'{name}' for name in case) if isinstance(case, dict) else None
+
+
+def request_of(fields):
+    return PlanRequest(**{'start': START, 'goal': GOAL, **fields})
+
+
+def assert_told_alike(plan, code, words):
+    """The same code and sentence in the plan, its report over the wire, JSON and text."""
+    assert plan.code is code
+    assert words in plan.message
+    assert len(plan.path) == 0
+    report = plan_report(plan, GRID)
+    back = report_from_message(report_to_message(report, 'planner', Time()), PlanReport)
+    assert back == report
+    assert (back.code, back.code_name, back.message) == (int(code), code.name, plan.message)
+    shown = json.loads(json.dumps(plan_to_json(plan, (0, 0))))
+    assert (shown['code'], shown['code_name'], shown['path']) == (int(code), code.name, [])
+    assert words in shown['message']
+    assert plan_to_text(plan, (0, 0)).startswith(f'{code.name} ({int(code)}): ')
+
+
+@pytest.mark.parametrize(('rules', 'fields', 'code', 'words'), CAUSES, ids=names)
+def test_every_cause_has_its_code_and_its_sentence(rules, fields, code, words):
+    assert_told_alike(Planner(GRID, rules).plan(request_of(fields)), code, words)
+
+
+def test_a_cancel_is_a_timeout_that_says_so():
+    stop = no_stop()
+    stop[0] = 1
+    assert_told_alike(Planner(GRID).plan(request_of({}), stop), CODE.TIMEOUT, 'cancelled')
+    assert stop[0] == 1
+
+
+def test_the_callers_flag_is_only_read():
+    stop = no_stop()
+    plan = Planner(GRID).plan(request_of({'time_limit': 0.0}), stop)
+    assert plan.code is CODE.TIMEOUT
+    assert stop[0] == 0
+
+
+def test_a_path_too_long_for_the_records_is_unknown(monkeypatch):
+    def too_long(leg, watcher=None):
+        raise PathTooLongError('the cost of a path does not fit')
+
+    monkeypatch.setattr(Leg, 'search', too_long)
+    assert_told_alike(Planner(GRID).plan(request_of({})), CODE.UNKNOWN, 'does not fit')
+
+
+def test_a_plan_comes_back_from_the_wire_with_all_that_a_robot_asks():
+    request = PlanRequest(START, (24, 5), tolerance=0.5, via=((5, 15),))
+    plan = Planner(GRID).plan(request)
+    assert plan.code is CODE.NONE
+    report = plan_report(plan, GRID)
+    back = report_from_message(report_to_message(report, 'planner', Time()), PlanReport)
+    assert back == report
+    assert back.goal_shift == pytest.approx(0.2)
+    assert back.unknown_length == pytest.approx(plan.unknown_length) != 0.0
+    assert back.clearance == pytest.approx(0.1)
+    assert back.turns == plan.turns > 0
+    assert back.warnings == plan.warnings
+    assert len(back.warnings) == 1
+    shown = plan_to_json(plan, (10, 20))
+    assert shown['goal'] == [plan.goal[0] + 10, plan.goal[1] + 20]
+    for name in ('start_shift', 'goal_shift', 'unknown_length', 'clearance', 'turns'):
+        assert shown[name] == getattr(plan, name)
+    assert plan.warnings[0] in plan_to_text(plan, (0, 0))
+
+
+def test_a_map_without_obstacles_has_no_clearance_to_tell():
+    grid_map = GridMap(np.zeros((5, 5), dtype=np.int8))
+    plan = Planner(grid_map).plan(PlanRequest((0, 0), (4, 4)))
+    assert math.isinf(plan.clearance)
+    assert plan_report(plan, grid_map).clearance is None
+    assert plan_to_json(plan, (0, 0))['clearance'] is None
