@@ -26,10 +26,13 @@ ROS = {
 PLAIN = {
     f'llm_astar_msgs_adapter.{name}'
     for name in (
+        'bag_decoding',
         'bag_file',
         'bag_idl',
         'bag_mcap',
         'bag_messages',
+        'bag_paths',
+        'bag_problems',
         'bag_reading',
         'bag_sqlite',
         'bag_storage',

@@ -1,4 +1,4 @@
-"""What a bag's storage files have in common, whatever their format, and how one is opened."""
+"""What a bag's storage files have in common, whatever their format."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-MCAP, SQLITE = '.mcap', '.db3'
 # Time stamps of one topic that go back by more than this (ns) are a jump of the clock.
 JUMP = 1_000_000_000
 

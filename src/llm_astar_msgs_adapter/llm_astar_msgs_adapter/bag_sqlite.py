@@ -23,6 +23,8 @@ class SqliteFile:
         uri = f'{path.resolve().as_uri()}?mode={mode}'
         try:
             self._connection = sqlite3.connect(uri, uri=True)
+            # Without it a file shorter than its head says is not looked into at all.
+            self._connection.execute('PRAGMA writable_schema=ON')
             self._channels = dict(self._read_channels())
         except sqlite3.Error as error:
             raise BagError(f'{path}: is no bag that sqlite3 can read: {error}') from None

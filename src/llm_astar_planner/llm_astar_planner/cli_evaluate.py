@@ -12,7 +12,7 @@ from typing import Any
 
 from llm_astar_msgs_adapter.bag_file import BagError
 from llm_astar_msgs_adapter.bag_reading import Bag
-from llm_astar_msgs_adapter.bag_topics import BARRIER_MAP, MAP
+from llm_astar_msgs_adapter.bag_topics import BARRIER_MAP
 
 from llm_astar_planner.benchmark.askers import GRID_ABLATIONS, make_askers
 from llm_astar_planner.benchmark.bag_contents import REQUESTS, Wanted, describe, describe_text
@@ -101,12 +101,12 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
 
 def _add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     group.add_argument('--list', action='store_true', help='only show what the bags offer')
-    group.add_argument('--map-topic', default=MAP, metavar='TOPIC', help='(%(default)s)')
     group.add_argument(
-        '--plan-topic',
-        default='/plan',
-        metavar='TOPIC',
-        help="where the robot's own plans are (%(default)s)",
+        '--namespace', default='', metavar='NAME', help='the robot, where a bag has several'
+    )
+    group.add_argument('--map-topic', default='', metavar='TOPIC', help='(/map)')
+    group.add_argument(
+        '--plan-topic', default='', metavar='TOPIC', help="where the robot's own plans are (/plan)"
     )
     group.add_argument(
         '--odom-topic', default='', metavar='TOPIC', help='where a goal is planned from (no topic)'
@@ -259,7 +259,15 @@ def _wanted(args: argparse.Namespace) -> tuple[Wanted, Sequence[ListedRequest]]:
     if not args.plan_window >= 0.0:
         message = f'--plan-window {args.plan_window} is not 0 seconds or more'
         raise ValueError(message)
-    return Wanted(args.map_topic, args.plan_topic, args.odom_topic, requests), listed
+    namespace = args.namespace.strip('/')
+    wanted = Wanted(
+        f'/{namespace}' if namespace else '',
+        args.map_topic,
+        args.plan_topic,
+        args.odom_topic,
+        requests,
+    )
+    return wanted, listed
 
 
 def _options(args: argparse.Namespace) -> dict[str, Any]:
@@ -355,5 +363,5 @@ def _parameters(args: argparse.Namespace, sweep: BagSweep) -> dict[str, Any]:
         'rules': None if settings.rules is None else asdict(settings.rules),
         'tolerance': settings.tolerance,
         'start_tolerance': settings.start_tolerance,
-        'topics': [wanted.map_topic, wanted.plan_topic, wanted.odom_topic],
+        'topics': list(asdict(wanted).values()),
     }

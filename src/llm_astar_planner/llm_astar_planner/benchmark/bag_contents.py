@@ -20,12 +20,22 @@ REQUESTS = ('auto', 'service', 'goals')
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which topics to take, and which requests: a member of REQUESTS, or `list` for a file's."""
+    """Which topics to take, and which requests: a member of REQUESTS, or `list` for a file's.
 
-    map_topic: str = MAP
-    plan_topic: str = '/plan'
+    `namespace` is the robot's where a bag has several, '' or beginning with a slash; a topic that
+    is '' is the namespace's own.
+    """
+
+    namespace: str = ''
+    map_topic: str = ''
+    plan_topic: str = ''
     odom_topic: str = ''
     requests: str = 'auto'
+
+    @property
+    def map(self) -> str:
+        """The topic of the map."""
+        return self.map_topic or f'{self.namespace}{MAP}'
 
 
 def parts(bag: Bag, wanted: Wanted) -> dict[str, str]:
@@ -43,24 +53,26 @@ def parts(bag: Bag, wanted: Wanted) -> dict[str, str]:
         else:
             bag.problems.leave_out(f'{bag.path}: {name} is a {topic.msgtype}, not a {msgtype}')
     for name, topic in bag.topics.items():
-        part = _by_ending(name, topic.msgtype)
+        part = _by_ending(name, topic.msgtype) if name.startswith(f'{wanted.namespace}/') else ''
         if part and (part != 'request' or wanted.requests in ('auto', 'service')):
             found[name] = part
     return found
 
 
 def _named(wanted: Wanted) -> Iterable[tuple[str, str, str]]:
-    yield 'map', wanted.map_topic, GRID
-    yield 'map update', f'{wanted.map_topic}_updates', UPDATE
+    own = wanted.namespace
+    yield 'map', wanted.map, GRID
+    yield 'map update', f'{wanted.map}_updates', UPDATE
     yield 'barriers', BARRIER_MAP, TEXT
-    yield 'plan', wanted.plan_topic, PATH
+    yield 'plan', wanted.plan_topic or f'{own}/plan', PATH
     if wanted.odom_topic:
         yield 'odometry', wanted.odom_topic, ODOMETRY
     if wanted.requests in ('auto', 'goals'):
-        yield 'goal', '/goal_pose', POSE
-        yield 'start', '/initialpose', POSE_GUESS
-    yield 'tf', '/tf', TF
-    yield 'static tf', '/tf_static', TF
+        yield 'goal', f'{own}/goal_pose', POSE
+        yield 'start', f'{own}/initialpose', POSE_GUESS
+    for prefix in dict.fromkeys(('', own)):
+        yield 'tf', f'{prefix}/tf', TF
+        yield 'static tf', f'{prefix}/tf_static', TF
 
 
 def _by_ending(name: str, msgtype: str) -> str:
@@ -79,11 +91,11 @@ def missing(bag: Bag, found: Mapping[str, str], wanted: Wanted) -> str:
     if 'map' not in held:
         grids = [name for name, topic in bag.topics.items() if topic.msgtype == GRID]
         hint = f'; name one with --map-topic: {", ".join(grids)}' if grids else ''
-        return f'{bag.path}: no map: there is no {GRID} on {wanted.map_topic}{hint}'
+        return f'{bag.path}: no map: there is no {GRID} on {wanted.map}{hint}'
     if wanted.requests != 'list' and not held & {'request', 'goal'}:
         return (
             f'{bag.path}: no requests: there are neither events of GetPlan (service '
-            'introspection) nor goals on /goal_pose; a file of them goes to --requests'
+            'introspection) nor goals on goal_pose; a file of them goes to --requests'
         )
     return ''
 

@@ -8,13 +8,15 @@ from pathlib import Path
 
 import numpy as np
 from llm_astar_msgs_adapter.bag_file import BagError
-from llm_astar_msgs_adapter.bag_reading import Bag, Problems
+from llm_astar_msgs_adapter.bag_problems import Problems
+from llm_astar_msgs_adapter.bag_reading import Bag
 from llm_astar_msgs_adapter.barrier_map import BarrierMap, Sample
 from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.grid_problem import GridProblem
 
+from llm_astar_planner.benchmark.bag_answers import BagRequest
 from llm_astar_planner.benchmark.bag_contents import Wanted
-from llm_astar_planner.benchmark.bag_requests import BagRequest, RequestReader
+from llm_astar_planner.benchmark.bag_requests import RequestReader
 from llm_astar_planner.benchmark.engine import Asker, Settings, Task, plan_cases
 from llm_astar_planner.benchmark.occasion import Occasion
 from llm_astar_planner.benchmark.request_list import ListedRequest
