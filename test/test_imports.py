@@ -26,14 +26,31 @@ ROS = {
 PLAIN = {
     f'llm_astar_msgs_adapter.{name}'
     for name in (
+        'bag_decoding',
+        'bag_file',
+        'bag_idl',
+        'bag_mcap',
+        'bag_messages',
+        'bag_paths',
+        'bag_problems',
+        'bag_reading',
+        'bag_sqlite',
+        'bag_storage',
+        'bag_topics',
+        'bag_types',
+        'bag_writing',
         'barrier_map',
         'barrier_summary',
         'grid_map',
         'grid_problem',
+        'headings',
         'map_server',
         'map_update',
+        'message_values',
         'movingai',
+        'report_values',
         'transform',
+        'transforms',
     )
 }
 

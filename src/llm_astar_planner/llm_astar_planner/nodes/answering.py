@@ -20,9 +20,9 @@ from llm_astar_planner.nodes.health import Tally
 from llm_astar_planner.nodes.map_keeper import MapKeeper
 from llm_astar_planner.nodes.parameters import Parameters
 from llm_astar_planner.nodes.paths import Paths
-from llm_astar_planner.nodes.reports import failure_report, plan_report
 from llm_astar_planner.nodes.requests import Ends, Question, Reader, RefusalError
 from llm_astar_planner.plan import Plan
+from llm_astar_planner.plan_reports import failure_report, plan_report
 from llm_astar_planner.planner import Planner
 from llm_astar_planner.recall import Recall
 from llm_astar_planner.result_code import ResultCode

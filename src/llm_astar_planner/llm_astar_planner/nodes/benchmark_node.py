@@ -61,7 +61,7 @@ def main(args: Sequence[str] | None = None) -> int:
         folder = ResultsFolder(arguments.out)
         parameters = {'methods': arguments.methods, 'limit': arguments.limit}
         parameters |= {'maps': arguments.maps, 'seed': arguments.seed, 'live': True}
-        metadata = describe_run(dataset, parameters)
+        metadata = describe_run([dataset], parameters)
         done = _begin(folder, metadata, dataset, resume=arguments.resume)
     except (BarrierMapError, FileNotFoundError, ResultsError, SelectionError) as error:
         return _complain(str(error), BAD_INPUT)

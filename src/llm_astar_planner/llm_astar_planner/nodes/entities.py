@@ -9,6 +9,7 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from rclpy.service import Service
 
 
 class Entities:
@@ -39,10 +40,11 @@ class Entities:
 
     def service(
         self, kind: type, name: str, callback: Callable[[Any, Any], Any], group: CallbackGroup
-    ) -> None:
+    ) -> Service:
         """Make a service."""
         made = self.node.create_service(kind, name, callback, callback_group=group)
         self._undo.append(lambda: self.node.destroy_service(made))
+        return made
 
     def timer(self, period: float, callback: Callable[[], None], group: CallbackGroup) -> None:
         """Make a timer that fires every `period` seconds."""

@@ -17,7 +17,8 @@ from nav_msgs.msg import OccupancyGrid, Path
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter, parameter_value_to_python
 
-from llm_astar_planner.benchmark.engine import BASELINE, format_points, turning_points
+from llm_astar_planner.benchmark.engine import BASELINE
+from llm_astar_planner.benchmark.points import format_points, turning_points
 from llm_astar_planner.benchmark.results import Case, Row, RowKey
 from llm_astar_planner.benchmark.samples import BenchmarkSample, ProblemMap
 from llm_astar_planner.nodes.caller import Caller, CallerError

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from llm_astar_planner.nodes.instruction import instruction_problem
+from llm_astar_planner.nodes.introspection import INTROSPECTION_MODE
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
 from llm_astar_planner.plan import GridRules
 from llm_astar_planner.search.methods import GUIDED, HEURISTICS, METHODS
@@ -108,6 +109,7 @@ REQUESTS = (
         maximum=100000,
     ),
     Parameter('lifecycle', False, 'Whether the node is a managed one', fixed=True),
+    INTROSPECTION_MODE,
 )
 PARAMETERS = (*SEARCH, *WAYPOINTS, *GROUND, *REQUESTS)
 

@@ -17,6 +17,7 @@ from llm_astar_planner.nodes.entities import Entities
 from llm_astar_planner.nodes.frames import HAS_TF2, Frames, TransformListener
 from llm_astar_planner.nodes.health import Health
 from llm_astar_planner.nodes.instruction import take_instruction
+from llm_astar_planner.nodes.introspection import introspect
 from llm_astar_planner.nodes.map_keeper import MapKeeper
 from llm_astar_planner.nodes.nav2_actions import PathCheck, serve_nav2
 from llm_astar_planner.nodes.parameters import Parameters
@@ -103,7 +104,8 @@ class PlannerServer:
     def _listen(self, check: PathCheck) -> None:
         # Any number of callers at a time; a newer goal must get through while one is planned for.
         group = ReentrantCallbackGroup()
-        self._entities.service(GetPlan, '~/get_plan', self._on_get_plan, group)
+        service = self._entities.service(GetPlan, '~/get_plan', self._on_get_plan, group)
+        introspect(self._node, service, self._settings['introspection_mode'])
         self._entities.subscription(
             PoseWithCovarianceStamped, 'initialpose', self._on_initial_pose, RELIABLE, group
         )

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
 
+from llm_astar_planner.prompts.lattice import Lattice
 from llm_astar_planner.waypoint_source.answer import Answer, read_answer
 from llm_astar_planner.waypoint_source.base import (
     SampleKey,
@@ -15,7 +16,7 @@ from llm_astar_planner.waypoint_source.base import (
     WaypointQuery,
     WaypointReply,
 )
-from llm_astar_planner.waypoint_source.sample_key import SampleResolver
+from llm_astar_planner.waypoint_source.sample_key import SampleResolver, live_key
 from llm_astar_planner.waypoint_source.transcript import Exchange, read_transcript
 from llm_astar_planner.waypoint_source.wish import FOLLOWED
 
@@ -67,12 +68,9 @@ class ReplaySource:
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the recorded answer in grid coordinates; MISSING where there is none."""
-        sample, lattice = self._resolver.resolve(query)
-        key = _Key(sample, self.model, self.prompt)
-        exchange = self._exchanges.get(key._replace(instruction=query.instruction))
-        exchange = exchange or self._exchanges.get(key)
+        exchange, lattice = self._find(query)
         if exchange is None:
-            return self._missing(key, query)
+            return self._missing(query)
         answer = read_answer(exchange.response)
         if not exchange.response:
             detail = f'recorded without an answer: {exchange.status.value}'
@@ -96,13 +94,27 @@ class ReplaySource:
             instruction=_outcome(query, exchange, answer),
         )
 
-    def _missing(self, key: _Key, query: WaypointQuery) -> WaypointReply:
-        sample = key.sample
+    def _find(self, query: WaypointQuery) -> tuple[Exchange | None, Lattice]:
+        """Return the exchange recorded for a query, and the lattice of its points.
+
+        One with the query's own wish comes before one without any. A dataset's sample may have
+        been asked about live, by its cells.
+        """
+        places = (self._resolver.resolve(query), (live_key(query), Lattice()))
+        for instruction in (query.instruction, ''):
+            for sample, lattice in places:
+                key = _Key(sample, self.model, self.prompt, instruction)
+                if key in self._exchanges:
+                    return self._exchanges[key], lattice
+        return None, Lattice()
+
+    def _missing(self, query: WaypointQuery) -> WaypointReply:
+        sample, _ = self._resolver.resolve(query)
         return WaypointReply(
             label=f'replay:{self.model}',
             status=SourceStatus.MISSING,
             detail=f'{self._path}: no exchange for map {sample.map}, pair {sample.pair}, '
-            f'scale {sample.scale}, model {key.model}, prompt {key.prompt}',
+            f'scale {sample.scale}, model {self.model}, prompt {self.prompt}',
             model=self.model,
             prompt=self.prompt,
             instruction=NOT_RECORDED if query.instruction else '',
