@@ -65,8 +65,7 @@ def _named(wanted: Wanted) -> Iterable[tuple[str, str, str]]:
     yield 'map update', f'{wanted.map}_updates', UPDATE
     yield 'barriers', BARRIER_MAP, TEXT
     yield 'plan', wanted.plan_topic or f'{own}/plan', PATH
-    if wanted.odom_topic:
-        yield 'odometry', wanted.odom_topic, ODOMETRY
+    yield 'odometry', wanted.odom_topic or f'{own}/odom', ODOMETRY
     if wanted.requests in ('auto', 'goals'):
         yield 'goal', f'{own}/goal_pose', POSE
         yield 'start', f'{own}/initialpose', POSE_GUESS
