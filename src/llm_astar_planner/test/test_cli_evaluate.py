@@ -166,14 +166,16 @@ def test_what_is_left_out_is_said_and_the_rest_goes_on(drive, tmp_path, out, cap
     (early / 'metadata.yaml').unlink()
     mapless = write_bag(tmp_path / 'mapless', [call_at(1, (2, 2), (8, 8))])
     (tmp_path / 'rubbish.mcap').write_text('rubbish')
-    bags = (early, tmp_path / 'rubbish.mcap', mapless, tmp_path / 'nowhere', drive)
+    (tmp_path / 'cut.mcap').write_bytes((drive / 'drive_0.mcap').read_bytes()[:300])
+    bags = (early, tmp_path / 'rubbish.mcap', tmp_path / 'cut.mcap', mapless,
+            tmp_path / 'nowhere', drive)  # fmt: skip
     assert llm_astar('evaluate', *bags, *CASES, '--out', out) == 3
     told = capsys.readouterr().err
     report = (out / 'report.md').read_text()
     left_out = json.loads((out / 'summary.json').read_text())['left_out']
     for sentence in (
         'a request before the first map', 'rubbish.mcap: does not begin as an mcap file does',
-        'mapless: no map', 'nowhere: there is no such bag',
+        'mapless: no map', 'nowhere: there is no such bag', 'cut.mcap: was cut off',
     ):  # fmt: skip
         assert sentence in told
         assert sentence in report

@@ -161,7 +161,7 @@ def _row(
     )
 
 
-def _of_path(report: PlanReport) -> dict[str, float]:
+def _of_path(report: PlanReport) -> dict[str, Any]:
     """Return the columns that only a path has."""
     return {
         'clearance': math.inf if report.clearance is None else report.clearance,
