@@ -7,7 +7,7 @@ few requests whose recorded answer may still come.
 from __future__ import annotations
 
 import json
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
@@ -41,7 +41,7 @@ class RequestReader:
         self._parts = parts(bag, wanted)
         self._missing = missing(bag, self._parts, wanted)
         held = self._parts.values()
-        self._listed = sorted(listed, key=lambda item: item.time)
+        self._listed = deque(sorted(listed, key=lambda item: item.time))
         self._answers = Answers(int(window * 1e9), plans='plan' in held, reports='report' in held)
         self._places = Places()
         self._grid_map: GridMap | None = None
@@ -156,7 +156,7 @@ class RequestReader:
     def _ask_listed(self, now: float | None) -> None:
         """Make the listed requests whose time has come, all that are left for None."""
         while self._listed and (now is None or self._listed[0].time < now):
-            item = self._listed.pop(0)
+            item = self._listed.popleft()
             self._ask(f'listed request {item.number}', item.start, item.goal)
 
     def _ask(
