@@ -231,7 +231,7 @@ def _sweep(
         args.methods,
         _askers(args),
         settings,
-        'corner_cutting' not in options,
+        'corner_cutting' not in options and not args.params_file,
         args.plan_window,
         listed,
     )
