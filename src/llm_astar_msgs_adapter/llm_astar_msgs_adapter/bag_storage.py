@@ -10,6 +10,8 @@ from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 
 ENCODINGS = {MessageDefinitionFormat.MSG: 'ros2msg', MessageDefinitionFormat.IDL: 'ros2idl'}
+# What a power cut may cost, before compression.
+CHUNK_BYTES = 64 * 1024
 
 
 class McapStorage:
@@ -19,10 +21,15 @@ class McapStorage:
     """
 
     def __init__(self, path: Path, compression: CompressionMode) -> None:  # noqa: ARG002 - always
-        """Create the file in the folder `path`, named after it."""
-        self.path = path / f'{path.name}.mcap'
+        """Create the file beside the folder `path`, named after it.
+
+        There, and not inside as rosbags has it, readers find it also when it is never finished.
+        """
+        self.path = path.with_name(f'{path.name}.mcap')
         self._stream = self.path.open('xb')
-        self._file = McapFile(self._stream, enable_crcs=True, enable_data_crcs=True)
+        self._file = McapFile(
+            self._stream, chunk_size=CHUNK_BYTES, enable_crcs=True, enable_data_crcs=True
+        )
         self._file.start(profile='ros2')
         self._schemas: dict[str, int] = {}
         self._channels: dict[int, int] = {}
@@ -56,6 +63,7 @@ class McapStorage:
             timestamp,
             self._written[connection.id],
         )
+        self._stream.flush()
 
     def close(self, version: int, metadata: str) -> None:  # noqa: ARG002 - rosbags' own
         """Finish the file, the bag's metadata in it."""

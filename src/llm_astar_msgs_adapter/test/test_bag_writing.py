@@ -1,5 +1,6 @@
 """Bags as they are written: split, described, closed whatever happens."""
 
+import io
 import sqlite3
 
 import pytest
@@ -7,6 +8,9 @@ import yaml
 from llm_astar_msgs_adapter.bag_topics import evaluation_topic
 from llm_astar_msgs_adapter.bag_types import BagTypeError, bag_types, define
 from llm_astar_msgs_adapter.bag_writing import BagWriteError, BagWriter, Topic, qos
+from mcap.exceptions import EndOfFile
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
@@ -69,6 +73,18 @@ def test_an_error_amid_the_messages_still_leaves_a_whole_bag(tmp_path):
         break_off()
     with Reader(tmp_path / 'bag') as reader:
         assert reader.message_count == 3
+
+
+def test_an_mcap_file_that_is_never_finished_holds_all_but_the_last_chunk(tmp_path):
+    bag = BagWriter(tmp_path / 'bag')
+    with bag:
+        bag.add_topic(CHATTER)
+        write(bag, 100, size=10_000)
+        cut_off = (tmp_path / 'bag' / 'bag_0.mcap').read_bytes()
+    found = []
+    with pytest.raises(EndOfFile):
+        found.extend(StreamReader(io.BytesIO(cut_off), validate_crcs=True).records)
+    assert sum(isinstance(record, Message) for record in found) >= 90
 
 
 def test_a_bag_without_messages_can_be_read(tmp_path):
