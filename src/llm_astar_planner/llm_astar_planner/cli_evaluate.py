@@ -52,7 +52,7 @@ from llm_astar_planner.cli_run import (
     make_executor,
 )
 from llm_astar_planner.plan_reports import plan_report
-from llm_astar_planner.planner_options import grid_rules
+from llm_astar_planner.planner_options import grid_rules, request_options
 
 # The traffic with models taken out of bags, in the results folder.
 EXCHANGES = 'exchanges.jsonl'
@@ -216,18 +216,19 @@ def _sweep(
     listed: Sequence[ListedRequest],
     options: dict[str, Any],
 ) -> BagSweep:
+    asked = request_options(options)
     settings = Settings(
         args.heuristic,
         args.weight,
         args.time_limit,
         args.max_suboptimality,
         grid_rules(options),
-        options.get('tolerance', 0.0),
-        options.get('start_tolerance', 0.0),
+        asked['tolerance'],
+        asked['start_tolerance'],
     )
     return BagSweep(
         [Path(path) for path in args.bags],
-        wanted,
+        replace(wanted, base_frame=asked['robot_base_frame']),
         args.methods,
         _askers(args),
         settings,

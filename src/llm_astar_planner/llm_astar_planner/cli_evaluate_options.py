@@ -9,9 +9,11 @@ from typing import Any
 from llm_astar_planner.benchmark.bag_contents import REQUESTS, Wanted
 from llm_astar_planner.benchmark.request_list import ListedRequest, load_requests
 from llm_astar_planner.planner_options import (
+    REQUESTS as REQUEST_OPTIONS,
+)
+from llm_astar_planner.planner_options import (
     RULES,
     SEARCH,
-    TOLERANCES,
     check_options,
     read_params_file,
 )
@@ -65,16 +67,16 @@ def add_rules(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
     group.add_argument(
         '--params-file', metavar='FILE', help="the node's own parameter file; options go first"
     )
-    for option in (*RULES, *TOLERANCES):
+    for option in (*RULES, *REQUEST_OPTIONS):
         flag = '--' + option.name.replace('_', '-')
-        told = f'({option.default:g})' if type(option.default) is not bool else None
         if isinstance(option.default, bool):
             told = '(on)' if option.default else "(off; on where the bag tells the map's barriers)"
             action: Any = argparse.BooleanOptionalAction
             group.add_argument(flag, action=action, default=None, help=told)
         else:
-            kind = type(option.default)
-            group.add_argument(flag, type=kind, default=None, metavar='N', help=told)
+            kind, told = type(option.default), f'({option.default})'
+            metavar = 'FRAME' if kind is str else 'N'
+            group.add_argument(flag, type=kind, default=None, metavar=metavar, help=told)
 
 
 def wanted_of(args: argparse.Namespace) -> tuple[Wanted, Sequence[ListedRequest]]:
@@ -103,7 +105,7 @@ def rules_given(args: argparse.Namespace) -> dict[str, Any]:
     With a file the node's defaults hold where it says nothing. An option of the search counts as
     given where it is not what it is without being named.
     """
-    names = [option.name for option in (*RULES, *TOLERANCES)]
+    names = [option.name for option in (*RULES, *REQUEST_OPTIONS)]
     given: dict[str, Any] = {}
     if args.params_file:
         given = read_params_file(args.params_file)

@@ -43,7 +43,7 @@ class RequestReader:
         held = self._parts.values()
         self._listed = deque(sorted(listed, key=lambda item: item.time))
         self._answers = Answers(int(window * 1e9), plans='plan' in held, reports='report' in held)
-        self._places = Places()
+        self._places = Places(wanted.base_frame)
         self._grid_map: GridMap | None = None
         self._barriers: BarrierMap | None = None
         self._calls: OrderedDict[Call, None] = OrderedDict()
@@ -147,7 +147,7 @@ class RequestReader:
             self._calls.popitem(last=False)
         request = event.request[0]
         start, goal = self._on_the_map(request.start), self._on_the_map(request.goal)
-        self._ask(self._when(message), start, goal, call)
+        self._ask(self._when(message), start, goal, call, float(request.tolerance))
 
     def _on_goal(self, message: Message) -> None:
         start = self._places.robot(self._frame, message.time)
@@ -160,7 +160,12 @@ class RequestReader:
             self._ask(f'listed request {item.number}', item.start, item.goal)
 
     def _ask(
-        self, when: str, start: Pose2D | str, goal: Pose2D | str, call: Call | None = None
+        self,
+        when: str,
+        start: Pose2D | str,
+        goal: Pose2D | str,
+        call: Call | None = None,
+        tolerance: float = 0.0,
     ) -> None:
         """Make a request; a pose that is a sentence says why it is none."""
         index, self._count = self._count, self._count + 1
@@ -172,7 +177,9 @@ class RequestReader:
             self._leave_out(f'{when}: a request whose goal {goal}', 'requests')
         else:
             barriers = self._fitting_barriers(self._grid_map)
-            request = BagRequest(index, self._now, start, goal, self._grid_map, barriers)
+            request = BagRequest(
+                index, self._now, start, goal, self._grid_map, barriers, tolerance
+            )
             self._answers.wait(request, call)
 
     def _fitting_barriers(self, grid_map: GridMap) -> BarrierMap | None:

@@ -164,6 +164,8 @@ class BagRun:
         settings = sweep.settings
         if request.barrier_map is not None and sweep.paper_corners and settings.rules is not None:
             settings = replace(settings, rules=replace(settings.rules, corner_cutting=True))
+        if request.tolerance > 0.0:
+            settings = replace(settings, tolerance=request.tolerance)
         self.kept.add(sample)
         return Task(
             sample, 1, (), tuple(sweep.askers), settings, _occasion(bag, request), is_sample
