@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
@@ -92,7 +93,7 @@ class Bag:
         self._files.clear()
         self._unpacked.cleanup()
 
-    @property
+    @cached_property
     def start(self) -> int:
         """The time of the first message (ns)."""
         return min((topic.first for topic in self.topics.values() if topic.count), default=0)
@@ -126,27 +127,15 @@ class Bag:
 
     def _survey(self, storage: Storage) -> bool:
         """Count a file's messages; tell whether it must be read as recorded."""
-        latest: dict[str, int] = {}
-        jumped = False
-        counts: dict[str, Topic] = {}
-        for name, time in storage.stamps():
-            topic = counts.setdefault(name, Topic(name, '', 0, time, time))
-            topic.count += 1
-            topic.first, topic.last = min(topic.first, time), max(topic.last, time)
-            if time < latest.get(name, time) - JUMP and not jumped:
-                jumped = True
-                back = (latest[name] - time) / 1e9
-                self.problems.note(
-                    f'{storage.path}: the clock jumps back by {back:.3f} s at message '
-                    f'{topic.count} of {name}; the file is read in the order it was written in'
-                )
-            latest[name] = time
-        for channel in storage.channels:
-            found = counts.get(channel.topic, Topic(channel.topic, ''))
-            self._count(channel, found)
-        return jumped
+        counts, jump = _count(storage)
+        if jump:
+            order = 'the file is read in the order it was written in'
+            self.problems.note(f'{storage.path}: {jump}; {order}')
+        for channel in {channel.topic: channel for channel in storage.channels}.values():
+            self._add(channel, counts.get(channel.topic, Topic(channel.topic, '')))
+        return bool(jump)
 
-    def _count(self, channel: Channel, found: Topic) -> None:
+    def _add(self, channel: Channel, found: Topic) -> None:
         """Add what a file holds of a topic to what the bag does."""
         known = self.topics.get(channel.topic)
         if known is None or not known.count:
@@ -187,6 +176,23 @@ class Bag:
     def _note_damage(self, storage: Storage) -> None:
         if storage.damage:
             self.problems.leave_out(storage.damage)
+
+
+def _count(storage: Storage) -> tuple[dict[str, Topic], str]:
+    """Count the messages of a file by topic; say where a topic's times first go back, or ''."""
+    topics: dict[str, Topic] = {}
+    latest: dict[str, int] = {}
+    jump = ''
+    for name, time in storage.stamps():
+        topic = topics.setdefault(name, Topic(name, '', 0, time, time))
+        topic.count += 1
+        topic.first, topic.last = min(topic.first, time), max(topic.last, time)
+        back = latest.get(name, time) - time
+        if back > JUMP and not jump:
+            where = f'message {topic.count} of {name}'
+            jump = f'the clock jumps back by {back / 1e9:.3f} s at {where}'
+        latest[name] = time
+    return topics, jump
 
 
 def _sentence(error: Exception, path: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,12 @@ from llm_astar_msgs_adapter.bag_reading import Bag
 from llm_astar_msgs_adapter.bag_topics import BARRIER_MAP
 
 from llm_astar_planner.benchmark.askers import GRID_ABLATIONS, make_askers
-from llm_astar_planner.benchmark.bag_contents import REQUESTS, Wanted, describe, describe_text
+from llm_astar_planner.benchmark.bag_contents import Wanted, describe, describe_text
 from llm_astar_planner.benchmark.bag_exchanges import write_exchanges
 from llm_astar_planner.benchmark.bag_tasks import BagRun, BagSweep
 from llm_astar_planner.benchmark.engine import Asker, Outcome, Settings, Task
 from llm_astar_planner.benchmark.progress import progress
-from llm_astar_planner.benchmark.request_list import ListedRequest, load_requests
+from llm_astar_planner.benchmark.request_list import ListedRequest
 from llm_astar_planner.benchmark.results import (
     MAPS_FILE,
     ResultsError,
@@ -30,6 +30,13 @@ from llm_astar_planner.benchmark.results import (
 from llm_astar_planner.benchmark.results_bag import ResultsBag
 from llm_astar_planner.benchmark.run import carry_out, open_folder
 from llm_astar_planner.benchmark.samples import save_kept_maps
+from llm_astar_planner.cli_evaluate_options import (
+    SEARCH_OPTIONS,
+    add_input,
+    add_rules,
+    rules_given,
+    wanted_of,
+)
 from llm_astar_planner.cli_run import (
     BAD_INPUT,
     INCOMPLETE,
@@ -45,24 +52,10 @@ from llm_astar_planner.cli_run import (
     make_executor,
 )
 from llm_astar_planner.plan_reports import plan_report
-from llm_astar_planner.planner_options import (
-    RULES,
-    SEARCH,
-    TOLERANCES,
-    check_options,
-    grid_rules,
-    read_params_file,
-)
+from llm_astar_planner.planner_options import grid_rules, request_options
 
 # The traffic with models taken out of bags, in the results folder.
 EXCHANGES = 'exchanges.jsonl'
-# What a parameter file may say of the search, by the names of this command's options.
-SEARCH_OPTIONS = {
-    'heuristic': 'heuristic',
-    'weight': 'weight',
-    'max_suboptimality': 'max_suboptimality',
-    'max_planning_time': 'time_limit',
-}
 EPILOG = """\
 examples:
   llm-astar evaluate bag --list                       what it offers
@@ -91,68 +84,22 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     )
     parser.set_defaults(run=run, command='evaluate', seed=0)
     parser.add_argument('bags', nargs='+', metavar='BAG', help='a folder, or an mcap or db3 file')
-    _add_input(parser.add_argument_group('input'))
+    add_input(parser.add_argument_group('input'))
     add_cases(parser.add_argument_group('cases'))
-    _add_rules(parser.add_argument_group('rules, by the names of the parameters of planner_node'))
+    add_rules(parser.add_argument_group('rules, by the names of the parameters of planner_node'))
     add_running(parser.add_argument_group('running'), 'out/evaluate')
     names = ('methods', *SEARCH_OPTIONS.values())
     parser.set_defaults(unnamed={name: parser.get_default(name) for name in names})
 
 
-def _add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    group.add_argument('--list', action='store_true', help='only show what the bags offer')
-    group.add_argument(
-        '--namespace', default='', metavar='NAME', help='the robot, where a bag has several'
-    )
-    group.add_argument('--map-topic', default='', metavar='TOPIC', help='(/map)')
-    group.add_argument(
-        '--plan-topic', default='', metavar='TOPIC', help="where the robot's own plans are (/plan)"
-    )
-    group.add_argument(
-        '--odom-topic', default='', metavar='TOPIC', help='where a goal is planned from (no topic)'
-    )
-    group.add_argument(
-        '--requests',
-        default='auto',
-        metavar='WHAT',
-        help='service: calls of GetPlan; goals: goal_pose; auto: both; or a csv or json FILE '
-        'of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
-    )
-    group.add_argument(
-        '--plan-window',
-        type=float,
-        default=10.0,
-        metavar='SECONDS',
-        help='how long after a request its recorded plan may come (10)',
-    )
-    group.add_argument(
-        '--results-bag', metavar='DIR', help='also write the plans and reports into this new bag'
-    )
-
-
-def _add_rules(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    group.add_argument(
-        '--params-file', metavar='FILE', help="the node's own parameter file; options go first"
-    )
-    for option in (*RULES, *TOLERANCES):
-        flag = '--' + option.name.replace('_', '-')
-        told = f'({option.default:g})' if type(option.default) is not bool else None
-        if isinstance(option.default, bool):
-            told = '(on)' if option.default else "(off; on where the bag tells the map's barriers)"
-            action: Any = argparse.BooleanOptionalAction
-            group.add_argument(flag, action=action, default=None, help=told)
-        else:
-            kind = type(option.default)
-            group.add_argument(flag, type=kind, default=None, metavar='N', help=told)
-
-
 def run(args: argparse.Namespace) -> int:
     """Evaluate bags or list them; return the exit code. Raises ValueError on bad input."""
-    wanted, listed = _wanted(args)
+    wanted, listed = wanted_of(args)
     if args.list:
         return _list(args, wanted)
-    options = _options(args)
+    options = rules_given(args)
     check_cases(args)
+    plans = ResultsBag(args.results_bag) if args.results_bag else None
     folder = ResultsFolder(args.out)
     try:
         if 'replay' in args.source and not args.transcript:
@@ -167,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
     code = OK
     try:
         running = make_executor(args, sweep.askers)
-        with running as (executor, at_once), _watching(args) as step:
+        with running as (executor, at_once), _watching(plans) as step:
             metadata['parameters']['jobs'] = args.dask or at_once // 2
             # Big maps wait in the queue, so it is no longer than it must be.
             few = max(1, at_once // 2)
@@ -182,10 +129,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _watching(args: argparse.Namespace) -> Iterator[Callable[[Task, list[Outcome]], None]]:
+def _watching(bag: ResultsBag | None) -> Iterator[Callable[[Task, list[Outcome]], None]]:
     """Yield what shows the progress and writes the plans into a bag, if one is wanted."""
-    with progress(None, 'request') as step, ExitStack() as stack:
-        bag = stack.enter_context(ResultsBag(args.results_bag)) if args.results_bag else None
+    with progress(None, 'request') as step, nullcontext() if bag is None else bag:
 
         def keep(task: Task, outcomes: list[Outcome]) -> None:
             if bag is not None:
@@ -251,46 +197,6 @@ def _offer(path: str, wanted: Wanted) -> dict[str, Any] | str:
         return str(error)
 
 
-def _wanted(args: argparse.Namespace) -> tuple[Wanted, Sequence[ListedRequest]]:
-    listed: Sequence[ListedRequest] = ()
-    requests = args.requests
-    if requests not in REQUESTS:
-        listed, requests = load_requests(requests), 'list'
-    if not args.plan_window >= 0.0:
-        message = f'--plan-window {args.plan_window} is not 0 seconds or more'
-        raise ValueError(message)
-    namespace = args.namespace.strip('/')
-    wanted = Wanted(
-        f'/{namespace}' if namespace else '',
-        args.map_topic,
-        args.plan_topic,
-        args.odom_topic,
-        requests,
-    )
-    return wanted, listed
-
-
-def _options(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the rules given, by the file and over it by options; put the file's search in place.
-
-    With a file the node's defaults hold where it says nothing. An option of the search counts as
-    given where it is not what it is without being named.
-    """
-    names = [option.name for option in (*RULES, *TOLERANCES)]
-    given: dict[str, Any] = {}
-    if args.params_file:
-        given = read_params_file(args.params_file)
-        search = {option.name: option.default for option in SEARCH} | given
-        for name, own in SEARCH_OPTIONS.items():
-            if getattr(args, own) == args.unnamed[own]:
-                setattr(args, own, search[name] or None)
-        if args.methods == args.unnamed['methods']:
-            args.methods = [search['method']]
-    options = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
-    check_options(options)
-    return {name: given[name] for name in names if name in given} | options
-
-
 def _take_exchanges(args: argparse.Namespace, wanted: Wanted, folder: ResultsFolder) -> Path:
     """Write the traffic the bags hold into the folder, as the transcript to replay."""
     transcript = folder.path / EXCHANGES
@@ -310,22 +216,23 @@ def _sweep(
     listed: Sequence[ListedRequest],
     options: dict[str, Any],
 ) -> BagSweep:
+    asked = request_options(options)
     settings = Settings(
         args.heuristic,
         args.weight,
         args.time_limit,
         args.max_suboptimality,
         grid_rules(options),
-        options.get('tolerance', 0.0),
-        options.get('start_tolerance', 0.0),
+        asked['tolerance'],
+        asked['start_tolerance'],
     )
     return BagSweep(
         [Path(path) for path in args.bags],
-        wanted,
+        replace(wanted, base_frame=asked['robot_base_frame']),
         args.methods,
         _askers(args),
         settings,
-        'corner_cutting' not in options,
+        'corner_cutting' not in options and not args.params_file,
         args.plan_window,
         listed,
     )

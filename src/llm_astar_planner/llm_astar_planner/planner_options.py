@@ -40,7 +40,12 @@ RULES = (
     Option('inflation_radius', 0.0, 0.0, 100.0),
     Option('cost_scaling_factor', 10.0, 0.0, 1000.0),
 )
-TOLERANCES = (Option('tolerance', 0.0, 0.0, 1000.0), Option('start_tolerance', 0.0, 0.0, 1000.0))
+# How a request is taken.
+REQUESTS = (
+    Option('tolerance', 0.5, 0.0, 1000.0),
+    Option('start_tolerance', 0.0, 0.0, 1000.0),
+    Option('robot_base_frame', 'base_link'),
+)
 SEARCH = (
     Option('method', 'guided'),
     Option('heuristic', 'euclidean'),
@@ -48,7 +53,7 @@ SEARCH = (
     Option('max_suboptimality', 1.1, 0.0, 1000.0),
     Option('max_planning_time', 5.0, 0.0, 3600.0),
 )
-OPTIONS = {option.name: option for option in (*RULES, *TOLERANCES, *SEARCH)}
+OPTIONS = {option.name: option for option in (*RULES, *REQUESTS, *SEARCH)}
 
 
 def grid_rules(values: Mapping[str, Any]) -> GridRules:
@@ -56,6 +61,11 @@ def grid_rules(values: Mapping[str, Any]) -> GridRules:
     chosen = {option.name: values.get(option.name, option.default) for option in RULES}
     multiplier = chosen.pop('cost_travel_multiplier')
     return GridRules(cost_multiplier=multiplier, **chosen)
+
+
+def request_options(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return how requests are taken, by name; those not given are at the node's defaults."""
+    return {option.name: values.get(option.name, option.default) for option in REQUESTS}
 
 
 def read_params_file(path: str | Path) -> dict[str, Any]:

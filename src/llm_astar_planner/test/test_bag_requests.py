@@ -86,7 +86,7 @@ def test_a_goal_starts_where_tf_has_the_robot_else_odometry_else_where_it_was_to
         odometry_at(5, (3, 3)), goal_at(6, (8, 8)),
         tf_at(7, 'map', 'odom', (1.0, 1.0)), tf_at(7, 'odom', 'base_link', (3.0, 4.0)),
         goal_at(8, (8, 8)), goal_at(30, (8, 8)),
-    ], odom_topic='/odom')  # fmt: skip
+    ])  # fmt: skip
     assert [request.start[:2] for request in requests] == [(2, 2), (3, 3), (4, 5), (3, 3)]
     assert 'a request whose start is not known' in problems.left_out[0]
 

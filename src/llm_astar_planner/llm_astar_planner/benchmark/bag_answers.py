@@ -36,7 +36,10 @@ class Recorded:
 
 @dataclass
 class BagRequest:
-    """A question as the bag has it: poses in metres in the map's frame, `time` in ns."""
+    """A question as the bag has it: poses in metres in the map's frame, `time` in ns.
+
+    `tolerance` (metres) is the caller's own, 0 where it leaves it to the planner.
+    """
 
     index: int
     time: int
@@ -44,6 +47,7 @@ class BagRequest:
     goal: Pose2D
     grid_map: GridMap
     barrier_map: BarrierMap | None = None
+    tolerance: float = 0.0
     recorded: Recorded = field(default_factory=Recorded)
 
 

@@ -23,7 +23,7 @@ class Wanted:
     """Which topics to take, and which requests: a member of REQUESTS, or `list` for a file's.
 
     `namespace` is the robot's where a bag has several, '' or beginning with a slash; a topic that
-    is '' is the namespace's own.
+    is '' is the namespace's own. `base_frame` is the robot's in tf.
     """
 
     namespace: str = ''
@@ -31,6 +31,7 @@ class Wanted:
     plan_topic: str = ''
     odom_topic: str = ''
     requests: str = 'auto'
+    base_frame: str = 'base_link'
 
     @property
     def map(self) -> str:
@@ -65,8 +66,7 @@ def _named(wanted: Wanted) -> Iterable[tuple[str, str, str]]:
     yield 'map update', f'{wanted.map}_updates', UPDATE
     yield 'barriers', BARRIER_MAP, TEXT
     yield 'plan', wanted.plan_topic or f'{own}/plan', PATH
-    if wanted.odom_topic:
-        yield 'odometry', wanted.odom_topic, ODOMETRY
+    yield 'odometry', wanted.odom_topic or f'{own}/odom', ODOMETRY
     if wanted.requests in ('auto', 'goals'):
         yield 'goal', f'{own}/goal_pose', POSE
         yield 'start', f'{own}/initialpose', POSE_GUESS

@@ -9,14 +9,13 @@ from llm_astar_msgs_adapter.grid_map import GridMapError, Pose2D
 from llm_astar_msgs_adapter.message_values import matrix_of
 from llm_astar_msgs_adapter.transforms import Transforms, flat_pose
 
-BASE_FRAMES = ('base_link', 'base_footprint')
-
 
 class Places:
     """The latest transforms, odometry and initial pose."""
 
-    def __init__(self) -> None:
-        """Know no place yet."""
+    def __init__(self, base_frame: str) -> None:
+        """Know no place yet; `base_frame` is the robot's in tf."""
+        self._base_frame = base_frame
         self._transforms = Transforms()
         self._told: dict[str, Message] = {}
 
@@ -49,14 +48,14 @@ class Places:
 
     def robot(self, target: str, now: int) -> Pose2D | str:
         """Return the robot's place by tf, else by odometry, else as it was last told."""
-        for frame in BASE_FRAMES:
-            known = self._transforms.lookup(target, frame, now)
-            if known is not None:
-                return flat_pose(known)
+        known = self._transforms.lookup(target, self._base_frame, now)
+        if known is not None:
+            return flat_pose(known)
         for part in ('odometry', 'start'):
             if part in self._told:
                 value = self._told[part].value
                 place = self.on_map(value.pose.pose, value.header.frame_id, target, now)
                 if isinstance(place, Pose2D):
                     return place
-        return 'is not known: no tf from the map to base_link, no odometry, no initialpose yet'
+        tf = f'no tf from {target} to {self._base_frame}'
+        return f'is not known: {tf}, no odometry, no initialpose yet'

@@ -7,7 +7,7 @@ few requests whose recorded answer may still come.
 from __future__ import annotations
 
 import json
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
@@ -41,9 +41,9 @@ class RequestReader:
         self._parts = parts(bag, wanted)
         self._missing = missing(bag, self._parts, wanted)
         held = self._parts.values()
-        self._listed = sorted(listed, key=lambda item: item.time)
+        self._listed = deque(sorted(listed, key=lambda item: item.time))
         self._answers = Answers(int(window * 1e9), plans='plan' in held, reports='report' in held)
-        self._places = Places()
+        self._places = Places(wanted.base_frame)
         self._grid_map: GridMap | None = None
         self._barriers: BarrierMap | None = None
         self._calls: OrderedDict[Call, None] = OrderedDict()
@@ -147,7 +147,7 @@ class RequestReader:
             self._calls.popitem(last=False)
         request = event.request[0]
         start, goal = self._on_the_map(request.start), self._on_the_map(request.goal)
-        self._ask(self._when(message), start, goal, call)
+        self._ask(self._when(message), start, goal, call, float(request.tolerance))
 
     def _on_goal(self, message: Message) -> None:
         start = self._places.robot(self._frame, message.time)
@@ -156,11 +156,16 @@ class RequestReader:
     def _ask_listed(self, now: float | None) -> None:
         """Make the listed requests whose time has come, all that are left for None."""
         while self._listed and (now is None or self._listed[0].time < now):
-            item = self._listed.pop(0)
+            item = self._listed.popleft()
             self._ask(f'listed request {item.number}', item.start, item.goal)
 
     def _ask(
-        self, when: str, start: Pose2D | str, goal: Pose2D | str, call: Call | None = None
+        self,
+        when: str,
+        start: Pose2D | str,
+        goal: Pose2D | str,
+        call: Call | None = None,
+        tolerance: float = 0.0,
     ) -> None:
         """Make a request; a pose that is a sentence says why it is none."""
         index, self._count = self._count, self._count + 1
@@ -172,7 +177,9 @@ class RequestReader:
             self._leave_out(f'{when}: a request whose goal {goal}', 'requests')
         else:
             barriers = self._fitting_barriers(self._grid_map)
-            request = BagRequest(index, self._now, start, goal, self._grid_map, barriers)
+            request = BagRequest(
+                index, self._now, start, goal, self._grid_map, barriers, tolerance
+            )
             self._answers.wait(request, call)
 
     def _fitting_barriers(self, grid_map: GridMap) -> BarrierMap | None:

@@ -54,25 +54,29 @@ class Numbers:
     """
 
     _maps: dict[str, int] = field(default_factory=dict)
-    _taken: dict[int, set[int]] = field(default_factory=dict)
+    _used: set[int] = field(default_factory=set)
+    _samples: dict[int, set[int]] = field(default_factory=dict)
+    _others: dict[int, range] = field(default_factory=dict)
 
     def map(self, digest: str, wanted: int | None) -> int:
         """Return the number of a map."""
         if digest not in self._maps:
-            number = wanted if wanted is not None and wanted not in self._taken else None
+            number = wanted if wanted is not None and wanted not in self._used else None
             if number is None:
-                number = max(self._taken, default=-1) + 1
+                number = max(self._used, default=-1) + 1
             self._maps[digest] = number
-            self._taken[number] = set()
+            self._used.add(number)
         return self._maps[digest]
 
     def pair(self, number: int, wanted: int | None, reserved: int) -> int:
         """Return the number of a request on a map; the first `reserved` are its samples'."""
-        taken = self._taken[number]
-        if wanted is None or wanted in taken:
-            wanted = max(max(taken, default=-1) + 1, reserved)
-        taken.add(wanted)
-        return wanted
+        samples = self._samples.setdefault(number, set())
+        others = self._others.setdefault(number, range(reserved, reserved))
+        if wanted is not None and wanted not in samples and wanted not in others:
+            samples.add(wanted)
+            return wanted
+        self._others[number] = range(others.start, others.stop + 1)
+        return others.stop
 
 
 class KeptMaps:
@@ -160,6 +164,8 @@ class BagRun:
         settings = sweep.settings
         if request.barrier_map is not None and sweep.paper_corners and settings.rules is not None:
             settings = replace(settings, rules=replace(settings.rules, corner_cutting=True))
+        if request.tolerance > 0.0:
+            settings = replace(settings, tolerance=request.tolerance)
         self.kept.add(sample)
         return Task(
             sample, 1, (), tuple(sweep.askers), settings, _occasion(bag, request), is_sample

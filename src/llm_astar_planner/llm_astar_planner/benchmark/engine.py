@@ -264,7 +264,7 @@ def _run_case(
         first_operation=float(plan.first_operation) if found else float('nan'),
         ratio=plan.ratio,
         clearance=plan.clearance if found else float('nan'),
-        turns=plan.turns,
+        turns=float(plan.turns) if found else float('nan'),
         unknown_length=plan.unknown_length if found else float('nan'),
     )
     return Outcome(row, replace(plan, expanded=NOTHING_EXPANDED))

@@ -94,7 +94,7 @@ class Row:
     first_operation: float = math.nan
     ratio: float = math.nan
     clearance: float = math.nan
-    turns: int = 0
+    turns: float = math.nan
     unknown_length: float = math.nan
     bag: str = ''
     request: int = 0

@@ -165,7 +165,7 @@ def _summarise(
         unanswered=sum(row.source_status not in ANSWERS for row in every),
         clearance=spread(clearances),
         least_clearance=min(clearances, default=float('nan')),
-        turns=spread([row.turns for row in found]),
+        turns=spread(_known([row.turns for row in found])),
         unknown_length=spread(_known([row.unknown_length for row in found])),
         recorded=_over_recorded(found, seed),
     )

@@ -157,4 +157,14 @@ def _row(
         seconds_round_trip=round_trip,
         first_operation=float(report.first_operation) if report.code == 0 else math.nan,
         ratio=math.nan if report.ratio is None else report.ratio,
+        **(_of_path(report) if report.code == 0 else {}),
     )
+
+
+def _of_path(report: PlanReport) -> dict[str, Any]:
+    """Return the columns that only a path has."""
+    return {
+        'clearance': math.inf if report.clearance is None else report.clearance,
+        'turns': float(report.turns),
+        'unknown_length': report.unknown_length,
+    }
