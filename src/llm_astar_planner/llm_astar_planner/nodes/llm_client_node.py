@@ -11,18 +11,18 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.barrier_map import BarrierMapError, load_barrier_maps
 from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError
-from llm_astar_msgs_adapter.occupancy_grid import grid_from_message
 from llm_astar_msgs_adapter.path import path_to_message, pose_from_message
 from llm_astar_msgs_adapter.report import ExchangeReport, report_to_message, status_to_message
-from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetPlan
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
 from llm_astar_planner.asking import ask
+from llm_astar_planner.nodes.entities import Entities
+from llm_astar_planner.nodes.map_listener import MapListener
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
-from llm_astar_planner.nodes.qos import LATCHED, RELIABLE, REPORTS
+from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.run import run
 from llm_astar_planner.prompts.instruction import clean_instruction
 from llm_astar_planner.search.result import Cell
@@ -121,13 +121,7 @@ class LlmClientNode(Node):
         self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', REPORTS)
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
         together = ReentrantCallbackGroup()
-        self.create_subscription(
-            OccupancyGrid,
-            'map',
-            self._on_map,
-            LATCHED,
-            callback_group=MutuallyExclusiveCallbackGroup(),
-        )
+        MapListener(Entities(self), self._on_map)
         self.create_service(
             GetPlan, '~/get_waypoints', self._on_get_waypoints, callback_group=together
         )
@@ -150,12 +144,8 @@ class LlmClientNode(Node):
     def _adopt(self) -> None:
         self._source = self._candidate
 
-    def _on_map(self, message: OccupancyGrid) -> None:
-        try:
-            self._grid_map = grid_from_message(message)
-        except GridMapError as error:
-            self.get_logger().error(f'map refused, the last one stays: {error}')
-            return
+    def _on_map(self, grid_map: GridMap) -> None:
+        self._grid_map = grid_map
         self._publish_health()
 
     def _on_get_waypoints(

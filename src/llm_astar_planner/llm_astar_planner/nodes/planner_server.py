@@ -19,6 +19,7 @@ from llm_astar_planner.nodes.health import Health
 from llm_astar_planner.nodes.instruction import take_instruction
 from llm_astar_planner.nodes.introspection import introspect
 from llm_astar_planner.nodes.map_keeper import MapKeeper
+from llm_astar_planner.nodes.map_listener import MapListener
 from llm_astar_planner.nodes.nav2_actions import PathCheck, serve_nav2
 from llm_astar_planner.nodes.parameters import Parameters
 from llm_astar_planner.nodes.planner_parameters import grid_rules
@@ -51,7 +52,7 @@ class PlannerServer:
         self._recall = Recall(settings['remember_plans'])
         self._source = self._make_source()
         frames = self._make_frames()
-        self._maps = MapKeeper(entities, lambda: grid_rules(settings), self._on_planner)
+        self._maps = MapKeeper(node.get_logger(), lambda: grid_rules(settings), self._on_planner)
         reader = Reader(settings, frames, self._source)
         self._answering = Answering(
             node,
@@ -63,11 +64,10 @@ class PlannerServer:
         )
         self._answering.on_outdated = self._look_again
         self._revalidation = Revalidation(node, settings, self._answering)
-        entities.on_close(self._revalidation.close)
         self._health = Health(entities, self._state)
         # Last of all: whoever spins the node may call back at once.
         self._listen(PathCheck(frames, lambda: str(settings['robot_base_frame'])))
-        self._maps.listen(entities)
+        MapListener(entities, self._maps.take)
 
     @property
     def is_active(self) -> bool:
@@ -79,11 +79,13 @@ class PlannerServer:
         """Begin to answer; or end, and give up what is being planned."""
         self._answering.is_active = value
         if not value:
-            self._answering.cancel_all('the node was deactivated')
+            self._answering.give_up('the node was deactivated')
 
     def close(self) -> None:
         """Give up what is being planned, and leave the graph."""
         self.is_active = False
+        self._maps.close()
+        self._revalidation.close()
         self._entities.close()
 
     def _make_source(self) -> RemoteSource | None:
