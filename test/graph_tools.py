@@ -10,8 +10,10 @@ import time
 import rclpy
 from llm_astar_msgs_adapter.grid_map import Pose2D
 from llm_astar_planner.nodes.caller import Caller
+from llm_astar_planner.nodes.run import spin
 from llm_astar_planner.share import find_file
 from rcl_interfaces.srv import SetParameters
+from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
 
 START, GOAL = Pose2D(39.0, 18.0), Pose2D(7.0, 19.0)
@@ -52,6 +54,23 @@ def process(name, *arguments, namespace=''):
 
 
 @contextlib.contextmanager
+def spinning(*nodes):
+    """Spin nodes of this process on threads of their own, and destroy them in the end."""
+    executor = MultiThreadedExecutor(num_threads=8)
+    for node in nodes:
+        executor.add_node(node)
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    try:
+        yield
+    finally:
+        executor.shutdown()
+        thread.join()
+        for node in nodes:
+            node.destroy_node()
+
+
+@contextlib.contextmanager
 def calling(namespace='', name='test_caller'):
     """Join the graph as a caller."""
     node = rclpy.create_node(name, namespace=namespace or None)
@@ -60,6 +79,26 @@ def calling(namespace='', name='test_caller'):
             yield caller
     finally:
         node.destroy_node()
+
+
+@contextlib.contextmanager
+def running(*nodes):
+    """Spin nodes in this process, as their main does, and take them out of the graph again."""
+    executor = MultiThreadedExecutor(num_threads=8)
+    stopped = threading.Event()
+    for node in nodes:
+        executor.add_node(node)
+    thread = threading.Thread(target=spin, args=(executor, nodes[0].context, stopped))
+    thread.start()
+    try:
+        yield
+    finally:
+        for node in nodes:
+            node.destroy_node()
+        stopped.set()
+        executor.wake()
+        thread.join()
+        executor.shutdown()
 
 
 def wait_for(condition, what):

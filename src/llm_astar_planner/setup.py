@@ -38,6 +38,7 @@ setup(
         'numba',
         'numpy',
         'pillow',
+        'rosbags',
         'scipy',
         'shapely>=2',
         'tqdm',
@@ -47,7 +48,7 @@ setup(
         'cluster': ['dask[distributed]'],
         'local-llm': ['xllamacpp'],
         'peers': ['nano-astar', 'pyastar2d', 'w9-pathfinding', 'llm-astar'],
-        'test': ['pytest', 'hypothesis'],
+        'test': ['pytest', 'hypothesis', 'mcap-ros2-support'],
     },
     entry_points={
         'console_scripts': [

@@ -36,6 +36,8 @@ REQUIRED = {
     'shapely': ('the benchmark', 'pip install shapely'),
     'jinja2': ('the benchmark', 'pip install jinja2'),
     'tqdm': ('the benchmark', 'pip install tqdm'),
+    'rosbags.rosbag2': ('bags', 'pip install rosbags'),
+    'mcap': ('bags', 'pip install mcap'),
 }
 ROS = {
     'rclpy.node': ('the nodes', 'apt install ros-jazzy-rclpy, or make install for the wheels'),
@@ -105,7 +107,7 @@ def _module(name: str, use: str, remedy: str, *, required: bool) -> Finding:
         importlib.import_module(name)
     except ImportError:
         return Finding(package, False, required, f'needed for {use}: {remedy}')
-    folder = Path(getattr(sys.modules[package], '__file__', None) or '').parent.parent
+    folder = Path(next(iter(sys.modules[package].__path__))).parent
     return Finding(package, True, required, f'{_version(package)} in {folder}')
 
 

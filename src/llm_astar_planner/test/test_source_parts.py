@@ -123,10 +123,16 @@ def test_budget_windows_slide():
     assert budget.admit().startswith('max_tokens_per_day: 100 are used; next in 82800 s')
     clock.now += 82800
     assert budget.admit() == ''
-    assert (budget.total_calls, budget.total_tokens) == (4, 100)
+    assert budget.values() == {
+        'calls_made': 4,
+        'calls_left': 1,
+        'tokens_used': 100,
+        'tokens_left': 100,
+    }
     unlimited = CallBudget()
     unlimited.spend(10**9)
     assert all(unlimited.admit() == '' for _ in range(1000))
+    assert (unlimited.values()['calls_left'], unlimited.values()['tokens_left']) == (None, None)
 
 
 def test_a_dialect_gives_way_until_nothing_is_left():

@@ -50,6 +50,10 @@ WAYPOINT_HEAD = (
     'Case', 'Waypoints a sample', 'Verdicts (% of waypoints)', 'Tokens in', 'Tokens out', 'Cost',
     'Unanswered',
 )  # fmt: skip
+PATH_HEAD = (
+    'Case', 'Clearance, least (m)', 'mean', 'Turns, mean', 'Through unknown, mean (m)',
+    'Length / recorded plan (%)', 'worst',
+)  # fmt: skip
 CONTRAST_HEAD = ('Case', 'Operation / none (%)', 'Length / none (%)', 'Verdict')
 Table = list[tuple[str, ...]]
 
@@ -77,6 +81,9 @@ def report(
         markdown_table(SPREAD_HEAD, spread_table(summaries)),
         '## Waypoints, tokens, cost',
         markdown_table(WAYPOINT_HEAD, waypoint_table(summaries)),
+        '## The paths',
+        markdown_table(PATH_HEAD, path_table(summaries)),
+        *left_out_part(metadata),
         *_growth_part(growths),
         *(f'![{caption}]({file})\n\n{caption}' for file, caption in pictures),
         '## Table 1 of the paper, as printed',
@@ -165,6 +172,32 @@ def waypoint_table(summaries: Sequence[CaseSummary]) -> Table:
         for summary in summaries
         if summary.case.source != 'none'
     ]
+
+
+def path_table(summaries: Sequence[CaseSummary]) -> Table:
+    """Return the rows on what a robot makes of the paths."""
+    return [
+        (
+            str(summary.case),
+            number(summary.least_clearance),
+            number(summary.clearance.mean),
+            number(summary.turns.mean, 1),
+            number(summary.unknown_length.mean),
+            '-' if summary.recorded is None else percent(summary.recorded.mean),
+            '-' if summary.recorded is None else number(100 * summary.recorded.spread.worst),
+        )
+        for summary in summaries
+    ]
+
+
+def left_out_part(metadata: Mapping[str, Any]) -> list[str]:
+    """Say what of the input is not in the figures, and what was odd about it."""
+    parts: list[str] = []
+    for title, name in (('## Left out', 'left_out'), ('## Notes on the input', 'notes')):
+        lines = metadata.get(name) or []
+        if lines:
+            parts += [title, '\n'.join(f'- {line}' for line in lines)]
+    return parts
 
 
 def growth_table(growths: Sequence[Growth]) -> tuple[tuple[str, ...], Table]:
