@@ -7,7 +7,7 @@ from typing import Any
 from llm_astar_planner.nodes.instruction import instruction_problem
 from llm_astar_planner.nodes.introspection import INTROSPECTION_MODE
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
-from llm_astar_planner.plan import GridRules
+from llm_astar_planner.plan import MAX_RADIUS, GridRules
 from llm_astar_planner.search.methods import GUIDED, HEURISTICS, METHODS
 
 SEARCH = (
@@ -55,14 +55,14 @@ GROUND = (
         0.0,
         'Metres kept free around the path; 0 on a costmap, which has it in it',
         minimum=0.0,
-        maximum=100.0,
+        maximum=MAX_RADIUS,
     ),
     Parameter(
         'inflation_radius',
         0.0,
         'Metres from an obstacle up to which cells cost more; 0 on a costmap',
         minimum=0.0,
-        maximum=100.0,
+        maximum=MAX_RADIUS,
     ),
     Parameter(
         'cost_scaling_factor',
