@@ -164,13 +164,13 @@ class Answering:
         ends = self._reader.ends(job.question, planner.grid_map)
         paths = self._paths(job, ends, planner.grid_map)
         plan, how = self._searched(job, ends, planner, paths)
-        path = paths.final(plan) if plan is not None else None
-        # Looked at last of all: what was given up must not be published after what came instead.
-        if job.cancel.reason:
-            raise RefusalError(ResultCode.TIMEOUT, f'canceled: {job.cancel.reason}')
-        if plan is None or path is None:
+        if plan is None:
             message = "out of time waiting for another caller's search of the same"
-            raise RefusalError(ResultCode.TIMEOUT, message)
+            raise RefusalError(ResultCode.TIMEOUT, job.cancel.message or message)
+        path = paths.final(plan)
+        # Only now: what was given up must not be published after what came instead.
+        if job.cancel.message:
+            raise RefusalError(ResultCode.TIMEOUT, job.cancel.message)
         if plan.code is ResultCode.NONE:
             self._publish(job, plan, path, paths)
             self._keep(job, plan, planner)
