@@ -164,10 +164,13 @@ class Answering:
         ends = self._reader.ends(job.question, planner.grid_map)
         paths = self._paths(job, ends, planner.grid_map)
         plan, how = self._searched(job, ends, planner, paths)
-        if plan is None or job.cancel.reason:
-            reason = job.cancel.reason or "another caller's search took the time there was"
-            raise RefusalError(ResultCode.TIMEOUT, f'canceled: {reason}')
+        if plan is None:
+            message = "out of time waiting for another caller's search of the same"
+            raise RefusalError(ResultCode.TIMEOUT, job.cancel.message or message)
         path = paths.final(plan)
+        # Only now: what was given up must not be published after what came instead.
+        if job.cancel.message:
+            raise RefusalError(ResultCode.TIMEOUT, job.cancel.message)
         if plan.code is ResultCode.NONE:
             self._publish(job, plan, path, paths)
             self._keep(job, plan, planner)
@@ -200,9 +203,10 @@ class Answering:
         spent = time.monotonic() - job.begin + min(FINISH_SECONDS, FINISH_SHARE * limit)
 
         def publish_better(better: Improvement) -> None:
+            path = paths.message(better.path)
             if not job.cancel.reason:
-                job.published = paths.message(better.path)
-                self._announcer.publish(job.published)
+                job.published = path
+                self._announcer.publish(path)
                 job.on_better()
 
         return self._recall.plan(
