@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+
 from llm_astar_training.maps import BOXES, KINDS, MOST_PARALLEL, RECIPE, ROOMS, SCALED, SCATTERED
 from llm_astar_training.routes import fill_batch
-from numpy.typing import NDArray
 
 # How often a step learns from each kind of map.
 SHARES = {RECIPE: 0.35, SCALED: 0.12, SCATTERED: 0.23, ROOMS: 0.15, BOXES: 0.15}

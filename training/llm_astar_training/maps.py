@@ -53,9 +53,7 @@ def _too_near(barriers: NDArray[np.int32], count: int) -> bool:
         if barriers[k, 0] != barriers[count, 0]:
             continue
         across = barriers[k, 1] - barriers[count, 1]
-        along = max(
-            barriers[k, 2] - barriers[count, 3], barriers[count, 2] - barriers[k, 3], 0
-        )
+        along = max(barriers[k, 2] - barriers[count, 3], barriers[count, 2] - barriers[k, 3], 0)
         if across * across + along * along < MIN_GAP * MIN_GAP:
             return True
     return False

@@ -2,7 +2,7 @@
 
 Nodes are the start, the goal and the cell beyond each barrier's first and last cell; see
 `llm_astar_planner.waypoint_source.embedded_features`. A line of sight is one in the sense of
-`llm_astar_planner.sight`: it touches no barrier, and blocked cells that touch by a side are joined.
+`llm_astar_planner.sight`: it touches no barrier, and blocked cells side by side are joined.
 """
 
 from __future__ import annotations
@@ -11,10 +11,18 @@ import math
 from typing import Any
 
 import numpy as np
-from llm_astar_training.maps import RECIPE, SCALED, draw_ends, draw_map, is_blocked, scale_map
-from llm_astar_training.maps import MOST_SCALE as _MOST_SCALE
 from numba import njit
 from numpy.typing import NDArray
+
+from llm_astar_training.maps import (
+    MOST_SCALE,
+    RECIPE,
+    SCALED,
+    draw_ends,
+    draw_map,
+    is_blocked,
+    scale_map,
+)
 
 _jit: Any = njit(cache=True, nogil=True)
 
@@ -212,7 +220,7 @@ def draw_problem(
         if not (draw_map(kind, barriers, size) and draw_ends(barriers, size, ends)):
             continue
         if kind == SCALED:
-            scale_map(barriers, size, ends, np.random.randint(2, _MOST_SCALE + 1))
+            scale_map(barriers, size, ends, np.random.randint(2, MOST_SCALE + 1))
             if np.random.random() < 0.5:
                 draw_ends(barriers, size, ends)
         nodes = place_nodes(barriers, ends)
@@ -243,6 +251,4 @@ def fill_batch(
     """Fill a batch of problems in place; the same seed gives the same batch."""
     np.random.seed(seed)
     for n in range(len(barriers)):
-        draw_problem(
-            kind, barriers[n], size[n], ends[n], usable[n], apart[n], hops[n], weights[n]
-        )
+        draw_problem(kind, barriers[n], size[n], ends[n], usable[n], apart[n], hops[n], weights[n])

@@ -20,13 +20,14 @@ from typing import Any
 import numpy as np
 import torch
 from llm_astar_planner.waypoint_source.embedded_features import featurise
+from torch import Tensor
+from torch.nn import functional as fn
+from tqdm import tqdm
+
 from llm_astar_training.batches import Batch, held_out, step_batch
 from llm_astar_training.export import export
 from llm_astar_training.judge import follow, valid_ratio
 from llm_astar_training.network import Network, Shape
-from torch import Tensor
-from torch.nn import functional as fn
-from tqdm import tqdm
 
 RATE = 1.5e-3
 WARM_UP_STEPS = 300
@@ -96,9 +97,7 @@ class Trainer:
         """Yield the batches from the current step on, drawn ahead on a thread."""
         seed, most = self.options.seed, self.options.most_maps
         with ThreadPoolExecutor(1) as pool:
-            ahead = [
-                pool.submit(step_batch, seed, self.step + n, most) for n in range(AHEAD)
-            ]
+            ahead = [pool.submit(step_batch, seed, self.step + n, most) for n in range(AHEAD)]
             step = self.step + AHEAD
             try:
                 while True:
@@ -144,7 +143,8 @@ class Trainer:
         partial = self.out / 'checkpoint.partial'
         torch.save(state, partial)
         os.replace(partial, self.out / 'checkpoint.pt')
-        export(network, self.out / 'model.npz')
+        arrays = {name: value.numpy() for name, value in network.state_dict().items()}
+        export(arrays, asdict(network.shape), self.out / 'model.npz')
 
     def _resume(self) -> None:
         path = self.out / 'checkpoint.pt'

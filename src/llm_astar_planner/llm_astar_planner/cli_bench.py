@@ -14,7 +14,12 @@ from typing import Any
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.grid_problem import GridProblem
 
-from llm_astar_planner.benchmark.askers import GRID_ABLATIONS, check_grid_run, make_askers
+from llm_astar_planner.benchmark.askers import (
+    GRID_ABLATIONS,
+    check_grid_run,
+    embedded_askers,
+    make_askers,
+)
 from llm_astar_planner.benchmark.cluster import connect
 from llm_astar_planner.benchmark.engine import ALL_METHODS, LLM_ONLY, Asker, Settings
 from llm_astar_planner.benchmark.progress import progress
@@ -115,7 +120,7 @@ def _add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
         type=_names,
         default=[],
         metavar='NAMES',
-        help=f'of {", ".join(SOURCES)} (default: the ablations, which also go '
+        help=f'of {", ".join(SOURCES)} (default: embedded, and the ablations, which also go '
         f'beside every other source; on a grid {" and ".join(GRID_ABLATIONS)} alone: the others '
         'need a visibility graph, slow there and refused on large maps)',
     )
@@ -348,7 +353,7 @@ def _executor(args: argparse.Namespace, askers: Sequence[Asker]) -> Iterator[tup
         with connect(args.dask, askers) as cluster:
             yield cluster
         return
-    local = {'none', 'replay', *ablation_sources()}
+    local = {'none', 'replay', *ablation_sources(), *(asker.name for asker in embedded_askers())}
     jobs = args.jobs or (1 if all(asker.name in local for asker in askers) else LIVE_JOBS)
     executor = ThreadPoolExecutor(jobs)
     try:

@@ -96,6 +96,8 @@ def _who(contrast: Contrast) -> str:
     case = contrast.case
     if is_ablation(case):
         return f'`{case.source}` waypoints ({SOURCES.get(case.source, case.source)})'
+    if case.source.startswith('embedded'):
+        return f'the waypoints of `{case.source}` (a learned model, not an LLM)'
     named = ', '.join(part for part in (case.model, case.prompt) if part)
     return f'the waypoints of `{case.source}`' + (f' ({named})' if named else '')
 

@@ -68,8 +68,8 @@ def _node_features(
         [cells - size[:, None] / 2, cells - cells[:, :1], cells - cells[:, 1:2]], axis=-1
     )
     places = (places / unit).astype(np.float32)
-    waves = places[..., None] * (np.pi * 2.0 ** np.arange(WAVES, dtype=np.float32))
-    waves = waves.astype(np.float32).reshape(count, nodes, -1)
+    turns = np.pi * 2.0 ** np.arange(WAVES, dtype=np.float32)
+    waves = (places[..., None] * turns).astype(np.float32).reshape(count, nodes, -1)
     walls = np.concatenate([cells, size[:, None] - 1 - cells], axis=-1)
     shape = np.stack([np.log(side / 50), *(size / side[:, None]).T], axis=-1)
     parts = [
@@ -93,7 +93,7 @@ def _tips(barriers: NDArray[np.int32], unit: Floats) -> tuple[Floats, Floats]:
     flat = barriers[..., 0]
     points[..., 0] = flat[..., None] * np.array([-1, 1])
     points[..., 1] = (1 - flat)[..., None] * np.array([-1, 1])
-    points = points.reshape(count, 2 * each, 2)
+    points = points.reshape((count, 2 * each, 2))
     cells = np.repeat(barriers[..., 3] - barriers[..., 2] + 1, 2, axis=1)[..., None]
     lengths = np.concatenate([points * cells / unit, points * np.tanh(cells / 8)], axis=-1)
     ends = np.zeros((count, 2, 6), np.float32)

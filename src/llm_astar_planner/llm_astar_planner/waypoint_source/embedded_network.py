@@ -9,6 +9,8 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import threading
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,12 +18,15 @@ from importlib.resources import files
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from llm_astar_planner.waypoint_source.embedded_features import Features, Floats
 
 WEIGHTS_FILE = 'embedded_weights.npz'
 FORMAT = 1
 _EPSILON = np.float32(1e-5)
+# The limit is the process's own, so one pass at a time sets it and puts it back.
+_ONE_PASS = threading.Lock()
 
 
 class WeightsError(ValueError):
@@ -67,7 +72,7 @@ def read_weights(data: bytes, name: str = 'weights') -> Weights:
         with np.load(io.BytesIO(data), allow_pickle=False) as held:
             header = json.loads(held['header'].tobytes())
             arrays = {key: held[key].astype(np.float32) for key in held if key != 'header'}
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise WeightsError(f'{name}: is no file of exported weights: {error}') from None
     if header.pop('format', None) != FORMAT:
         raise WeightsError(f'{name}: format: is not {FORMAT}; export the weights again')
@@ -75,7 +80,20 @@ def read_weights(data: bytes, name: str = 'weights') -> Weights:
 
 
 def hop_logits(weights: Weights, features: Features) -> Floats:
-    """Return [n, N, N]: how likely, as a logit, the next hop from node i is node j."""
+    """Return [n, N, N]: how likely, as a logit, the next hop from node i is node j.
+
+    Runs on one core: matrices so small lose tenfold to the threads of a BLAS on a busy machine.
+    """
+    with _ONE_PASS, _blas().limit(limits=1, user_api='blas'):
+        return _forward(weights, features)
+
+
+@lru_cache(maxsize=1)
+def _blas() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
+def _forward(weights: Weights, features: Features) -> Floats:
     edge = _edges(weights, features)
     x = weights.linear('enter_out', _relu(weights.linear('enter', features.nodes)))
     for layer in range(weights.shape['layers']):

@@ -23,11 +23,12 @@ def usable_nodes(cells: NDArray[np.int32], blocked: NDArray[np.bool_]) -> NDArra
     `blocked` is bool [height, width]. The goal is always one, whatever lies there.
     """
     height, width = blocked.shape
-    inside = ((cells >= 0) & (cells < (width, height))).all(axis=1)
-    x, y = np.where(inside[:, None], cells, 0).T
+    x, y = cells.T
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    on_map = np.where(inside[:, None], cells, 0)
     first = np.zeros(len(cells), dtype=np.bool_)
     first[np.unique(cells, axis=0, return_index=True)[1]] = True
-    usable: NDArray[np.bool_] = inside & ~blocked[y, x] & first
+    usable: NDArray[np.bool_] = inside & ~blocked[on_map[:, 1], on_map[:, 0]] & first
     usable[GOAL] = True
     return usable
 
