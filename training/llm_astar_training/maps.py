@@ -169,9 +169,14 @@ def scale_map(
     barriers: NDArray[np.int32], size: NDArray[np.int32], ends: NDArray[np.int32], factor: int
 ) -> None:
     """Multiply every coordinate, the paper's scaled environments."""
-    barriers[:, 1:] *= factor
-    size *= factor
-    ends *= factor
+    # Loops compile in a tenth of the time that array arithmetic takes.
+    for k in range(barriers.shape[0]):
+        for column in range(1, 4):
+            barriers[k, column] *= factor
+    for axis in range(2):
+        size[axis] *= factor
+        ends[0, axis] *= factor
+        ends[1, axis] *= factor
 
 
 @_jit

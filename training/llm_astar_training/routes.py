@@ -41,7 +41,8 @@ def place_nodes(barriers: NDArray[np.int32], ends: NDArray[np.int32]) -> NDArray
     """Return the cells [2 + 2 B, 2] of start, goal and the cells beyond the barriers' ends."""
     count = barriers.shape[0]
     nodes = np.empty((2 + 2 * count, 2), np.int32)
-    nodes[:2] = ends
+    for axis in range(2):
+        nodes[0, axis], nodes[1, axis] = ends[0, axis], ends[1, axis]
     for k in range(count):
         along = 0 if barriers[k, 0] else 1
         nodes[2 + 2 * k, along] = barriers[k, 2] - 1
@@ -110,38 +111,42 @@ def see(walls: NDArray[np.int32], ax: int, ay: int, bx: int, by: int) -> bool:
 
 
 @_jit
-def usable_nodes(
-    barriers: NDArray[np.int32], size: NDArray[np.int32], nodes: NDArray[np.int32]
-) -> NDArray[np.bool_]:
-    """Tell which nodes [N] are free cells that no node before them has."""
-    count = len(nodes)
-    usable = np.ones(count, np.bool_)
-    for i in range(count):
+def mark_usable(
+    barriers: NDArray[np.int32],
+    size: NDArray[np.int32],
+    nodes: NDArray[np.int32],
+    usable: NDArray[np.bool_],
+) -> None:
+    """Mark in `usable` [N] the nodes that are free cells which no node before them has."""
+    for i in range(len(nodes)):
         usable[i] = not is_blocked(barriers, size[0], size[1], nodes[i, 0], nodes[i, 1])
         for j in range(i):
             if nodes[i, 0] == nodes[j, 0] and nodes[i, 1] == nodes[j, 1]:
                 usable[i] = False
-    return usable
 
 
 @_jit
-def sights(
-    barriers: NDArray[np.int32], nodes: NDArray[np.int32], usable: NDArray[np.bool_]
-) -> NDArray[np.float32]:
-    """Return the distances [N, N] in cells between nodes that see each other, else infinity."""
-    walls = np.concatenate((barriers, _joins(barriers)))
-    count = len(nodes)
-    apart = np.full((count, count), np.inf, np.float32)
-    for i in range(count):
+def measure_sights(
+    barriers: NDArray[np.int32],
+    nodes: NDArray[np.int32],
+    usable: NDArray[np.bool_],
+    apart: NDArray[np.float32],
+) -> None:
+    """Fill in `apart` [N, N], in cells, between nodes that see each other; else infinity."""
+    joins = _joins(barriers)
+    for i in range(len(nodes)):
+        apart[i, i] = np.inf
         for j in range(i):
+            ax, ay, bx, by = nodes[i, 0], nodes[i, 1], nodes[j, 0], nodes[j, 1]
+            distance = np.inf
             if (
                 usable[i]
                 and usable[j]
-                and see(walls, nodes[i, 0], nodes[i, 1], nodes[j, 0], nodes[j, 1])
+                and see(barriers, ax, ay, bx, by)
+                and see(joins, ax, ay, bx, by)
             ):
-                dx, dy = nodes[i, 0] - nodes[j, 0], nodes[i, 1] - nodes[j, 1]
-                apart[i, j] = apart[j, i] = math.sqrt(dx * dx + dy * dy)
-    return apart
+                distance = math.sqrt((ax - bx) ** 2 + (ay - by) ** 2)
+            apart[i, j] = apart[j, i] = distance
 
 
 @_jit
@@ -165,16 +170,18 @@ def lengths_to_goal(apart: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 @_jit
-def soft_hops(
-    apart: NDArray[np.float32], lengths: NDArray[np.float32], tolerance: float
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return each row's probabilities of the next hop [N, N] and the rows' weights [N].
+def soften_hops(
+    apart: NDArray[np.float32],
+    lengths: NDArray[np.float32],
+    tolerance: float,
+    hops: NDArray[np.float32],
+    weights: NDArray[np.float32],
+) -> None:
+    """Fill in each row's probabilities of the next hop [N, N] and the rows' weights [N].
 
     p(j | i) falls by e for every `tolerance` cells that the way by j is longer than the best.
     """
     count = len(apart)
-    hops = np.zeros((count, count), np.float32)
-    weights = np.zeros(count, np.float32)
     for i in range(count):
         if i == 1 or not np.isfinite(lengths[i]):
             continue
@@ -184,12 +191,16 @@ def soft_hops(
             if np.isfinite(apart[i, j]):
                 hops[i, j] = math.exp(-(apart[i, j] + lengths[j] - lengths[i]) / tolerance)
                 total += hops[i, j]
-        hops[i] /= total
+        for j in range(count):
+            hops[i, j] /= total
     node = 0
     while node != 1:
         weights[node] = 1.0
-        node = np.argmin(apart[node] + lengths)
-    return hops, weights
+        best = 0
+        for j in range(count):
+            if apart[node, j] + lengths[j] < apart[node, best] + lengths[best]:
+                best = j
+        node = best
 
 
 @_jit
@@ -215,7 +226,7 @@ def draw_problem(
     hops: NDArray[np.float32],
     weights: NDArray[np.float32],
 ) -> None:
-    """Draw one problem with its labels in place, again until it is worth learning."""
+    """Draw one problem with its labels into arrays of zeros, again until it is worth learning."""
     while True:
         if not (draw_map(kind, barriers, size) and draw_ends(barriers, size, ends)):
             continue
@@ -224,16 +235,16 @@ def draw_problem(
             if np.random.random() < 0.5:
                 draw_ends(barriers, size, ends)
         nodes = place_nodes(barriers, ends)
-        usable[:] = usable_nodes(barriers, size, nodes)
+        mark_usable(barriers, size, nodes, usable)
         if not usable[1]:
             continue
-        apart[:] = sights(barriers, nodes, usable)
+        measure_sights(barriers, nodes, usable, apart)
         lengths = lengths_to_goal(apart)
         dx, dy = ends[0, 0] - ends[1, 0], ends[0, 1] - ends[1, 1]
         if _worthwhile(kind, apart, lengths[0], math.sqrt(dx * dx + dy * dy)):
             break
     tolerance = TOLERANCE_CELLS + TOLERANCE_SIDE * max(size[0], size[1])
-    hops[:], weights[:] = soft_hops(apart, lengths, tolerance)
+    soften_hops(apart, lengths, tolerance, hops, weights)
 
 
 @_jit

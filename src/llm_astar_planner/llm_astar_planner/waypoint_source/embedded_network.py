@@ -15,12 +15,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import ThreadpoolController
 
 from llm_astar_planner.waypoint_source.embedded_features import Features, Floats
+
+try:
+    from threadpoolctl import ThreadpoolController
+except ImportError:  # pip brings it, but rosdep has no key for it
+    ThreadpoolController = None
 
 WEIGHTS_FILE = 'embedded_weights.npz'
 FORMAT = 1
@@ -84,12 +89,14 @@ def hop_logits(weights: Weights, features: Features) -> Floats:
 
     Runs on one core: matrices so small lose tenfold to the threads of a BLAS on a busy machine.
     """
+    if ThreadpoolController is None:
+        return _forward(weights, features)
     with _ONE_PASS, _blas().limit(limits=1, user_api='blas'):
         return _forward(weights, features)
 
 
 @lru_cache(maxsize=1)
-def _blas() -> ThreadpoolController:
+def _blas() -> Any:  # noqa: ANN401 - a class that may not be there
     return ThreadpoolController()
 
 
