@@ -14,6 +14,6 @@ from numpy.typing import NDArray
 
 def export(arrays: Mapping[str, NDArray[Any]], shape: Mapping[str, int], path: Path) -> None:
     """Write weights as float16 by their torch names, and the network's sizes, into one .npz."""
-    halves = {name: array.astype(np.float16) for name, array in arrays.items()}
+    halves: dict[str, Any] = {name: array.astype(np.float16) for name, array in arrays.items()}
     header = json.dumps({'format': FORMAT, **shape}, sort_keys=True)
     np.savez_compressed(path, header=np.frombuffer(header.encode(), np.uint8), **halves)

@@ -126,12 +126,15 @@ def _edges(weights: Weights, features: Features) -> Floats:
         weights.linear(f'edges.{side}', seen).reshape(n, nodes, each, forms, rank)
         for side in ('left', 'right')
     )
-    met = left.transpose(0, 2, 3, 1, 4) @ right.transpose(0, 2, 3, 4, 1)
-    met = (met * pairs[:, None, -1:]).reshape(n, each, forms, nodes * nodes)
-    # In one sum over the barriers, a barrier at a time: 30 of them would fill the caches.
+    left, right = left.transpose(0, 2, 3, 1, 4), right.transpose(0, 2, 3, 4, 1)
+    near = pairs[:, None, -1]
     total = np.zeros((n, weights.shape['meet'], nodes * nodes), np.float32)
+    # A barrier at a time and in place: the forms of 30 of them would not fit into the caches.
     for k in range(each):
-        total += _relu(weights.channels('edges.meet', met[:, k]))
+        met = left[:, k] @ right[:, k]
+        met *= near
+        met = weights.channels('edges.meet', met.reshape(n, forms, -1))
+        total += np.maximum(met, np.float32(0), out=met)
     edge = np.concatenate([total, pairs.reshape(n, -1, nodes * nodes)], axis=1)
     edge = weights.channels('edges.out', _relu(weights.channels('edges.mix', edge)))
     return edge.reshape(n, -1, nodes, nodes)
