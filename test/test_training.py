@@ -5,6 +5,7 @@ import csv
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.barrier_map import Barrier, BarrierMap, load_barrier_maps
+from llm_astar_planner.benchmark.generate import MapRules, generate
 from llm_astar_planner.share import find_file
 from llm_astar_planner.sight import Walls
 from llm_astar_planner.waypoint_source.ablation import any_angle_length
@@ -17,6 +18,8 @@ from llm_astar_training.batches import (
     make_batch,
     step_batch,
 )
+from llm_astar_training.curve import draw
+from llm_astar_training.evaluate import figures
 from llm_astar_training.export import export
 from llm_astar_training.judge import follow, valid_ratio
 from llm_astar_training.maps import BOXES, KINDS, RECIPE, ROOMS, SCATTERED
@@ -105,6 +108,15 @@ def test_exported_weights_are_read_back(tmp_path):
     assert np.array_equal(weights.arrays['enter.weight'], arrays['enter.weight'])
 
 
+def test_the_cards_tables_hold_every_source_and_the_truth_beside():
+    (barrier_map,) = generate(5, 1, MapRules(pairs=2))
+    found = figures('two pairs', [barrier_map])
+    sources = {'embedded', 'embedded-best-of-8', 'straight', 'oracle'}
+    assert set(found.alone) == set(found.milliseconds) == sources
+    assert set(found.guided) == set(found.paper) == {*sources, 'none'}
+    assert found.alone['oracle'].valid.value == 1.0
+
+
 def test_training_goes_on_where_it_stopped_and_numpy_computes_what_torch_does(tmp_path):
     """The smoke run; it needs torch, which the extra `train` brings."""
     torch = pytest.importorskip('torch')
@@ -116,6 +128,8 @@ def test_training_goes_on_where_it_stopped_and_numpy_computes_what_torch_does(tm
         main(['--out', str(tmp_path), '--steps', str(steps), '--threads', '1', *small])
     with (tmp_path / 'curve.csv').open() as file:
         assert [row['step'] for row in csv.DictReader(file)] == ['2', '4']
+    draw(tmp_path, tmp_path / 'curve.png')
+    assert (tmp_path / 'curve.png').is_file()
     weights = read_weights((tmp_path / 'model.npz').read_bytes())
     network = Network(Shape(**weights.shape))
     network.load_state_dict({k: torch.from_numpy(v) for k, v in weights.arrays.items()})

@@ -23,8 +23,9 @@ MOST_PARALLEL = 4
 MIN_BARRIER = 3
 MIN_GAP = 2
 MOST_SCALE = 10
-# The sides of the wider maps in cells.
-LEAST_SIDE, MOST_LEAST_SIDE, MOST_SIDE = 11, 8, 330
+# The wider maps: bounds of the longer side in cells, the least shorter side, the most ratio.
+LEAST_LONG, MOST_LONG, LEAST_SHORT = 11, 330, 8
+MOST_RATIO = 4.0
 TRIES = 200
 
 
@@ -149,8 +150,8 @@ def draw_map(kind: int, barriers: NDArray[np.int32], size: NDArray[np.int32]) ->
     if kind in (RECIPE, SCALED):
         size[0], size[1] = WIDTH, HEIGHT
         return _draw_recipe(barriers)
-    side = LEAST_SIDE * math.exp(np.random.random() * math.log(MOST_SIDE / LEAST_SIDE))
-    other = max(MOST_LEAST_SIDE, side * math.exp(-np.random.random() * math.log(4.0)))
+    side = LEAST_LONG * math.exp(np.random.random() * math.log(MOST_LONG / LEAST_LONG))
+    other = max(LEAST_SHORT, side * math.exp(-np.random.random() * math.log(MOST_RATIO)))
     flip = np.random.random() < 0.5
     size[0] = int(other if flip else side)
     size[1] = int(side if flip else other)

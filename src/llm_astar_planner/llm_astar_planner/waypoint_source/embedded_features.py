@@ -75,7 +75,7 @@ def _node_features(
     parts = [
         places, np.sin(waves), np.cos(waves), np.tanh(walls / 4),
         np.broadcast_to(shape[:, None], (count, nodes, 3)),
-        _kinds(count, nodes), *_tips(barriers, unit),
+        _kinds(count, nodes), _tips(barriers, unit),
     ]  # fmt: skip
     return np.concatenate(parts, axis=-1, dtype=np.float32)
 
@@ -86,19 +86,18 @@ def _kinds(count: int, nodes: int) -> Floats:
     return kinds
 
 
-def _tips(barriers: NDArray[np.int32], unit: Floats) -> tuple[Floats, Floats]:
-    """Return where each node's barrier points [n, N, 2] and its length by direction [n, N, 4]."""
+def _tips(barriers: NDArray[np.int32], unit: Floats) -> Floats:
+    """Return [n, N, 6]: which way a tip points, three times; zeros for start and goal.
+
+    Plain, times its barrier's length over the side, and times that in cells, squashed.
+    """
     count, each = barriers.shape[:2]
-    points = np.zeros((count, each, 2, 2), np.float32)
-    flat = barriers[..., 0]
-    points[..., 0] = flat[..., None] * np.array([-1, 1])
-    points[..., 1] = (1 - flat)[..., None] * np.array([-1, 1])
-    points = points.reshape((count, 2 * each, 2))
+    flat = barriers[..., None, 0]
+    away = np.array([-1, 1], np.float32)
+    points = np.stack([flat * away, (1 - flat) * away], axis=-1).reshape((count, 2 * each, 2))
     cells = np.repeat(barriers[..., 3] - barriers[..., 2] + 1, 2, axis=1)[..., None]
-    lengths = np.concatenate([points * cells / unit, points * np.tanh(cells / 8)], axis=-1)
-    ends = np.zeros((count, 2, 6), np.float32)
-    both = np.concatenate([ends, np.concatenate([points, lengths], axis=-1)], axis=1)
-    return both[..., :2], both[..., 2:]
+    tips = np.concatenate([points, points * cells / unit, points * np.tanh(cells / 8)], axis=-1)
+    return np.concatenate([np.zeros((count, 2, 6)), tips], axis=1, dtype=np.float32)
 
 
 def _barrier_features(barriers: NDArray[np.int32], cells: Floats, side: Floats) -> Floats:
@@ -121,6 +120,7 @@ def _barrier_features(barriers: NDArray[np.int32], cells: Floats, side: Floats) 
 
 
 def _pair_features(cells: Floats, side: Floats) -> Floats:
+    """Return [n, PAIR_FEATURES, N, N]: the way from i to j, its length, and its inverse last."""
     gap = cells[:, None] - cells[:, :, None]
     apart = np.hypot(gap[..., 0], gap[..., 1])
     unit = side[:, None, None]
