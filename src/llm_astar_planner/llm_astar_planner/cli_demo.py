@@ -31,8 +31,8 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         help='start the graph, ask for a plan, draw it, stop the graph',
         description='Start map_node, llm_client_node and planner_node as processes, call the '
         "planner's GetPlan as another stack would, print the plan and what guided it, draw it, "
-        'and stop everything. The waypoints are a hand-written example, replayed: no key, no '
-        'network.',
+        'and stop everything. The waypoints come from the embedded model, which is learned and '
+        'no LLM: no key, no network.',
     )
     parser.set_defaults(run=run)
     parser.add_argument(

@@ -42,6 +42,7 @@ from llm_astar_planner.waypoint_source.factory import (
     make_source,
 )
 from llm_astar_planner.waypoint_source.sample_key import live_key
+from llm_astar_planner.waypoint_source.settings import MAX_CANDIDATES
 
 THREADS = 16
 # What an exchange message carries of a reply; the transcript holds it whole.
@@ -49,7 +50,19 @@ MAX_TEXT = 16000
 
 DEFAULTS = SourceSettings()
 PARAMETERS = (
-    Parameter('source', DEFAULTS.source, 'Where waypoints come from', choices=tuple(SOURCES)),
+    Parameter(
+        'source',
+        'embedded',
+        'Where waypoints come from; embedded: a learned waypoint model, not an LLM',
+        choices=tuple(SOURCES),
+    ),
+    Parameter(
+        'candidates',
+        DEFAULTS.candidates,
+        'Routes embedded draws and takes the best of; 1: greedy',
+        minimum=1,
+        maximum=MAX_CANDIDATES,
+    ),
     Parameter('base_url', DEFAULTS.base_url, 'The endpoint, without /chat/completions'),
     Parameter('api_key_env', '', 'The NAME of the environment variable with its key'),
     Parameter('model', '', 'The model asked, or whose exchanges are replayed'),
