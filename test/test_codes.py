@@ -10,7 +10,7 @@ from llm_astar_msgs_adapter.grid_map import GridMap
 from llm_astar_msgs_adapter.report import PlanReport, report_from_message, report_to_message
 from llm_astar_planner.cli_plan_output import plan_to_json, plan_to_text
 from llm_astar_planner.leg import Leg
-from llm_astar_planner.nodes.reports import plan_report
+from llm_astar_planner.plan_reports import plan_report
 from llm_astar_planner.planner import GridRules, Planner, PlanRequest
 from llm_astar_planner.request_check import MAX_VIA
 from llm_astar_planner.result_code import ResultCode

@@ -17,17 +17,40 @@ ROS = {
     'visualization_msgs',
     'builtin_interfaces',
     'rcl_interfaces',
+    'lifecycle_msgs',
+    'map_msgs',
+    'nav2_msgs',
+    'tf2_ros',
 }
 # Adapter modules that hold values and know no message.
 PLAIN = {
     f'llm_astar_msgs_adapter.{name}'
     for name in (
+        'bag_decoding',
+        'bag_file',
+        'bag_idl',
+        'bag_mcap',
+        'bag_messages',
+        'bag_paths',
+        'bag_problems',
+        'bag_reading',
+        'bag_sqlite',
+        'bag_storage',
+        'bag_topics',
+        'bag_types',
+        'bag_writing',
         'barrier_map',
         'barrier_summary',
         'grid_map',
         'grid_problem',
+        'headings',
         'map_server',
+        'map_update',
+        'message_values',
         'movingai',
+        'report_values',
+        'transform',
+        'transforms',
     )
 }
 

@@ -17,7 +17,16 @@ setup(
     ],
     python_requires='>=3.10',
     # The ROS messages come from apt or from the wheels; `make install` picks.
-    install_requires=['setuptools', 'numpy', 'pillow', 'pyyaml'],
+    install_requires=[
+        'setuptools',
+        'lz4',
+        'mcap',
+        'numpy',
+        'pillow',
+        'pyyaml',
+        'rosbags',
+        'zstandard',
+    ],
     extras_require={'test': ['pytest', 'hypothesis']},
     zip_safe=False,
 )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import binascii
 import hashlib
-import json
 import math
 import zlib
 from dataclasses import dataclass
@@ -104,11 +103,6 @@ def parse_grid_problem(entry: dict[str, Any], where: str = 'grid problem') -> Gr
         raise GridProblemError(f'{where}: cells: {error}') from None
     except (GridMapError, TypeError, ValueError) as error:
         raise GridProblemError(f'{where}: {error}') from None
-
-
-def to_line(problem: GridProblem) -> str:
-    """Return a problem as one line of JSON."""
-    return json.dumps(problem.to_json())
 
 
 def _point(value: list[int]) -> Point:

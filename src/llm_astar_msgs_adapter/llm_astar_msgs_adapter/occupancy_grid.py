@@ -5,28 +5,14 @@ from __future__ import annotations
 import array
 import math
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import OccupancyGrid
 
-from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.grid_map import GridMap
+from llm_astar_msgs_adapter.message_values import grid_from_message, yaw_of
 
-# How far a quaternion's norm may be off 1, and how much roll and pitch a flat map may have.
-QUATERNION_TOLERANCE = 1e-3
-
-
-def grid_from_message(message: OccupancyGrid) -> GridMap:
-    """Read a map message. Raises GridMapError naming the field that makes it unusable."""
-    info = message.info
-    data = np.asarray(message.data, dtype=np.int8)
-    if len(data) != info.width * info.height:
-        size = f'{info.width} x {info.height}'
-        raise GridMapError('data', f'{len(data)} cells do not fill a map of {size}')
-    position = info.origin.position
-    origin = Pose2D(position.x, position.y, yaw_of(info.origin.orientation, 'info.origin'))
-    cells = data.reshape(info.height, info.width)
-    return GridMap(cells, float(info.resolution), origin, message.header.frame_id)
+__all__ = ['grid_from_message', 'grid_to_message', 'quaternion_of', 'yaw_of']
 
 
 def grid_to_message(grid_map: GridMap, stamp: Time) -> OccupancyGrid:
@@ -44,22 +30,6 @@ def grid_to_message(grid_map: GridMap, stamp: Time) -> OccupancyGrid:
     # An array.array is handed over as it is; a list or an ndarray would be copied by element.
     message.data = array.array('b', grid_map.cells.tobytes())
     return message
-
-
-def yaw_of(quaternion: Quaternion, field: str) -> float:
-    """Return a quaternion's yaw in radians.
-
-    Raises GridMapError naming `field` where it is not finite, not of unit norm or not flat.
-    """
-    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
-    norm = math.sqrt(x * x + y * y + z * z + w * w)
-    if not abs(norm - 1.0) <= QUATERNION_TOLERANCE:
-        raise GridMapError(
-            f'{field}.orientation', f'({x}, {y}, {z}, {w}) is not a unit quaternion'
-        )
-    if math.hypot(x, y) > QUATERNION_TOLERANCE:
-        raise GridMapError(f'{field}.orientation', 'has roll or pitch; the map must be flat')
-    return 2.0 * math.atan2(z, w)
 
 
 def quaternion_of(yaw: float) -> Quaternion:

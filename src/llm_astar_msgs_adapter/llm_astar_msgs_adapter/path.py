@@ -8,10 +8,14 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from llm_astar_msgs_adapter.grid_map import GridMapError, Pose2D
+from llm_astar_msgs_adapter.headings import headings
+from llm_astar_msgs_adapter.message_values import path_from_message
 from llm_astar_msgs_adapter.occupancy_grid import quaternion_of
+
+__all__ = ['path_from_message', 'path_to_message', 'pose_from_message', 'pose_to_message']
 
 
 def path_to_message(
@@ -28,15 +32,9 @@ def path_to_message(
     message.header.stamp = stamp
     message.poses = [
         pose_to_message(Pose2D(x, y, yaw), frame_id, stamp)
-        for (x, y), yaw in zip(points.tolist(), _headings(points, goal_yaw))
+        for (x, y), yaw in zip(points.tolist(), headings(points, goal_yaw))
     ]
     return message
-
-
-def path_from_message(message: Path) -> NDArray[np.float64]:
-    """Read the points [n, 2] of a path in metres, whatever frame it is in."""
-    points = [(pose.pose.position.x, pose.pose.position.y) for pose in message.poses]
-    return np.array(points, dtype=np.float64).reshape(-1, 2)
 
 
 def pose_to_message(pose: Pose2D, frame_id: str, stamp: Time) -> PoseStamped:
@@ -61,12 +59,3 @@ def pose_from_message(message: PoseStamped, field: str = 'pose') -> Pose2D:
         raise GridMapError(field, 'holds a number that is not finite')
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return Pose2D(position.x, position.y, yaw)
-
-
-def _headings(points: NDArray[np.float64], goal_yaw: float | None) -> list[float]:
-    if len(points) == 0:
-        return []
-    steps = np.diff(points, axis=0)
-    headings: list[float] = np.arctan2(steps[:, 1], steps[:, 0]).tolist()
-    last = headings[-1] if headings else 0.0
-    return [*headings, last if goal_yaw is None else goal_yaw]

@@ -6,108 +6,29 @@ Every value is JSON, so that numbers and lists come back as they went.
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from typing import Any, TypeVar
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-Value = TypeVar('Value', 'PlanReport', 'ExchangeReport')
+from llm_astar_msgs_adapter.report_values import ExchangeReport, PlanReport
+
+__all__ = [
+    'ExchangeReport',
+    'PlanReport',
+    'ReportError',
+    'report_from_message',
+    'report_to_message',
+    'status_to_message',
+    'status_values',
+]
+
+Value = TypeVar('Value', PlanReport, ExchangeReport)
 
 
 class ReportError(ValueError):
     """A diagnostic message that is no report of the kind asked for."""
-
-
-@dataclass(frozen=True)
-class PlanReport:
-    """What a plan tells beside its path.
-
-    `code` and `code_name` are Nav2's. `length` is in metres, None without a path. The path's cost
-    is proven to be at most `ratio` times the least, None where nothing is proven. `operation`
-    counts all expansions, `first_operation` those up to the first path. `waypoints` are
-    (x, y, verdict), in metres in the map's frame. `seconds_*` are wall clock. `map_digest` names
-    the map planned on.
-
-    In metres too: how far start and goal were shifted to be plannable, how far the path runs
-    through unknown cells, and its least distance to a lethal one, None where there is none.
-    `turns` are its changes of direction. `instruction` tells what became of a wish in plain
-    language, '' where none was made.
-    """
-
-    code: int
-    code_name: str
-    message: str
-    method: str
-    guided_by: str
-    source: str
-    source_status: str
-    source_detail: str
-    operation: int
-    first_operation: int
-    storage: int
-    length: float | None
-    ratio: float | None
-    seconds_source: float
-    seconds_search: float
-    waypoints: tuple[tuple[float, float, str], ...]
-    map_digest: str
-    start_shift: float = 0.0
-    goal_shift: float = 0.0
-    unknown_length: float = 0.0
-    clearance: float | None = None
-    turns: int = 0
-    warnings: tuple[str, ...] = ()
-    instruction: str = ''
-
-    @property
-    def level(self) -> bytes:
-        """OK for a plan as asked, WARN for one with warnings or no source, ERROR for no plan."""
-        if self.code != 0:
-            return bytes(DiagnosticStatus.ERROR)
-        fine = self.source_status in ('OK', 'NONE') and not self.warnings
-        return bytes(DiagnosticStatus.OK if fine else DiagnosticStatus.WARN)
-
-    @property
-    def summary(self) -> str:
-        """One line for a person."""
-        return f'{self.code_name}: {self.message}'
-
-
-@dataclass(frozen=True)
-class ExchangeReport:
-    """One exchange with a waypoint source: what was asked, answered and spent. No secrets.
-
-    `messages` are (role, content), `waypoints` (x, y) in grid coordinates, `unit` the cells one
-    step of the reply's own coordinates was. With `map_digest` and `pair` (`x0,y0->x1,y1` in
-    cells) it can be replayed as a line of a transcript.
-    """
-
-    label: str
-    status: str
-    detail: str
-    model: str
-    prompt: str
-    messages: tuple[tuple[str, str], ...]
-    text: str
-    unit: int
-    prompt_tokens: int
-    completion_tokens: int
-    seconds: float
-    waypoints: tuple[tuple[float, float], ...]
-    map_digest: str
-    pair: str
-
-    @property
-    def level(self) -> bytes:
-        """OK for an answer, WARN for none."""
-        fine = self.status in ('OK', 'NONE')
-        return bytes(DiagnosticStatus.OK if fine else DiagnosticStatus.WARN)
-
-    @property
-    def summary(self) -> str:
-        """One line for a person."""
-        return self.detail or f'{self.status}: {len(self.waypoints)} waypoints by {self.label}'
 
 
 def report_to_message(
@@ -149,6 +70,18 @@ def report_from_message(message: DiagnosticArray, kind: type[Value]) -> Value:
         except ValueError:
             raise ReportError(f'{kind.__name__}: {field.name}: is not JSON') from None
     return kind(**values)
+
+
+def status_values(status: DiagnosticStatus) -> dict[str, Any]:
+    """Read the values of a diagnostic status by key; the plain text of other nodes stays text."""
+    return {value.key: _from_json(value.value) for value in status.values}
+
+
+def _from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
 
 
 def _frozen(value: Any) -> Any:  # noqa: ANN401 - any JSON value

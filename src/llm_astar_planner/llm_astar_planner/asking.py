@@ -1,4 +1,4 @@
-"""Ask a waypoint source so that nothing it does can stop a plan."""
+"""Ask a waypoint source so that nothing it does can stop or hold up a plan."""
 
 from __future__ import annotations
 
@@ -6,23 +6,44 @@ import threading
 import time
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from llm_astar_planner.waypoint_source.base import (
     SourceStatus,
     WaypointQuery,
     WaypointReply,
     WaypointSource,
 )
+from llm_astar_planner.waypoint_source.wish import with_outcome
+
+# Seconds between two looks at the caller's flag: what a cancel may take to be seen.
+LOOK = 0.01
+# A source that keeps its time limit answers then, and with a better reason than ours: wait for it
+# so many seconds longer, or this part of the limit.
+GRACE_SECONDS, GRACE_SHARE = 0.05, 0.1
 
 
-def ask(source: WaypointSource, query: WaypointQuery) -> tuple[WaypointReply, float]:
-    """Return a source's reply and the seconds it took; what it raises becomes an ERROR."""
+def ask(
+    source: WaypointSource, query: WaypointQuery, stop: NDArray[np.uint8] | None = None
+) -> tuple[WaypointReply, float]:
+    """Return a source's reply and the seconds it took; what it raises becomes an ERROR.
+
+    A source that outlasts the query's time limit, or its caller's `stop[0] = 1`, is left behind
+    and its reply is a TIMEOUT. The reply to a wish says what became of it, whatever the source
+    says.
+    """
     begin = time.monotonic()
-    try:
-        reply = source.waypoints(query)
-    except Exception as error:  # noqa: BLE001 - no source may ever stop a plan
-        detail = f'{type(error).__name__} in source {source.name}'
-        reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
-    return reply, time.monotonic() - begin
+    asking = Asking(source, query, lambda _: None)
+    grace = min(GRACE_SECONDS, GRACE_SHARE * query.time_limit)
+    answered = asking.wait(query.time_limit + grace, stop)
+    reply, seconds = asking.close(source.name)
+    if answered:
+        return reply, seconds
+    seconds = time.monotonic() - begin
+    detail = f'{source.name} had not answered after {seconds:.2f} s'
+    reply = WaypointReply(status=SourceStatus.TIMEOUT, detail=detail)
+    return with_outcome(reply, query, source.name), seconds
 
 
 class Asking:
@@ -42,7 +63,7 @@ class Asking:
         self._then = then
         self._lock = threading.Lock()
         self._closed = False
-        self._begin = time.monotonic()
+        self._done = threading.Event()
         self._answer: tuple[WaypointReply, float] | None = None
         self._thread = threading.Thread(
             target=self._run, args=(source, query), name='waypoints', daemon=True
@@ -50,11 +71,20 @@ class Asking:
         self._thread.start()
 
     def _run(self, source: WaypointSource, query: WaypointQuery) -> None:
-        answer = ask(source, query)
+        answer = _asked(source, query)
         with self._lock:
             if not self._closed:
                 self._answer = answer
                 self._then(answer[0])
+        self._done.set()
+
+    def wait(self, seconds: float, stop: NDArray[np.uint8] | None = None) -> bool:
+        """Wait for the reply, so many seconds or until `stop[0]`; tell whether it came."""
+        deadline = time.monotonic() + seconds
+        while not self._done.wait(min(LOOK, max(0.0, deadline - time.monotonic()))):
+            if time.monotonic() >= deadline or (stop is not None and stop[0]):
+                return self._done.is_set()
+        return True
 
     def close(self, source_name: str) -> tuple[WaypointReply, float]:
         """Return the reply that came in time, else a LATE one, and the seconds waited so far."""
@@ -64,3 +94,13 @@ class Asking:
                 return self._answer
         detail = f'the search was done before {source_name} answered'
         return WaypointReply(status=SourceStatus.LATE, detail=detail), 0.0
+
+
+def _asked(source: WaypointSource, query: WaypointQuery) -> tuple[WaypointReply, float]:
+    begin = time.monotonic()
+    try:
+        reply = source.waypoints(query)
+    except Exception as error:  # noqa: BLE001 - no source may ever stop a plan
+        detail = f'{type(error).__name__} in source {source.name}'
+        reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
+    return with_outcome(reply, query, source.name), time.monotonic() - begin

@@ -1,4 +1,4 @@
-"""`llm-astar dataset`: make barrier-map datasets and check them."""
+"""`llm-astar dataset`: make barrier-map datasets, check them, make bags of them."""
 
 from __future__ import annotations
 
@@ -8,17 +8,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from llm_astar_msgs_adapter.bag_topics import GET_PLAN_EVENT, MAP
 from llm_astar_msgs_adapter.barrier_map import save_barrier_maps
 
 from llm_astar_planner.benchmark.check import check_file
 from llm_astar_planner.benchmark.generate import GenerationError, MapRules, generate
+from llm_astar_planner.benchmark.samples import load_samples
+from llm_astar_planner.share import find_file
 
 OK, BAD_INPUT = 0, 2
 
 
 def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the sub-command `dataset` with `generate` and `check`."""
-    parser = subparsers.add_parser('dataset', help='make or check barrier-map datasets')
+    """Add the sub-command `dataset` with `generate`, `check` and `to-bag`."""
+    parser = subparsers.add_parser('dataset', help='make, check or convert datasets')
     actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
     make = actions.add_parser('generate', help='make a dataset, the same one for the same seed')
     make.add_argument('--seed', type=int, default=0, help='what the maps are drawn from (0)')
@@ -35,11 +38,23 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     check.add_argument('file', metavar='FILE')
     check.add_argument('--json', action='store_true', help='print the findings as JSON')
     check.set_defaults(run=run)
+    bag = actions.add_parser(
+        'to-bag',
+        help='make a bag of the samples: maps and requests, as if a robot had recorded them',
+    )
+    bag.add_argument(
+        '--dataset', required=True, metavar='FILE',
+        help='a dataset as bench reads it, or a name in maps/',
+    )  # fmt: skip
+    bag.add_argument('--maps', metavar='IDS', help='which maps, such as 50-59 (default: all)')
+    bag.add_argument('--out', required=True, metavar='DIR', help='the bag, a new folder')
+    bag.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap')
+    bag.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run `dataset`. Returns 0, or 2 where the checked dataset has errors; raises ValueError."""
-    return _generate(args) if args.action == 'generate' else _check(args)
+    return ACTIONS[args.action](args)
 
 
 def _generate(args: argparse.Namespace) -> int:
@@ -74,3 +89,16 @@ def _check(args: argparse.Namespace) -> int:
         low, middle, high = np.percentile(summary.detours, (0, 50, 100))
         print(f'mean detour of a map: {low:.2f} to {high:.2f}, median {middle:.2f}')
     return BAD_INPUT if errors else OK
+
+
+def _to_bag(args: argparse.Namespace) -> int:
+    # Only what makes bags needs the library of bags.
+    from llm_astar_planner.benchmark.sample_bag import write_sample_bag  # noqa: PLC0415
+
+    samples = load_samples(find_file(args.dataset, 'maps'), args.maps)
+    counts = write_sample_bag(samples, args.out, args.storage)
+    print(f'{args.out}: {counts[MAP]} maps, {counts[GET_PLAN_EVENT]} requests')
+    return OK
+
+
+ACTIONS = {'generate': _generate, 'check': _check, 'to-bag': _to_bag}

@@ -36,6 +36,8 @@ REQUIRED = {
     'shapely': ('the benchmark', 'pip install shapely'),
     'jinja2': ('the benchmark', 'pip install jinja2'),
     'tqdm': ('the benchmark', 'pip install tqdm'),
+    'rosbags.rosbag2': ('bags', 'pip install rosbags'),
+    'mcap': ('bags', 'pip install mcap'),
 }
 ROS = {
     'rclpy.node': ('the nodes', 'apt install ros-jazzy-rclpy, or make install for the wheels'),
@@ -51,6 +53,9 @@ ROS = {
 }
 OPTIONAL = {
     'launch_ros': ('ros2 launch', 'apt install ros-jazzy-launch-ros; there is no wheel'),
+    'nav2_msgs.action': ("Nav2's actions", 'apt install ros-jazzy-nav2-msgs; there is no wheel'),
+    'tf2_ros': ('poses of other frames', 'apt install ros-jazzy-tf2-ros-py; there is no wheel'),
+    'map_msgs.msg': ('map_updates', 'apt install ros-jazzy-map-msgs; there is no wheel'),
     'ros2cli': ('ros2 run', 'apt install ros-jazzy-ros2cli; there is no wheel'),
 }
 
@@ -105,7 +110,7 @@ def _module(name: str, use: str, remedy: str, *, required: bool) -> Finding:
         importlib.import_module(name)
     except ImportError:
         return Finding(package, False, required, f'needed for {use}: {remedy}')
-    folder = Path(getattr(sys.modules[package], '__file__', None) or '').parent.parent
+    folder = Path(next(iter(sys.modules[package].__path__))).parent
     return Finding(package, True, required, f'{_version(package)} in {folder}')
 
 

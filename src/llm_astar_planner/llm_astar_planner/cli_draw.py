@@ -19,11 +19,11 @@ from llm_astar_planner.benchmark.engine import (
     BASELINE,
     Asker,
     Settings,
-    parse_points,
     plan_again,
     plan_tasks,
     run_task,
 )
+from llm_astar_planner.benchmark.points import parse_points
 from llm_astar_planner.benchmark.results import Case, Row
 from llm_astar_planner.benchmark.samples import BenchmarkSample
 from llm_astar_planner.share import find_file
@@ -85,7 +85,7 @@ def _rows(
     case = Case('llm_astar', asker.name, asker.prompt, asker.model)
     cases = [(BASELINE, 0), (case, 1)]
     (task,) = plan_tasks([(sample, 1)], cases, [Asker(), asker], Settings())
-    plain, guided = run_task(task)
+    plain, guided = (outcome.row for outcome in run_task(task))
     if not (plain.found and guided.found):
         message = f'map {plain.map}, pair {plain.pair}: {plain.code}, there is nothing to draw'
         raise ValueError(message)

@@ -97,16 +97,15 @@ class Leg:
         """Ask the source for waypoints and judge them."""
         query = self._query()
         if query is not None and self.request.source is not None:
-            self.reply, self.seconds_source = ask(self.request.source, query)
+            self.reply, self.seconds_source = ask(self.request.source, query, self.stop)
             self.judged = self._judge(self.reply)
 
     def _judge(self, reply: WaypointReply) -> tuple[JudgedWaypoint, ...]:
         prepared, start = self.prepared, self.request.start
         if self.request.method == GUIDED:
-            arguments = prepared.blocked, prepared.components, start, 0
-        else:
-            arguments = prepared.waypoint_cells, prepared.components, start, targets.PAPER_EDGE
-        return targets.judge(reply.waypoints, *arguments)
+            return prepared.judge(reply.waypoints, start)
+        cells = prepared.waypoint_cells
+        return targets.judge(reply.waypoints, cells, prepared.components, start)
 
     def _search_exact(self, stop: NDArray[np.uint8]) -> SearchResult:
         request = self.request

@@ -45,12 +45,12 @@ def test_rows_are_the_same_row_for_row(cluster):
     tasks = plan_tasks(samples, plan_cases(['llm_astar'], askers), askers, Settings())
     spread, local = [], []
     with connect(cluster, askers) as (executor, at_once):
-        run_tasks(tasks, executor, at_once, spread.extend)
+        run_tasks(tasks, executor, at_once, lambda _, outcomes: spread.extend(outcomes))
     with ThreadPoolExecutor(1) as threads:
-        run_tasks(tasks, threads, 1, local.extend)
+        run_tasks(tasks, threads, 1, lambda _, outcomes: local.extend(outcomes))
 
-    def untimed(rows):
-        rows = sorted(rows, key=lambda row: row.key)
+    def untimed(outcomes):
+        rows = sorted((outcome.row for outcome in outcomes), key=lambda row: row.key)
         return [str(replace(row, seconds_source=0.0, seconds_search=0.0)) for row in rows]
 
     assert untimed(spread) == untimed(local)

@@ -58,6 +58,10 @@ def sweep_of(dataset, askers=ORACLE, methods=('llm_astar',), **values):
     return Sweep(dataset, load_samples(dataset), methods, askers, Settings(), **values)
 
 
+def rows_of(task):
+    return [outcome.row for outcome in run_task(task)]
+
+
 def untimed(row):
     """Return a row's text without its times and beyond the digits that are stored."""
     length = round(row.length, 6)
@@ -97,14 +101,14 @@ def test_methods_without_waypoints_run_once_and_a_star_always():
 def test_a_source_is_asked_once_a_sample_whatever_the_number_of_methods(dataset):
     source = Fails(WaypointReply(((26.0, 10.0),)))
     sample = load_samples(dataset)[0]
-    rows = run_task(tasks_of([sample], [Asker(), Asker(source, 'live')])[0])
+    rows = rows_of(tasks_of([sample], [Asker(), Asker(source, 'live')])[0])
     assert source.asked == 1
     assert {row.waypoints for row in rows if row.source == 'live'} == {'26,10'}
     assert all(row.seconds_source >= 0.01 for row in rows if row.source == 'live')
 
 
 def test_rows_say_what_came_of_each_case(dataset):
-    rows = {str(row.case): row for row in run_task(tasks_of(load_samples(dataset)[:1])[0])}
+    rows = {str(row.case): row for row in rows_of(tasks_of(load_samples(dataset)[:1])[0])}
     plain, guided = rows['astar/none'], rows['llm_astar/oracle']
     assert (plain.map, plain.pair, plain.scale, plain.code) == (3, 0, 1, 'NONE')
     assert guided.length == pytest.approx(plain.length)
@@ -130,13 +134,13 @@ def test_rows_say_what_came_of_each_case(dataset):
 def test_waypoints_alone_are_a_path_where_every_leg_is_free(dataset, waypoints, status, valid):
     source = Fails(WaypointReply(waypoints, status=status))
     askers = [Asker(), Asker(source, 'live')]
-    rows = run_task(tasks_of(load_samples(dataset)[:1], askers, ['llm_only'])[0])
+    rows = rows_of(tasks_of(load_samples(dataset)[:1], askers, ['llm_only'])[0])
     assert [row.found for row in rows] == [True, valid]
 
 
 def test_a_source_that_raises_is_a_row_and_not_the_end(dataset):
     askers = [Asker(), Asker(Fails(), 'broken')]
-    rows = run_task(tasks_of(load_samples(dataset)[:1], askers, ['llm_astar'])[0])
+    rows = rows_of(tasks_of(load_samples(dataset)[:1], askers, ['llm_astar'])[0])
     broken = rows[-1]
     assert (broken.source_status, broken.code, broken.guided_by) == ('ERROR', 'NONE', 'none')
     assert broken.operation == rows[1].operation
@@ -146,15 +150,15 @@ def test_a_source_that_raises_is_a_row_and_not_the_end(dataset):
 
 def test_scaled_samples_are_the_same_samples_further_apart(dataset):
     samples = load_samples(dataset)[:1]
-    small, large = (run_task(tasks_of(samples, scale=scale)[0])[0] for scale in (1, 4))
+    small, large = (rows_of(tasks_of(samples, scale=scale)[0])[0] for scale in (1, 4))
     assert large.scale == 4
     assert large.length > 3 * small.length
 
 
 def test_tasks_are_values_that_can_travel(dataset):
     task = tasks_of(load_samples(dataset)[:1])[0]
-    again = run_task(pickle.loads(pickle.dumps(task)))  # noqa: S301 - our own bytes
-    assert [untimed(row) for row in again] == [untimed(row) for row in run_task(task)]
+    again = rows_of(pickle.loads(pickle.dumps(task)))  # noqa: S301 - our own bytes
+    assert [untimed(row) for row in again] == [untimed(row) for row in rows_of(task)]
 
 
 def test_many_requests_are_in_flight_and_never_more_than_allowed(dataset):
@@ -162,7 +166,7 @@ def test_many_requests_are_in_flight_and_never_more_than_allowed(dataset):
     rows = []
     tasks = tasks_of(load_samples(dataset), [Asker(), Asker(source, 'live')], ['llm_astar'])
     with ThreadPoolExecutor(4) as executor:
-        run_tasks(tasks, executor, 8, rows.extend)
+        run_tasks(tasks, executor, 8, lambda _, outcomes: rows.extend(outcomes))
     assert len(rows) == 3 * len(tasks)
     assert 2 <= source.most <= 4
 
@@ -172,7 +176,7 @@ def test_an_interrupted_run_keeps_its_rows_and_goes_on(dataset, tmp_path):
     tasks, metadata = begin(folder, sweep, {'seed': 0}, resume=False)
     steps = []
 
-    def interrupt():
+    def interrupt(*_):
         steps.append(1)
         if len(steps) == 5:
             raise KeyboardInterrupt
@@ -187,7 +191,7 @@ def test_an_interrupted_run_keeps_its_rows_and_goes_on(dataset, tmp_path):
     left, metadata = begin(folder, sweep, {'seed': 0}, resume=True)
     assert len(left) == len(tasks) - 5
     with ThreadPoolExecutor(1) as executor:
-        carry_out(folder, left, executor, 2, metadata=metadata, step=lambda: None)
+        carry_out(folder, left, executor, 2, metadata=metadata, step=lambda *_: None)
     keys = [row.key for row in folder.read()]
     assert len(keys) == len(set(keys)) == 3 * len(tasks)
 
@@ -197,7 +201,7 @@ def test_going_on_asks_again_what_was_never_answered(dataset, tmp_path):
     sweep = sweep_of(dataset, [Asker(), Asker(Fails(), 'broken')])
     tasks, metadata = begin(folder, sweep, {'seed': 0}, resume=False)
     with ThreadPoolExecutor(2) as executor:
-        carry_out(folder, tasks[:3], executor, 4, metadata=metadata, step=lambda: None)
+        carry_out(folder, tasks[:3], executor, 4, metadata=metadata, step=lambda *_: None)
     left, _ = begin(folder, sweep, {'seed': 0}, resume=True)
     assert [len(task.cases) for task in left[:4]] == [1, 1, 1, 3]
 
@@ -216,7 +220,7 @@ def test_rows_of_another_run_are_not_mixed_in(dataset, tmp_path):
 
 def test_a_full_disk_is_said_and_earlier_rows_stay(dataset, tmp_path):
     folder = ResultsFolder(tmp_path / 'out')
-    rows = run_task(tasks_of(load_samples(dataset)[:1])[0])
+    rows = rows_of(tasks_of(load_samples(dataset)[:1])[0])
     folder.start()
     folder.append(rows)
     kept = folder.results.read_bytes()
@@ -266,7 +270,7 @@ def test_turning_points_keep_the_shape():
 
 def test_a_row_can_be_planned_again_to_see_what_it_expanded(dataset):
     sample = load_samples(dataset)[0]
-    for row in run_task(tasks_of([sample], methods=['llm_astar'])[0]):
+    for row in rows_of(tasks_of([sample], methods=['llm_astar'])[0]):
         plan = plan_again(sample.barrier_map, sample.sample, row, Settings())
         assert (plan.operation, plan.length) == (row.operation, row.length)
 
@@ -274,7 +278,7 @@ def test_a_row_can_be_planned_again_to_see_what_it_expanded(dataset):
 def test_the_traced_search_is_the_compiled_one(dataset):
     for sample in load_samples(dataset)[::4]:
         planner = Planner.for_barrier_map(sample.barrier_map)
-        for row in run_task(tasks_of([sample], methods=['llm_astar'])[0]):
+        for row in rows_of(tasks_of([sample], methods=['llm_astar'])[0]):
             plan = plan_again(sample.barrier_map, sample.sample, row, Settings())
             targets = [(p.x, p.y) for p in plan.waypoints if not p.verdict.drops]
             goals = [] if row.method == 'astar' else [*targets, sample.sample.goal]

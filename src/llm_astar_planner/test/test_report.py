@@ -182,7 +182,7 @@ def published(tmp_path_factory):
     folder = ResultsFolder(path)
     folder.start()
     folder.append(rows)
-    metadata = describe_run(path / 'maps.json', {'seed': 0, 'jobs': 1})
+    metadata = describe_run([path / 'maps.json'], {'seed': 0, 'jobs': 1})
     summary = publish(folder, {**metadata, 'seconds': 1.5}, maps)
     return path, summary
 

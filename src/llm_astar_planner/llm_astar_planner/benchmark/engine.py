@@ -11,16 +11,18 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.barrier_map import BarrierMap, Sample
-from numpy.typing import NDArray
+from llm_astar_msgs_adapter.barrier_map import Sample
 
 from llm_astar_planner.asking import ask
-from llm_astar_planner.benchmark.grid_dataset import GRID_RULES
+from llm_astar_planner.benchmark.occasion import Occasion
+from llm_astar_planner.benchmark.planner_cache import PlannerCache
+from llm_astar_planner.benchmark.points import format_points, parse_points, turning_points
 from llm_astar_planner.benchmark.results import Case, Row
 from llm_astar_planner.benchmark.samples import BenchmarkSample, ProblemMap
-from llm_astar_planner.planner import NOT_ASKED, Plan, Planner, PlanRequest
+from llm_astar_planner.planner import NOT_ASKED, GridRules, Plan, Planner, PlanRequest
 from llm_astar_planner.result_code import ResultCode
 from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS, compile_kernels
 from llm_astar_planner.search.result import Cell
@@ -36,6 +38,8 @@ from llm_astar_planner.waypoint_source.base import (
 BASELINE = Case('astar')
 LLM_ONLY = 'llm_only'
 ALL_METHODS = (*METHODS, LLM_ONLY)
+_planners = PlannerCache()
+NOTHING_EXPANDED = np.zeros((0, 0), dtype=np.bool_)
 # What a source said, or did not, when the blame is not the waypoints'.
 ANSWERED = {status.value for status in (
     SourceStatus.OK, SourceStatus.NONE, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED,
@@ -54,23 +58,42 @@ class Asker:
 
 @dataclass(frozen=True)
 class Settings:
-    """What all cases of a run share; see PlanRequest."""
+    """What all cases of a run share; see PlanRequest and GridRules.
+
+    Without `rules` those of the kind of map hold: the paper's on barriers, MovingAI's on a grid.
+    """
 
     heuristic: str = 'euclidean'
     weight: float = 2.0
     time_limit: float = 60.0
     max_suboptimality: float | None = None
+    rules: GridRules | None = None
+    tolerance: float = 0.0
+    start_tolerance: float = 0.0
 
 
 @dataclass(frozen=True)
 class Task:
-    """One sample at one scale; `cases` pairs each case with the index of its asker."""
+    """One sample at one scale; `cases` pairs each case with the index of its asker.
+
+    `occasion` is that of a bag's request, which sources are asked about as a benchmark's sample
+    only if `is_sample`.
+    """
 
     sample: BenchmarkSample
     scale: int
     cases: tuple[tuple[Case, int], ...]
     askers: tuple[Asker, ...]
     settings: Settings = field(default_factory=Settings)
+    occasion: Occasion | None = None
+    is_sample: bool = True
+
+
+class Outcome(NamedTuple):
+    """What came of one case of a task: its row, and the plan, if a planner made one."""
+
+    row: Row
+    plan: Plan | None = None
 
 
 def plan_cases(methods: Sequence[str], askers: Sequence[Asker]) -> list[tuple[Case, int]]:
@@ -108,40 +131,46 @@ def plan_tasks(
 
 
 def run_tasks(
-    tasks: Iterable[Task], executor: Executor, at_once: int, keep: Callable[[list[Row]], None]
+    tasks: Iterable[Task],
+    executor: Executor,
+    at_once: int,
+    keep: Callable[[Task, list[Outcome]], None],
 ) -> None:
-    """Run tasks with at most `at_once` in flight; `keep` gets each task's rows as it ends.
+    """Run tasks with at most `at_once` in flight; `keep` gets each with what came of it.
 
     An exception, KeyboardInterrupt among them, cancels what has not begun and passes on.
     """
-    for rows in _completed(tasks, executor, at_once):
-        keep(rows)
+    for task, outcomes in _completed(tasks, executor, at_once):
+        keep(task, outcomes)
 
 
-def run_task(task: Task) -> list[Row]:
+def run_task(task: Task) -> list[Outcome]:
     """Ask each source of the task once and plan every case."""
     _warm_up()
     scaled = replace(task.sample.barrier_map, samples=(task.sample.sample,)).scale(task.scale)
-    planner = _planner(replace(scaled, samples=()))
+    planner = _planners.get(replace(scaled, samples=()), task.settings.rules)
     sample = scaled.samples[0]
     ends = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
     key = SampleKey(*task.sample.key, task.scale)
     replies: dict[int, tuple[WaypointReply, float]] = {}
-    rows = []
+    known = {} if task.occasion is None else task.occasion.columns(planner)
+    outcomes = []
     for case, index in task.cases:
         source = task.askers[index].source
         if source is not None and index not in replies:
-            query = WaypointQuery(planner.grid_map, *ends, task.settings.time_limit, key)
+            asked = key if task.is_sample else None
+            query = WaypointQuery(planner.grid_map, *ends, task.settings.time_limit, asked)
             replies[index] = ask(source, query)
         reply, seconds = replies.get(index, (NOT_ASKED, 0.0))
-        row = _row(planner, key, ends, case, reply=reply, settings=task.settings)
-        rows.append(replace(row, seconds_source=seconds))
-    return rows
+        outcome = _run_case(planner, key, ends, case, reply=reply, settings=task.settings)
+        row = replace(outcome.row, seconds_source=seconds, **known)
+        outcomes.append(outcome._replace(row=row))
+    return outcomes
 
 
 def plan_again(barrier_map: ProblemMap, sample: Sample, row: Row, settings: Settings) -> Plan:
     """Plan a row of scale 1 once more with the waypoints it had, to see what it expanded."""
-    planner = _planner(replace(barrier_map, samples=()))
+    planner = _planners.get(replace(barrier_map, samples=()), settings.rules)
     reply = WaypointReply(parse_points(row.waypoints), label=row.source)
     request = PlanRequest(
         barrier_map.to_cell(sample.start),
@@ -152,28 +181,26 @@ def plan_again(barrier_map: ProblemMap, sample: Sample, row: Row, settings: Sett
         settings.weight,
         settings.time_limit,
         max_suboptimality=settings.max_suboptimality,
+        tolerance=settings.tolerance,
+        start_tolerance=settings.start_tolerance,
     )
     return planner.plan(request)
 
 
-def parse_points(text: str) -> tuple[tuple[float, float], ...]:
-    """Read the points of a row back. Raises ValueError where they are none."""
-    points = (item.split(',') for item in text.split(';') if item)
-    return tuple((float(x), float(y)) for x, y in points)
-
-
-def _completed(tasks: Iterable[Task], executor: Executor, at_once: int) -> Iterator[list[Row]]:
-    waiting: set[Future[list[Row]]] = set()
+def _completed(
+    tasks: Iterable[Task], executor: Executor, at_once: int
+) -> Iterator[tuple[Task, list[Outcome]]]:
+    waiting: dict[Future[list[Outcome]], Task] = {}
     left = iter(tasks)
     try:
         while True:
             while len(waiting) < at_once and (task := next(left, None)) is not None:
-                waiting.add(executor.submit(run_task, task))
+                waiting[executor.submit(run_task, task)] = task
             if not waiting:
                 return
-            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            done, _ = wait(waiting, return_when=FIRST_COMPLETED)
             for future in done:
-                yield future.result()
+                yield waiting.pop(future), future.result()
     finally:
         for future in waiting:
             future.cancel()
@@ -183,14 +210,6 @@ def _completed(tasks: Iterable[Task], executor: Executor, at_once: int) -> Itera
 def _warm_up() -> None:
     """Compile before anything is timed."""
     compile_kernels()
-
-
-@lru_cache(maxsize=16)
-def _planner(barrier_map: ProblemMap) -> Planner:
-    """Make the planner of a map: the paper's rules on barriers, MovingAI's on a grid."""
-    if isinstance(barrier_map, BarrierMap):
-        return Planner.for_barrier_map(barrier_map).prepare()
-    return Planner(barrier_map.to_grid(), GRID_RULES).prepare()
 
 
 @dataclass(frozen=True)
@@ -206,7 +225,7 @@ class _Answered:
         return self.reply
 
 
-def _row(
+def _run_case(
     planner: Planner,
     key: SampleKey,
     ends: tuple[Cell, Cell],
@@ -214,9 +233,9 @@ def _row(
     *,
     reply: WaypointReply,
     settings: Settings,
-) -> Row:
+) -> Outcome:
     if case.method == LLM_ONLY:
-        return _llm_only(planner, key, ends, case, reply)
+        return Outcome(_llm_only(planner, key, ends, case, reply))
     source = None if reply is NOT_ASKED else _Answered(case.source, reply)
     request = PlanRequest(
         *ends,
@@ -228,10 +247,12 @@ def _row(
         max_suboptimality=settings.max_suboptimality,
         want_expanded=False,
         sample=key,
+        tolerance=settings.tolerance,
+        start_tolerance=settings.start_tolerance,
     )
     plan = planner.plan(request)
     found = plan.code is ResultCode.NONE
-    return replace(
+    row = replace(
         _empty_row(key, case, reply, plan.code),
         operation=float(plan.operation),
         storage=float(plan.storage),
@@ -242,7 +263,11 @@ def _row(
         path=format_points(turning_points(plan.path)),
         first_operation=float(plan.first_operation) if found else float('nan'),
         ratio=plan.ratio,
+        clearance=plan.clearance if found else float('nan'),
+        turns=float(plan.turns) if found else float('nan'),
+        unknown_length=plan.unknown_length if found else float('nan'),
     )
+    return Outcome(row, replace(plan, expanded=NOTHING_EXPANDED))
 
 
 def _llm_only(
@@ -276,17 +301,3 @@ def _empty_row(key: SampleKey, case: Case, reply: WaypointReply, code: ResultCod
         completion_tokens=reply.completion_tokens,
         waypoints=format_points(reply.waypoints),
     )
-
-
-def turning_points(path: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the first, the last and every cell of a path [n, 2] at which it turns."""
-    if len(path) < 3:
-        return path
-    steps = np.diff(path, axis=0)
-    turns = np.any(steps[1:] != steps[:-1], axis=1)
-    return np.asarray(path[np.concatenate([[True], turns, [True]])])
-
-
-def format_points(points: Iterable[Iterable[float]]) -> str:
-    """Write points as the rows hold them; `parse_points` reads them back."""
-    return ';'.join(','.join(f'{value:g}' for value in point) for point in points)

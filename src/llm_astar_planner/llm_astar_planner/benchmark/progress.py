@@ -8,10 +8,13 @@ from contextlib import contextmanager
 
 from tqdm import tqdm
 
+# Steps between lines where the end is unknown.
+UNKNOWN_STRIDE = 100
+
 
 @contextmanager
-def progress(total: int, unit: str = 'sample') -> Iterator[Callable[[], object]]:
-    """Yield the function to call after each of `total` steps."""
+def progress(total: int | None, unit: str = 'sample') -> Iterator[Callable[[], object]]:
+    """Yield the function to call after each of `total` steps; None where nobody knows how many."""
     if sys.stderr.isatty():
         with tqdm(total=total, unit=unit, file=sys.stderr) as bar:
             yield lambda: bool(bar.update())
@@ -21,8 +24,12 @@ def progress(total: int, unit: str = 'sample') -> Iterator[Callable[[], object]]
     def step() -> None:
         nonlocal done
         done += 1
-        if done * 10 // total > (done - 1) * 10 // total:
-            sys.stderr.write(f'{done} of {total} {unit}s\n')
+        if total is None:
+            told, of = done % UNKNOWN_STRIDE == 0, ''
+        else:
+            told, of = done * 10 // total > (done - 1) * 10 // total, f' of {total}'
+        if told:
+            sys.stderr.write(f'{done}{of} {unit}s\n')
             sys.stderr.flush()
 
     yield step

@@ -11,7 +11,7 @@ from typing import Any
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
 
 from llm_astar_planner.benchmark.animation import save_animation
-from llm_astar_planner.benchmark.engine import Settings, parse_points, plan_again
+from llm_astar_planner.benchmark.engine import Settings, plan_again
 from llm_astar_planner.benchmark.figures import (
     case_label,
     compare_figure,
@@ -20,6 +20,7 @@ from llm_astar_planner.benchmark.figures import (
     showcase_figure,
 )
 from llm_astar_planner.benchmark.findings import headline, sentence
+from llm_astar_planner.benchmark.points import parse_points
 from llm_astar_planner.benchmark.report_html import html_report
 from llm_astar_planner.benchmark.report_md import report
 from llm_astar_planner.benchmark.results import Case, ResultsFolder, Row
@@ -34,6 +35,7 @@ from llm_astar_planner.benchmark.summary import (
     summarise,
 )
 from llm_astar_planner.benchmark.trace import trace
+from llm_astar_planner.plan import GridRules
 from llm_astar_planner.targets import target_list
 
 DPI = 90
@@ -63,6 +65,7 @@ def publish(
         'over_none': [{**asdict(item), **_names(item.case)} for item in added],
         'growth': [{**asdict(item), **_names(item.case)} for item in growths],
         **{name: metadata[name] for name in ('version', 'dataset', 'machine')},
+        **{name: metadata[name] for name in ('left_out', 'notes') if name in metadata},
     }
     folder.write_json('summary.json', summary)
     pictures = draw_all(folder.path, rows, maps, (summaries, growths), _settings(metadata))
@@ -105,7 +108,8 @@ def _draw_sample(
     folder: Path, rows: Sequence[Row], maps: Sequence[ProblemMap], settings: Settings
 ) -> Pictures:
     """Draw the sample whose saving over A* is the median: neither the best nor the worst."""
-    chosen = _middle(rows)
+    held = {item.id: len(item.samples) for item in maps}
+    chosen = _middle([row for row in rows if row.pair < held.get(row.map, 0)])
     if chosen is None:
         return []
     base, row = chosen
@@ -153,9 +157,15 @@ def _middle(rows: Sequence[Row]) -> tuple[Row, Row] | None:
 
 
 def _settings(metadata: Mapping[str, Any]) -> Settings:
-    names = ('heuristic', 'weight', 'time_limit', 'max_suboptimality')
+    names = (
+        'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'tolerance', 'start_tolerance',
+    )  # fmt: skip
     parameters = metadata['parameters']
-    return Settings(**{name: parameters[name] for name in names if name in parameters})
+    rules = parameters.get('rules')
+    return Settings(
+        **{name: parameters[name] for name in names if name in parameters},
+        rules=None if rules is None else GridRules(**rules),
+    )
 
 
 def _names(case: Case) -> dict[str, Any]:
@@ -166,9 +176,14 @@ def _case_json(summary: CaseSummary) -> dict[str, Any]:
     """Write a case's figures under their names; named tuples become objects."""
     values = asdict(summary)
     values.update(_names(summary.case))
-    for name in ('operation', 'storage', 'length'):
+    for name in ('operation', 'storage', 'length', 'recorded'):
         ratio = getattr(summary, name)
+        if ratio is None:
+            continue
         values[name] = {**ratio.mean._asdict(), 'spread': ratio.spread._asdict()}
-    for name in ('valid', 'seconds_source', 'seconds_search', 'seconds_round_trip'):
+    for name in (
+        'valid', 'seconds_source', 'seconds_search', 'seconds_round_trip', 'clearance', 'turns',
+        'unknown_length',
+    ):  # fmt: skip
         values[name] = getattr(summary, name)._asdict()
     return values

@@ -53,6 +53,9 @@ def html_report(
         added=(tables.CONTRAST_HEAD, tables.contrast_table(contrasts)),
         spread=(tables.SPREAD_HEAD, tables.spread_table(summaries)),
         waypoints=(tables.WAYPOINT_HEAD, tables.waypoint_table(summaries)),
+        paths=(tables.PATH_HEAD, tables.path_table(summaries)),
+        left_out=list(metadata.get('left_out') or []),
+        notes=list(metadata.get('notes') or []),
         growth=(growth_head, growth_rows),
         grown=growth_sentence(growths),
         paper=(tables.TABLE_HEAD, tables.PAPER_TABLE),
@@ -65,7 +68,10 @@ def html_report(
 def browser_data(rows: Sequence[Row], maps: Sequence[ProblemMap]) -> dict[str, Any]:
     """Return what the browser of samples shows: maps, cases, and the rows of scale 1."""
     cases = dict(sorted(by_case(rows).items(), key=lambda item: place(item[0])))
-    samples = sorted({(row.map, row.pair) for row in rows if row.scale == 1})
+    held = {problem.id: len(problem.samples) for problem in maps}
+    samples = sorted(
+        {(row.map, row.pair) for row in rows if row.scale == 1 and row.pair < held.get(row.map, 0)}
+    )
     wanted = {map_id for map_id, _ in samples}
     return {
         'maps': {m.id: _map(m) for m in maps if m.id in wanted},

@@ -16,7 +16,7 @@ from llm_astar_planner.benchmark.findings import (
 from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.benchmark.scalability import Growth
 from llm_astar_planner.benchmark.statistics import Interval
-from llm_astar_planner.benchmark.summary import CaseSummary, Contrast, summarise
+from llm_astar_planner.benchmark.summary import CaseSummary, Contrast, is_learned, summarise
 from llm_astar_planner.benchmark.summary import contrasts as contrasts_of
 
 # Table 1 of the paper as printed, on its own samples: method, model, prompt, then operation,
@@ -50,6 +50,10 @@ WAYPOINT_HEAD = (
     'Case', 'Waypoints a sample', 'Verdicts (% of waypoints)', 'Tokens in', 'Tokens out', 'Cost',
     'Unanswered',
 )  # fmt: skip
+PATH_HEAD = (
+    'Case', 'Clearance, least (m)', 'mean', 'Turns, mean', 'Through unknown, mean (m)',
+    'Length / recorded plan (%)', 'worst',
+)  # fmt: skip
 CONTRAST_HEAD = ('Case', 'Operation / none (%)', 'Length / none (%)', 'Verdict')
 Table = list[tuple[str, ...]]
 
@@ -77,6 +81,9 @@ def report(
         markdown_table(SPREAD_HEAD, spread_table(summaries)),
         '## Waypoints, tokens, cost',
         markdown_table(WAYPOINT_HEAD, waypoint_table(summaries)),
+        '## The paths',
+        markdown_table(PATH_HEAD, path_table(summaries)),
+        *left_out_part(metadata),
         *_growth_part(growths),
         *(f'![{caption}]({file})\n\n{caption}' for file, caption in pictures),
         '## Table 1 of the paper, as printed',
@@ -167,6 +174,32 @@ def waypoint_table(summaries: Sequence[CaseSummary]) -> Table:
     ]
 
 
+def path_table(summaries: Sequence[CaseSummary]) -> Table:
+    """Return the rows on what a robot makes of the paths."""
+    return [
+        (
+            str(summary.case),
+            number(summary.least_clearance),
+            number(summary.clearance.mean),
+            number(summary.turns.mean, 1),
+            number(summary.unknown_length.mean),
+            '-' if summary.recorded is None else percent(summary.recorded.mean),
+            '-' if summary.recorded is None else number(100 * summary.recorded.spread.worst),
+        )
+        for summary in summaries
+    ]
+
+
+def left_out_part(metadata: Mapping[str, Any]) -> list[str]:
+    """Say what of the input is not in the figures, and what was odd about it."""
+    parts: list[str] = []
+    for title, name in (('## Left out', 'left_out'), ('## Notes on the input', 'notes')):
+        lines = metadata.get(name) or []
+        if lines:
+            parts += [title, '\n'.join(f'- {line}' for line in lines)]
+    return parts
+
+
 def growth_table(growths: Sequence[Growth]) -> tuple[tuple[str, ...], Table]:
     """Return head and rows of the growth factors."""
     scales = sorted({scale for growth in growths for scale in growth.scales})
@@ -225,7 +258,9 @@ def _shares(parts: Mapping[str, float]) -> str:
 
 def _who(summary: CaseSummary) -> str:
     case = summary.case
-    return case.model or (case.source if case.source != 'none' else 'none')
+    if is_learned(case):
+        return f'{case.source} (learned, not an LLM)'
+    return case.model or case.source
 
 
 def _growth_part(growths: Sequence[Growth]) -> list[str]:

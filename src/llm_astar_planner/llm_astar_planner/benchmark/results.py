@@ -23,6 +23,11 @@ from typing import Any, NamedTuple
 
 import llm_astar_planner
 
+# The parameters that decide rows, whatever else a run is made with.
+DECIDING = (
+    'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
+    'start_tolerance', 'requests', 'topics',
+)  # fmt: skip
 # The maps of the rows, kept beside them so that a folder can be reported on by itself.
 MAPS_FILE = 'maps.json'
 
@@ -56,7 +61,13 @@ class Row:
     where the case has none. `waypoints` and `path` (its turning points) are cells `x,y` joined by
     `;`, `verdicts` belong to the waypoints. `seconds_round_trip` is what a call through the live
     graph took, NaN without one. `first_operation` are the expansions up to the first path, and
-    `ratio` what the path is proven within, NaN where the method proves nothing.
+    `ratio` what the path is proven within, NaN where the method proves nothing. `clearance` and
+    `unknown_length` are metres, `turns` changes of direction.
+
+    Of a bag: its name, the number of the request in it, when it was made (seconds since 1970) and
+    the digest of the map of then. `recorded_*` is what the robot's own stack made of it: a result
+    code and waypoints where it was a planner of ours, the length (cells) and turning points of
+    its path, and what is wrong with that path on this map; empty where nothing was recorded.
     """
 
     map: int
@@ -82,6 +93,18 @@ class Row:
     seconds_round_trip: float = math.nan
     first_operation: float = math.nan
     ratio: float = math.nan
+    clearance: float = math.nan
+    turns: float = math.nan
+    unknown_length: float = math.nan
+    bag: str = ''
+    request: int = 0
+    stamp: float = math.nan
+    map_digest: str = ''
+    recorded_code: str = ''
+    recorded_length: float = math.nan
+    recorded_problem: str = ''
+    recorded_waypoints: str = ''
+    recorded_path: str = ''
 
     @property
     def case(self) -> Case:
@@ -189,16 +212,22 @@ class ResultsFolder:
 
 
 def describe_run(
-    dataset: str | Path, parameters: Mapping[str, Any], files: Sequence[str | Path] = ()
+    datasets: Sequence[str | Path],
+    parameters: Mapping[str, Any],
+    files: Sequence[str | Path] = (),
 ) -> dict[str, Any]:
     """Return the metadata of a run: versions, parameters, digests of its data, machine.
 
-    `files` are what else decides the rows, such as transcripts and prompts. Raises OSError.
+    A dataset may be a folder. `files` are what else decides the rows, such as transcripts and
+    prompts. Raises OSError.
     """
     return {
         'version': _own_version(),
         'parameters': dict(parameters),
-        'dataset': {'file': Path(dataset).name, 'sha256': _digest(dataset)},
+        'dataset': {
+            'file': ', '.join(Path(dataset).name for dataset in datasets),
+            'sha256': _digest(*datasets),
+        },
         'files': {Path(file).name: _digest(file) for file in files},
         'machine': describe_machine(),
         'packages': {name: _version(name) for name in ('numpy', 'numba', 'scipy', 'shapely')},
@@ -224,7 +253,7 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     old = before.get('parameters', {})
     return changed + [
         f'{name} ({old.get(name)} before)'
-        for name in ('seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid')
+        for name in DECIDING
         if old.get(name) != now['parameters'].get(name)
     ]
 
@@ -274,8 +303,20 @@ def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     return value
 
 
-def _digest(path: str | Path) -> str:
-    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+def _digest(*paths: str | Path) -> str:
+    """Return the SHA-256 of files one after the other, of folders' files by their names."""
+    digest = hashlib.sha256()
+    for path in map(Path, paths):
+        for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+            if file.is_file():
+                _add_file(digest, file)
+    return digest.hexdigest()
+
+
+def _add_file(digest: hashlib._Hash, path: Path) -> None:
+    with path.open('rb') as file:
+        while block := file.read(1 << 20):
+            digest.update(block)
 
 
 def _own_version() -> str:

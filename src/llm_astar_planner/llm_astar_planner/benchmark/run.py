@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import Any
 from llm_astar_planner.benchmark.engine import (
     ANSWERED,
     Asker,
+    Outcome,
     Settings,
     Task,
     plan_cases,
@@ -67,13 +68,19 @@ def begin(
     Going on asks again what no source answered. Raises ResultsError where rows of another dataset,
     version or seed lie there.
     """
-    metadata = describe_run(sweep.dataset, parameters, sweep.files)
-    if not (resume and folder.results.exists()):
-        folder.start()
-        folder.write_json('metadata.json', metadata)
-        return sweep.tasks(), metadata
-    done = go_on(folder, metadata)
-    return sweep.tasks(done), metadata
+    metadata = describe_run([sweep.dataset], parameters, sweep.files)
+    return sweep.tasks(open_folder(folder, metadata, resume=resume)), metadata
+
+
+def open_folder(
+    folder: ResultsFolder, metadata: dict[str, Any], *, resume: bool
+) -> frozenset[RowKey]:
+    """Start a folder, or go on with it; return the keys of the rows done. Raises ResultsError."""
+    if resume and folder.results.exists():
+        return go_on(folder, metadata)
+    folder.start()
+    folder.write_json('metadata.json', metadata)
+    return frozenset()
 
 
 def go_on(folder: ResultsFolder, metadata: dict[str, Any]) -> frozenset[RowKey]:
@@ -94,18 +101,18 @@ def go_on(folder: ResultsFolder, metadata: dict[str, Any]) -> frozenset[RowKey]:
 
 def carry_out(
     folder: ResultsFolder,
-    tasks: Sequence[Task],
+    tasks: Iterable[Task],
     executor: Executor,
     at_once: int,
     *,
     metadata: dict[str, Any],
-    step: Callable[[], object],
+    step: Callable[[Task, list[Outcome]], object],
 ) -> None:
     """Run tasks into a folder, `step` after each; the time goes into the metadata in any case."""
 
-    def keep(rows: list[Row]) -> None:
-        folder.append(rows)
-        step()
+    def keep(task: Task, outcomes: list[Outcome]) -> None:
+        folder.append(outcome.row for outcome in outcomes)
+        step(task, outcomes)
 
     begun = time.monotonic()
     try:

@@ -12,13 +12,12 @@ from llm_astar_msgs_adapter.barrier_map import (
     BarrierMap,
     Sample,
     load_barrier_maps,
-    save_barrier_maps,
+    parse_barrier_map,
 )
 from llm_astar_msgs_adapter.grid_problem import (
     GridProblem,
     is_grid_problem,
     parse_grid_problem,
-    to_line,
 )
 
 from llm_astar_planner.benchmark.grid_dataset import is_grid_dataset, load_grid_problem
@@ -92,12 +91,8 @@ def load_maps(path: str | Path, limit: int | None = None, seed: int = 0) -> list
 
 
 def save_kept_maps(maps: Sequence[ProblemMap], path: str | Path) -> None:
-    """Write the maps of a results folder. Raises OSError."""
-    barriers = [item for item in maps if isinstance(item, BarrierMap)]
-    if barriers:
-        save_barrier_maps(barriers, path)
-        return
-    lines = ',\n'.join(to_line(item) for item in maps if isinstance(item, GridProblem))
+    """Write the maps of a results folder, one a line. Raises OSError."""
+    lines = ',\n'.join(json.dumps(item.to_json()) for item in maps)
     Path(path).write_text(f'[\n{lines}\n]\n', encoding='utf-8')
 
 
@@ -108,12 +103,14 @@ def load_kept_maps(path: str | Path) -> list[ProblemMap]:
         entries = json.loads(path.read_text(encoding='utf-8'))
     except (OSError, ValueError):
         entries = None
-    if isinstance(entries, list) and entries and is_grid_problem(entries[0]):
-        return [
-            parse_grid_problem(entry, f'{path}: map at index {index}')
-            for index, entry in enumerate(entries)
-        ]
-    return list(load_barrier_maps(path))
+    if not isinstance(entries, list):
+        return list(load_barrier_maps(path))
+    return [
+        parse_grid_problem(entry, f'{path}: map at index {index}')
+        if is_grid_problem(entry)
+        else parse_barrier_map(entry, f'{path}: map at index {index}')
+        for index, entry in enumerate(entries)
+    ]
 
 
 def draw(samples: Sequence[BenchmarkSample], count: int, seed: int) -> list[BenchmarkSample]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,9 @@ class CaseSummary:
     all. `seconds_*` are per sample. `verdicts` are shares of all waypoints. `cost` is in the
     currency of the price given, None without one. `unanswered` counts the samples for which the
     source never answered. `operation_exact` is over our exact A*, where it was run; `proven` are
-    the ratios that paths were proven within, of the methods that prove any.
+    the ratios that paths were proven within, of the methods that prove any. `clearance` and
+    `unknown_length` are metres and `turns` changes of direction, of the paths found; `recorded`
+    is the length over that of the path a bag holds, where it holds one.
     """
 
     case: Case
@@ -63,6 +66,11 @@ class CaseSummary:
     seconds_round_trip: Spread = NO_SPREAD
     operation_exact: Ratio | None = None
     proven: Spread = NO_SPREAD
+    clearance: Spread = NO_SPREAD
+    least_clearance: float = float('nan')
+    turns: Spread = NO_SPREAD
+    unknown_length: Spread = NO_SPREAD
+    recorded: Ratio | None = None
 
 
 @dataclass(frozen=True)
@@ -132,6 +140,8 @@ def _summarise(
     completion_tokens = sum(row.completion_tokens for row in every)
     pairs, over_exact = (_pairs(rows, baseline) for baseline in baselines)
     lengths = [(row.length, base.length) for row, base in pairs]
+    found = [row for row in every if row.found]
+    clearances = _known([row.clearance for row in found])
     return CaseSummary(
         case=case,
         samples=len(every),
@@ -153,7 +163,24 @@ def _summarise(
         operation_exact=_ratio(over_exact, 'operation', seed) if over_exact else None,
         proven=spread([row.ratio for row in every if row.ratio >= 1.0]),
         unanswered=sum(row.source_status not in ANSWERS for row in every),
+        clearance=spread(clearances),
+        least_clearance=min(clearances, default=float('nan')),
+        turns=spread(_known([row.turns for row in found])),
+        unknown_length=spread(_known([row.unknown_length for row in found])),
+        recorded=_over_recorded(found, seed),
     )
+
+
+def _known(values: Sequence[float]) -> list[float]:
+    """Return the values that are finite: a map without obstacles has no clearance."""
+    return [value for value in values if math.isfinite(value)]
+
+
+def _over_recorded(rows: Sequence[Row], seed: int) -> Ratio | None:
+    """Hold lengths against those of the recorded paths; None where there are none."""
+    recorded = [(row, replace(row, length=row.recorded_length)) for row in rows]
+    held = [pair for pair in recorded if pair[1].length > 0]
+    return _ratio(held, 'length', seed) if held else None
 
 
 def _pairs(rows: Mapping[SampleId, Row], others: Mapping[SampleId, Row]) -> list[tuple[Row, Row]]:
@@ -212,6 +239,11 @@ ABLATIONS = ('none', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 def is_ablation(case: Case) -> bool:
     """Whether a case's waypoints come from no model."""
     return case.source in ABLATIONS
+
+
+def is_learned(case: Case) -> bool:
+    """Whether a case's waypoints come from the embedded model, which is learned but no LLM."""
+    return case.source.startswith('embedded')
 
 
 def place(case: Case) -> tuple[int, str, bool, int, str]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from llm_astar_planner.benchmark.summary import CaseSummary
 
 # Metrics in percent. A limit is the largest allowed value for ratios, the smallest for shares.
-RATIOS = ('operation', 'storage', 'length')
+RATIOS = ('operation', 'storage', 'length', 'recorded')
 SHARES = ('valid', 'optimal')
 
 
@@ -49,11 +50,14 @@ def missed(summaries: Sequence[CaseSummary], thresholds: Sequence[Threshold]) ->
         kept = value <= threshold.limit if worse == 'above' else value >= threshold.limit
         if not kept:
             what = f'{threshold.metric} {value:.2f} %'
+            if math.isnan(value):
+                what, worse = f'{threshold.metric} is unknown, which', 'no match for'
             lines.append(f'{threshold.case}: {what} is {worse} {threshold.limit:g}')
     return lines
 
 
 def _value(summary: CaseSummary, metric: str) -> float:
     if metric in RATIOS:
-        return 100.0 * float(getattr(summary, metric).mean.value)
+        ratio = getattr(summary, metric)
+        return float('nan') if ratio is None else 100.0 * float(ratio.mean.value)
     return 100.0 * (summary.valid.value if metric == 'valid' else summary.optimal)

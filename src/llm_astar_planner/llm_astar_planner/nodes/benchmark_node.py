@@ -42,7 +42,8 @@ from llm_astar_planner.share import find_file
 OK, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 2, 3, 130
 EPILOG = """\
 Start planner_node and llm_client_node first, and no map_node: this node publishes the maps. It
-sets the planner's `method`, `use_waypoints` and `corner_cutting` and puts them back at the end.
+sets the planner's `method`, `use_waypoints`, `corner_cutting` and `remember_plans` and puts them
+back at the end.
 
 exit codes: 0 ok, 2 bad usage or input, 3 the graph broke off, 130 interrupted
 """
@@ -60,7 +61,7 @@ def main(args: Sequence[str] | None = None) -> int:
         folder = ResultsFolder(arguments.out)
         parameters = {'methods': arguments.methods, 'limit': arguments.limit}
         parameters |= {'maps': arguments.maps, 'seed': arguments.seed, 'live': True}
-        metadata = describe_run(dataset, parameters)
+        metadata = describe_run([dataset], parameters)
         done = _begin(folder, metadata, dataset, resume=arguments.resume)
     except (BarrierMapError, FileNotFoundError, ResultsError, SelectionError) as error:
         return _complain(str(error), BAD_INPUT)

@@ -17,15 +17,17 @@ from nav_msgs.msg import OccupancyGrid, Path
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter, parameter_value_to_python
 
-from llm_astar_planner.benchmark.engine import BASELINE, format_points, turning_points
+from llm_astar_planner.benchmark.engine import BASELINE
+from llm_astar_planner.benchmark.points import format_points, turning_points
 from llm_astar_planner.benchmark.results import Case, Row, RowKey
 from llm_astar_planner.benchmark.samples import BenchmarkSample, ProblemMap
 from llm_astar_planner.nodes.caller import Caller, CallerError
 from llm_astar_planner.nodes.qos import LATCHED
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
 
-# What a run sets of the planner, and puts back: the paper lets paths cut corners.
-RULES = {'corner_cutting': True}
+# What a run sets of the planner, and puts back: the paper lets paths cut corners, and a plan
+# that is remembered, or made again on the next map, has no time of its own.
+RULES = {'corner_cutting': True, 'remember_plans': 0}
 TOUCHED = ('method', 'use_waypoints', *RULES)
 
 
@@ -155,4 +157,14 @@ def _row(
         seconds_round_trip=round_trip,
         first_operation=float(report.first_operation) if report.code == 0 else math.nan,
         ratio=math.nan if report.ratio is None else report.ratio,
+        **(_of_path(report) if report.code == 0 else {}),
     )
+
+
+def _of_path(report: PlanReport) -> dict[str, Any]:
+    """Return the columns that only a path has."""
+    return {
+        'clearance': math.inf if report.clearance is None else report.clearance,
+        'turns': float(report.turns),
+        'unknown_length': report.unknown_length,
+    }

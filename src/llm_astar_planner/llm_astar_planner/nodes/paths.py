@@ -16,10 +16,17 @@ from llm_astar_planner.search.shortcut import interpolate
 class Paths:
     """Writes the paths of one request: all in one frame, under one stamp, to one heading."""
 
-    def __init__(self, grid_map: GridMap, stamp: Time, goal_yaw: float) -> None:
-        """Take the map the cells are of, and the goal's yaw in radians."""
+    def __init__(
+        self, grid_map: GridMap, stamp: Time, start_yaw: float, goal_yaw: float | None
+    ) -> None:
+        """Take the map the cells are of, and the headings of the ends in radians.
+
+        With `goal_yaw` None the path ends as it arrives, and one of one pose as it starts
+        (Nav2's use_final_approach_orientation).
+        """
         self._grid_map = grid_map
         self._stamp = stamp
+        self._start_yaw = start_yaw
         self._goal_yaw = goal_yaw
         self._last: tuple[NDArray[np.float64], Path] | None = None
 
@@ -29,7 +36,8 @@ class Paths:
         if self._last is not None and np.array_equal(self._last[0], cells):
             return self._last[1]
         places = self._grid_map.grid_to_world(cells)
-        path = path_to_message(places, self._grid_map.frame_id, self._stamp, self._goal_yaw)
+        yaw = self._start_yaw if len(cells) == 1 and self._goal_yaw is None else self._goal_yaw
+        path = path_to_message(places, self._grid_map.frame_id, self._stamp, yaw)
         self._last = (cells, path)
         return path
 

@@ -15,3 +15,5 @@ REPORTS = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+# Parts of a map, each of which counts.
+UPDATES = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)

@@ -1,11 +1,11 @@
-"""Plans of the core as reports for the wire."""
+"""Plans of the core as reports: in metres, for the wire, for bags."""
 
 from __future__ import annotations
 
 import math
 
 from llm_astar_msgs_adapter.grid_map import GridMap
-from llm_astar_msgs_adapter.report import PlanReport
+from llm_astar_msgs_adapter.report_values import PlanReport
 
 from llm_astar_planner.planner import Plan
 from llm_astar_planner.result_code import ResultCode
@@ -40,7 +40,7 @@ def plan_report(plan: Plan, grid_map: GridMap) -> PlanReport:
         clearance=plan.clearance if math.isfinite(plan.clearance) else None,
         turns=plan.turns,
         warnings=plan.warnings,
-        instruction=plan.reply.instruction,
+        instruction=plan.instruction,
     )
 
 

@@ -1,0 +1,61 @@
+"""Where the robot was, and where poses lie on the map, by what a bag has told so far."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llm_astar_msgs_adapter.bag_reading import Message
+from llm_astar_msgs_adapter.grid_map import GridMapError, Pose2D
+from llm_astar_msgs_adapter.message_values import matrix_of
+from llm_astar_msgs_adapter.transforms import Transforms, flat_pose
+
+
+class Places:
+    """The latest transforms, odometry and initial pose."""
+
+    def __init__(self, base_frame: str) -> None:
+        """Know no place yet; `base_frame` is the robot's in tf."""
+        self._base_frame = base_frame
+        self._transforms = Transforms()
+        self._told: dict[str, Message] = {}
+
+    def take(self, part: str, message: Message) -> None:
+        """Take a message of the part `tf`, `static tf`, `odometry` or `start`."""
+        if part in ('tf', 'static tf'):
+            static = part == 'static tf'
+            self._transforms.add(message.value, message.time, static=static)
+        else:
+            self._told[part] = message
+
+    def forget(self) -> None:
+        """Forget all but what never moves, as when the clock has jumped."""
+        self._transforms.forget_moving()
+        self._told.clear()
+
+    def on_map(self, pose: Any, frame: str, target: str, now: int) -> Pose2D | str:  # noqa: ANN401
+        """Return a decoded pose in the frame `target`, or say why that cannot be."""
+        try:
+            matrix = matrix_of(pose.position, pose.orientation)
+        except GridMapError as error:
+            return str(error)
+        # Callers that leave the frame empty mean the map's.
+        if frame in ('', target):
+            return flat_pose(matrix)
+        known = self._transforms.lookup(target, frame, now)
+        if known is None:
+            return f'is in frame {frame!r}, the map in {target!r}, and no tf joins them'
+        return flat_pose(known @ matrix)
+
+    def robot(self, target: str, now: int) -> Pose2D | str:
+        """Return the robot's place by tf, else by odometry, else as it was last told."""
+        known = self._transforms.lookup(target, self._base_frame, now)
+        if known is not None:
+            return flat_pose(known)
+        for part in ('odometry', 'start'):
+            if part in self._told:
+                value = self._told[part].value
+                place = self.on_map(value.pose.pose, value.header.frame_id, target, now)
+                if isinstance(place, Pose2D):
+                    return place
+        tf = f'no tf from {target} to {self._base_frame}'
+        return f'is not known: {tf}, no odometry, no initialpose yet'

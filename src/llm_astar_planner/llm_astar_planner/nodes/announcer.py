@@ -1,0 +1,65 @@
+"""Publishes plans, what they tell of themselves, and what RViz shows of them."""
+
+from __future__ import annotations
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from llm_astar_msgs_adapter.grid_map import GridMap
+from llm_astar_msgs_adapter.report import PlanReport, report_to_message
+from llm_astar_msgs_adapter.waypoints import expanded_to_message, waypoints_to_markers
+from nav_msgs.msg import GridCells, Path
+from visualization_msgs.msg import MarkerArray
+
+from llm_astar_planner.nodes.entities import Entities
+from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
+from llm_astar_planner.plan import Plan
+
+
+class Announcer:
+    """The topics a plan leaves on."""
+
+    def __init__(self, entities: Entities) -> None:
+        """Make the publishers."""
+        self._node = entities.node
+        self._plan = entities.publisher(Path, 'plan', RELIABLE)
+        self._raw_plan = entities.publisher(Path, '~/raw_plan', RELIABLE)
+        self._report = entities.publisher(DiagnosticArray, '~/report', REPORTS)
+        self._markers = entities.publisher(MarkerArray, '~/markers', RELIABLE)
+        self._explored = entities.publisher(GridCells, '~/explored', RELIABLE)
+
+    @property
+    def wants_expanded(self) -> bool:
+        """Whether anybody looks at the expanded cells."""
+        return bool(self._explored.get_subscription_count())
+
+    @property
+    def wants_raw(self) -> bool:
+        """Whether anybody listens for the path before it is shortened."""
+        return bool(self._raw_plan.get_subscription_count())
+
+    def publish(self, path: Path) -> None:
+        """Publish a plan."""
+        self._plan.publish(path)
+
+    def publish_raw(self, path: Path) -> None:
+        """Publish a plan as it was before it was shortened."""
+        self._raw_plan.publish(path)
+
+    def show(self, plan: Plan, grid_map: GridMap, stamp: Time) -> None:
+        """Draw the plan for RViz, if anyone looks."""
+        if self._markers.get_subscription_count():
+            waypoints = [(point.x, point.y, point.verdict.value) for point in plan.waypoints]
+            ends = (plan.start, plan.goal)
+            markers = waypoints_to_markers(waypoints, grid_map, stamp, ends, plan.via)
+            self._markers.publish(markers)
+        if self.wants_expanded and plan.expanded.size:
+            self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
+
+    def tell(self, report: PlanReport, stamp: Time) -> None:
+        """Publish and log a report."""
+        self._report.publish(report_to_message(report, self._node.get_name(), stamp))
+        logger = self._node.get_logger()
+        if report.code:
+            logger.warning(report.summary)
+        else:
+            logger.info(f'{report.summary}; guided by {report.guided_by}')

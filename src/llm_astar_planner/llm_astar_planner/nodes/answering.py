@@ -1,0 +1,221 @@
+"""Answers questions: reads them, has them planned, and publishes what came of it."""
+
+from __future__ import annotations
+
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+from builtin_interfaces.msg import Time
+from llm_astar_msgs_adapter.grid_map import GridMap
+from llm_astar_msgs_adapter.path import path_to_message
+from llm_astar_msgs_adapter.report import PlanReport
+from nav_msgs.msg import Path
+from rclpy.node import Node
+
+from llm_astar_planner.nodes.announcer import Announcer
+from llm_astar_planner.nodes.cancelling import Cancel
+from llm_astar_planner.nodes.health import Tally
+from llm_astar_planner.nodes.map_keeper import MapKeeper
+from llm_astar_planner.nodes.parameters import Parameters
+from llm_astar_planner.nodes.paths import Paths
+from llm_astar_planner.nodes.requests import Ends, Question, Reader, RefusalError
+from llm_astar_planner.plan import Plan
+from llm_astar_planner.plan_reports import failure_report, plan_report
+from llm_astar_planner.planner import Planner
+from llm_astar_planner.recall import Recall
+from llm_astar_planner.result_code import ResultCode
+from llm_astar_planner.search.guided import Improvement
+
+# What of the planning time is left for the path's check and message: so many seconds, or a part.
+FINISH_SECONDS, FINISH_SHARE = 0.1, 0.1
+LEAST_SECONDS = 0.001
+# What a canceled question may take to end, in seconds, before it is left behind.
+LONGEST_END = 2.0
+INACTIVE = 'the node is not active: configure and activate it (lifecycle)'
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a caller gets: a path, empty unless `code` is NONE, a sentence, the seconds it took."""
+
+    path: Path
+    code: ResultCode
+    message: str
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """The last path that was published: to which question, on which map, in which cells."""
+
+    question: Question
+    grid_map: GridMap
+    plan: Plan
+
+
+@dataclass(eq=False)
+class _Job:
+    """One question being answered."""
+
+    question: Question
+    stamp: Time
+    begin: float
+    cancel: Cancel
+    on_better: Callable[[], None]
+    published: Path | None = None
+
+
+class Answering:
+    """The work of the planner node: any number of questions at a time, from any thread."""
+
+    def __init__(
+        self,
+        node: Node,
+        settings: Parameters,
+        maps: MapKeeper,
+        reader: Reader,
+        *,
+        recall: Recall,
+        announcer: Announcer,
+    ) -> None:
+        """Take the parts it works with."""
+        self.is_active = False
+        # Called where the map changed while a path was planned on the one before.
+        self.on_outdated: Callable[[], None] = lambda: None
+        self.standing: Standing | None = None
+        self.tally = Tally()
+        self._running: set[Cancel] = set()
+        self._ended = threading.Condition()
+        self._node = node
+        self._settings = settings
+        self._maps = maps
+        self._reader = reader
+        self._recall = recall
+        self._announcer = announcer
+
+    def answer(
+        self,
+        question: Question,
+        cancel: Cancel | None = None,
+        on_better: Callable[[], None] = lambda: None,
+        why: str = '',
+    ) -> Answer:
+        """Plan, publish what came of it, and return it; never raises.
+
+        `cancel` ends it from another thread: its code is TIMEOUT then, and nothing is published
+        but the report. `on_better` is called at each better path on the way. `why` tells why the
+        question is asked at all, where nobody has just asked it.
+        """
+        stamp = self._node.get_clock().now().to_msg()
+        job = _Job(question, stamp, time.monotonic(), cancel or Cancel(), on_better)
+        with self._running_until_told(job.cancel):
+            return self._told(job, why)
+
+    def _told(self, job: _Job, why: str) -> Answer:
+        try:
+            path, report = self._plan(job)
+        except RefusalError as error:
+            path, report = self._nothing(job, error.code, str(error))
+        except Exception as error:  # noqa: BLE001 - a robot waits for its answer
+            self._node.get_logger().error(traceback.format_exc())
+            message = f'{type(error).__name__} while planning: see the log'
+            path, report = self._nothing(job, ResultCode.UNKNOWN, message)
+        if why:
+            report = replace(report, message=f'{why}; {report.message}')
+        self._announcer.tell(report, job.stamp)
+        self.tally.count(report)
+        seconds = time.monotonic() - job.begin
+        return Answer(path, ResultCode(report.code), report.message, seconds)
+
+    def give_up(self, reason: str) -> None:
+        """Cancel every question that is being answered, and wait until it is told."""
+        with self._ended:
+            for cancel in self._running:
+                cancel(reason)
+            self._ended.wait_for(lambda: not self._running, LONGEST_END)
+
+    @contextmanager
+    def _running_until_told(self, cancel: Cancel) -> Iterator[None]:
+        with self._ended:
+            self._running.add(cancel)
+        try:
+            yield
+        finally:
+            with self._ended:
+                self._running.discard(cancel)
+                self._ended.notify_all()
+
+    def _nothing(self, job: _Job, code: ResultCode, message: str) -> tuple[Path, PlanReport]:
+        planner = self._maps.planner
+        frame_id = planner.grid_map.frame_id if planner else ''
+        return path_to_message([], frame_id, job.stamp), failure_report(code, message)
+
+    def _plan(self, job: _Job) -> tuple[Path, PlanReport]:
+        """Answer a question. Raises RefusalError where it never comes to a plan."""
+        planner = self._maps.planner
+        if not self.is_active:
+            raise RefusalError(ResultCode.UNKNOWN, INACTIVE)
+        if planner is None:
+            raise RefusalError(ResultCode.UNKNOWN, 'no map has arrived yet')
+        ends = self._reader.ends(job.question, planner.grid_map)
+        paths = self._paths(job, ends, planner.grid_map)
+        plan, how = self._searched(job, ends, planner, paths)
+        if plan is None:
+            message = "out of time waiting for another caller's search of the same"
+            raise RefusalError(ResultCode.TIMEOUT, job.cancel.message or message)
+        path = paths.final(plan)
+        # Only now: what was given up must not be published after what came instead.
+        if job.cancel.message:
+            raise RefusalError(ResultCode.TIMEOUT, job.cancel.message)
+        if plan.code is ResultCode.NONE:
+            self._publish(job, plan, path, paths)
+            self._keep(job, plan, planner)
+        self._announcer.show(plan, planner.grid_map, job.stamp)
+        report = plan_report(plan, planner.grid_map)
+        if how:
+            report = replace(report, message=f'{report.message}; {how}')
+        return path, report
+
+    def _keep(self, job: _Job, plan: Plan, planner: Planner) -> None:
+        """Keep a published path, to look at it again when the ground changes."""
+        if not self._settings['remember_plans']:
+            self.standing = None
+            return
+        self.standing = Standing(job.question, planner.grid_map, plan)
+        if self._maps.planner not in (None, planner):
+            self.on_outdated()
+
+    def _paths(self, job: _Job, ends: Ends, grid_map: GridMap) -> Paths:
+        as_it_arrives = self._settings['use_final_approach_orientation']
+        goal_yaw = None if as_it_arrives else ends.goals[-1].yaw
+        return Paths(grid_map, job.stamp, ends.start.yaw, goal_yaw)
+
+    def _searched(
+        self, job: _Job, ends: Ends, planner: Planner, paths: Paths
+    ) -> tuple[Plan | None, str]:
+        wants = self._announcer.wants_expanded
+        request = self._reader.request(job.question, ends, planner.grid_map, want_expanded=wants)
+        limit = request.time_limit
+        spent = time.monotonic() - job.begin + min(FINISH_SECONDS, FINISH_SHARE * limit)
+
+        def publish_better(better: Improvement) -> None:
+            path = paths.message(better.path)
+            if not job.cancel.reason:
+                job.published = path
+                self._announcer.publish(path)
+                job.on_better()
+
+        return self._recall.plan(
+            planner, request, max(LEAST_SECONDS, limit - spent), job.cancel.stop, publish_better
+        )
+
+    def _publish(self, job: _Job, plan: Plan, path: Path, paths: Paths) -> None:
+        """Publish a path, unless it was the last to be published as a better one."""
+        if path is not job.published:
+            self._announcer.publish(path)
+        if self._announcer.wants_raw:
+            self._announcer.publish_raw(paths.message(plan.path))

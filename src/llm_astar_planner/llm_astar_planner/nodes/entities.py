@@ -1,0 +1,61 @@
+"""What a part of a node makes in the graph, and takes back when the part is closed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.service import Service
+
+
+class Entities:
+    """The publishers, subscriptions, services and timers made through it."""
+
+    def __init__(self, node: Node) -> None:
+        """Take the node to make them on."""
+        self.node = node
+        self._undo: list[Callable[[], Any]] = []
+
+    def publisher(self, kind: type, name: str, qos: QoSProfile) -> Publisher:
+        """Make a publisher."""
+        made = self.node.create_publisher(kind, name, qos)
+        self._undo.append(lambda: self.node.destroy_publisher(made))
+        return made
+
+    def subscription(
+        self,
+        kind: type,
+        name: str,
+        callback: Callable[[Any], None],
+        qos: QoSProfile,
+        group: CallbackGroup,
+    ) -> None:
+        """Make a subscription."""
+        made = self.node.create_subscription(kind, name, callback, qos, callback_group=group)
+        self._undo.append(lambda: self.node.destroy_subscription(made))
+
+    def service(
+        self, kind: type, name: str, callback: Callable[[Any, Any], Any], group: CallbackGroup
+    ) -> Service:
+        """Make a service."""
+        made = self.node.create_service(kind, name, callback, callback_group=group)
+        self._undo.append(lambda: self.node.destroy_service(made))
+        return made
+
+    def timer(self, period: float, callback: Callable[[], None], group: CallbackGroup) -> None:
+        """Make a timer that fires every `period` seconds."""
+        made = self.node.create_timer(period, callback, callback_group=group)
+        self._undo.append(lambda: self.node.destroy_timer(made))
+
+    def on_close(self, undo: Callable[[], Any]) -> None:
+        """Have something else undone in its turn."""
+        self._undo.append(undo)
+
+    def close(self) -> None:
+        """Take everything back, the last first."""
+        while self._undo:
+            self._undo.pop()()

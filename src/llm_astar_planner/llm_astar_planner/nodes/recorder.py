@@ -1,0 +1,220 @@
+"""A recorder of the live graph: whatever comes on its topics goes into a bag as it came."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import rclpy
+from llm_astar_msgs_adapter.bag_types import BagTypeError, define
+from llm_astar_msgs_adapter.bag_writing import BagWriter, Topic
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+
+# What an evaluation reads, names relative to the namespace recorded.
+TOPICS = (
+    'map',
+    'map_updates',
+    'goal_pose',
+    'initialpose',
+    'plan',
+    'planner_node/get_plan/_service_event',
+    'planner_node/raw_plan',
+    'planner_node/report',
+    'planner_node/instruction',
+    'llm_client_node/exchange',
+    'odom',
+    'tf',
+    'tf_static',
+    '/tf',
+    '/tf_static',
+    '/diagnostics',
+)
+# How often new topics are looked for, and the user is told that nothing comes, in seconds.
+LOOK_EVERY = 0.25
+TELL_EVERY = 10.0
+QUIET_SECONDS = 0.05
+# Messages of a topic that wait while others are written.
+DEPTH = 100
+NANOSECONDS = 1_000_000_000
+
+Tell = Callable[[str], None]
+
+
+class Recorder(Node):
+    """Subscribes to topics as their publishers come, and writes what they send."""
+
+    def __init__(self, bag: BagWriter, topics: Sequence[str], namespace: str, tell: Tell) -> None:
+        """Record `topics`, those without a slash in front below `namespace`, into an open bag."""
+        super().__init__('llm_astar_recorder', namespace=namespace or None)
+        self._bag = bag
+        self._tell = tell
+        self.wanted = list(dict.fromkeys(self.resolve_topic_name(name) for name in topics))
+        self._waiting = set(self.wanted)
+        self.create_timer(LOOK_EVERY, self._look)
+
+    def _look(self) -> None:
+        """Subscribe to what is wanted and has a publisher by now."""
+        for name, types in self.get_topic_names_and_types():
+            if name in self._waiting:
+                publishers = self.get_publishers_info_by_topic(name)
+                if publishers:
+                    self._waiting.discard(name)
+                    self._subscribe(name, types[0], publishers)
+
+    def _subscribe(self, name: str, msgtype: str, publishers: list[TopicEndpointInfo]) -> None:
+        offered = [publisher.qos_profile for publisher in publishers]
+        try:
+            topic = Topic(name, define(msgtype), tuple(dict.fromkeys(map(_qos_in_bag, offered))))
+            message_class = _message_class(msgtype)
+        except (BagTypeError, ImportError, AttributeError) as error:
+            self._tell(f'not recorded: {name} ({msgtype}): {error}')
+            return
+        self._bag.add_topic(topic)
+        self.create_subscription(
+            message_class, name, partial(self._on_message, name), _matching(offered), raw=True
+        )
+        self._tell(f'recording {name} ({msgtype})')
+
+    def _on_message(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
+        """Write a message at the time it arrived, not the later one at which its turn came."""
+        # Not every middleware knows that time; those that do not say 0.
+        self._bag.write(topic, info['received_timestamp'] or time.time_ns(), data)
+
+    def tell_progress(self, total: int, new: int) -> None:
+        """Tell how much came, and where nothing did, where it was looked for."""
+        if total:
+            self._tell(f'{total} messages, {new} of them in the last {TELL_EVERY:g} s')
+            return
+        domain = os.environ.get('ROS_DOMAIN_ID', '0')
+        self._tell(
+            f'nothing has come yet in namespace {self.get_namespace()}, ROS_DOMAIN_ID {domain}; '
+            'is the graph up?'
+        )
+
+    @property
+    def missing(self) -> list[str]:
+        """The topics that had no publisher yet."""
+        return [name for name in self.wanted if name in self._waiting]
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to record and into what; see BagWriter. `duration` is in seconds."""
+
+    folder: str
+    storage: str = 'mcap'
+    max_bytes: int = 0
+    duration: float = math.inf
+    topics: tuple[str, ...] = TOPICS
+    namespace: str = ''
+
+
+def record(options: Options, tell: Tell) -> dict[str, int]:
+    """Record until SIGINT, SIGTERM or the end of `duration`; return the messages by topic.
+
+    `tell` gets a line on every topic found, and now and then on what came. Raises BagWriteError
+    where the folder exists, OSError where it cannot be written.
+    """
+    stopped = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopped.set())
+    writer = BagWriter(options.folder, options.storage, options.max_bytes)
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        with writer as bag:
+            recorder = Recorder(bag, options.topics, options.namespace, tell)
+            _spin(recorder, bag, stopped, options.duration)
+            if recorder.missing:
+                tell(f'never there: {", ".join(recorder.missing)}')
+            recorder.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+    return writer.counts
+
+
+def _spin(recorder: Recorder, bag: BagWriter, stopped: threading.Event, duration: float) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(recorder)
+    end = time.monotonic() + duration
+    told, next_tell = 0, time.monotonic() + TELL_EVERY
+    while not stopped.is_set() and time.monotonic() < end:
+        executor.spin_once(timeout_sec=LOOK_EVERY)
+        if time.monotonic() >= next_tell:
+            recorder.tell_progress(bag.total, bag.total - told)
+            told, next_tell = bag.total, time.monotonic() + TELL_EVERY
+    _drain(executor, bag)
+    executor.shutdown()
+
+
+def _drain(executor: SingleThreadedExecutor, bag: BagWriter) -> None:
+    """Write what had arrived when the end came, but do not follow a graph that talks on."""
+    quiet = 0
+    for _ in range(DEPTH * len(bag.counts)):
+        count = bag.total
+        executor.spin_once(timeout_sec=QUIET_SECONDS)
+        # The timer takes turns, too.
+        quiet = quiet + 1 if bag.total == count else 0
+        if quiet == 4:
+            return
+
+
+def _message_class(msgtype: str) -> type:
+    """Return the class of `package/msg/Name` or `package/srv/Name_Event`.
+
+    Raises ImportError or AttributeError where its package is not installed here.
+    """
+    package, kind, name = msgtype.split('/')
+    module = importlib.import_module(f'{package}.{kind}')
+    if kind == 'srv':
+        return getattr(module, name.removesuffix('_Event')).Event
+    return getattr(module, name)
+
+
+def _matching(offered: list[QoSProfile]) -> QoSProfile:
+    """Return the QoS that gets the most of all of these publishers."""
+    reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
+    latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
+    return QoSProfile(
+        depth=DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=(DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE),
+    )
+
+
+def _qos_in_bag(offered: QoSProfile) -> Qos:
+    return Qos(
+        history=QosHistory[offered.history.name],
+        depth=offered.depth,
+        reliability=QosReliability[offered.reliability.name],
+        durability=QosDurability[offered.durability.name],
+        deadline=_span(offered.deadline),
+        lifespan=_span(offered.lifespan),
+        liveliness=QosLiveliness[offered.liveliness.name],
+        liveliness_lease_duration=_span(offered.liveliness_lease_duration),
+        avoid_ros_namespace_conventions=offered.avoid_ros_namespace_conventions,
+    )
+
+
+def _span(duration: Duration) -> QosTime:
+    return QosTime(*divmod(duration.nanoseconds, NANOSECONDS))

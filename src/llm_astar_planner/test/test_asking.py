@@ -1,0 +1,100 @@
+"""No source can hold up a plan: not one that hangs, dies, lies, or comes late."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from llm_astar_msgs_adapter.grid_map import GridMap
+from llm_astar_planner.asking import ask
+from llm_astar_planner.planner import Planner, PlanRequest
+from llm_astar_planner.search.methods import no_stop
+from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery, WaypointReply
+
+LONG = 60.0
+CELLS = np.zeros((40, 60), dtype=np.int8)
+CELLS[:35, 30] = 100
+PLANNER = Planner(GridMap(CELLS)).prepare()
+
+
+class Source:
+    """Does what it is told to; hangs until the test ends where that is to hang."""
+
+    name = 'fake'
+
+    def __init__(self, answer):
+        self.answer = answer
+        self.end = threading.Event()
+
+    def waypoints(self, query):
+        return self.answer(self, query)
+
+
+def hang(source, query):
+    source.end.wait(LONG)
+    return WaypointReply(((1.0, 1.0),))
+
+
+def die(source, query):
+    raise ConnectionError('gone')
+
+
+def lie(source, query):
+    wrong = ((30.0, 3.0), (-5.0, 1e300), (float('nan'), 2.0), (59.0, 39.0), (0.0, 0.0))
+    return WaypointReply(wrong, 'liar', SourceStatus.OK)
+
+
+def be_late(source, query):
+    source.end.wait(0.05)
+    return lie(source, query)
+
+
+@pytest.fixture
+def source(request):
+    source = Source(request.param)
+    yield source
+    source.end.set()
+
+
+@pytest.mark.parametrize('source', [hang, die, lie, be_late], indirect=True)
+@pytest.mark.parametrize('method', ['guided', 'llm_astar'])
+@pytest.mark.parametrize('waiting', [True, False])
+def test_whatever_a_source_does_there_is_a_path_in_time(source, method, waiting):
+    began = time.monotonic()
+    plan = PLANNER.plan(
+        PlanRequest(
+            (2, 2),
+            (55, 3),
+            method=method,
+            source=source,
+            time_limit=0.5,
+            max_suboptimality=1.1,
+            search_while_waiting=waiting,
+        )
+    )
+    assert plan.code == 0, plan.message
+    assert PLANNER.path_problem(plan.path, (2, 2), (55, 3)) is None
+    assert time.monotonic() - began < LONG / 4
+
+
+@pytest.mark.parametrize('source', [hang], indirect=True)
+def test_a_source_that_hangs_is_left_behind_at_its_time_limit(source):
+    reply, seconds = ask(source, WaypointQuery(PLANNER.grid_map, (1, 1), (2, 2), 0.05))
+    assert reply.status is SourceStatus.TIMEOUT
+    assert 'fake' in reply.detail
+    assert seconds < LONG / 2
+
+
+@pytest.mark.parametrize('source', [hang], indirect=True)
+@pytest.mark.parametrize('method', ['guided', 'llm_astar'])
+def test_a_cancel_ends_the_waiting_for_waypoints(source, method):
+    stop, plans = no_stop(), []
+    request = PlanRequest((2, 2), (55, 3), method=method, source=source, time_limit=LONG)
+    began = time.monotonic()
+    thread = threading.Thread(target=lambda: plans.append(PLANNER.plan(request, stop)))
+    thread.start()
+    stop[0] = 1
+    thread.join(LONG)
+    assert time.monotonic() - began < LONG / 4
+    assert plans[0].code.name in ('TIMEOUT', 'NONE')
+    assert plans[0].guided_by == 'none'

@@ -1,0 +1,132 @@
+"""What of an earlier plan holds on a changed map: its path, and the waypoints that led to it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
+from llm_astar_planner.planner import GridRules, Planner, PlanRequest
+from llm_astar_planner.recall import Recall
+from llm_astar_planner.search.methods import no_stop
+from llm_astar_planner.standing import standing_problem
+from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointReply
+
+WALL = np.zeros((30, 40), dtype=np.int8)
+WALL[:25, 20] = 100
+CORNER = ((19.0, 26.0), (21.0, 26.0))
+
+
+class Source:
+    """Counts how often it is asked."""
+
+    name = 'counting'
+
+    def __init__(self, *waypoints):
+        self.reply = WaypointReply(waypoints, 'counting', SourceStatus.OK)
+        self.asked = 0
+
+    def waypoints(self, query):
+        self.asked += 1
+        return self.reply
+
+
+def changed(*cells):
+    """Return the walled map with more cells occupied."""
+    after = WALL.copy()
+    for x, y in cells:
+        after[y, x] = 100
+    return Planner(GridMap(after))
+
+
+BEFORE = Planner(GridMap(WALL))
+REQUEST = PlanRequest((5, 5), (35, 5), method='guided')
+
+
+@pytest.fixture
+def path():
+    return BEFORE.plan(REQUEST).path
+
+
+def test_a_path_stands_on_a_map_that_changed_elsewhere(path):
+    assert standing_problem(path, BEFORE.grid_map, changed((2, 28))) is None
+
+
+def test_a_path_that_the_new_map_blocks_does_not_stand(path):
+    blocked = tuple(path[len(path) // 2].tolist())
+    problem = standing_problem(path, BEFORE.grid_map, changed(blocked))
+    assert 'obstacle' in problem
+    assert str(blocked) in problem
+
+
+def test_rules_that_changed_may_break_a_path_too(path):
+    wide = Planner(BEFORE.grid_map, GridRules(robot_radius=2.0))
+    assert standing_problem(path, BEFORE.grid_map, wide) is not None
+
+
+@pytest.mark.parametrize(
+    'other',
+    [
+        GridMap(np.zeros((31, 40), dtype=np.int8)),
+        GridMap(WALL, resolution=0.5),
+        GridMap(WALL, origin=Pose2D(1.0, 0.0)),
+        GridMap(WALL, frame_id='odom'),
+    ],
+)
+def test_a_path_does_not_stand_on_a_map_that_lies_elsewhere(path, other):
+    assert 'another' in standing_problem(path, BEFORE.grid_map, Planner(other))
+
+
+def asked(source, *steps):
+    """Plan step by step with one memory; return how often the source was asked after each."""
+    recall, counts, plans = Recall(8), [], []
+    for planner, changes in steps:
+        request = replace(REQUEST, source=source, **changes)
+        plan, _ = recall.plan(planner, request, 60.0, no_stop())
+        counts.append(source.asked)
+        plans.append(plan)
+    return counts, plans
+
+
+def test_waypoints_that_hold_on_a_changed_map_are_not_asked_for_again():
+    counts, plans = asked(Source(*CORNER), (BEFORE, {}), (changed((2, 28)), {}))
+    assert counts == [1, 1]
+    assert [point.verdict.value for point in plans[1].waypoints] == ['accepted', 'accepted']
+    assert plans[1].reply.label == 'counting'
+    assert BEFORE.grid_map.digest in plans[1].reply.detail
+
+
+def ring(x, y):
+    return [(x + dx, y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if (dx, dy) != (0, 0)]
+
+
+@pytest.mark.parametrize('cells', [[(10, 12)], ring(10, 12)], ids=['occupied', 'walled in'])
+def test_waypoints_that_no_longer_hold_are_asked_for_again(cells):
+    source = Source((10.0, 12.0), *CORNER)
+    assert asked(source, (BEFORE, {}), (changed(*cells), {}))[0] == [1, 2]
+
+
+def test_waypoints_that_were_not_all_accepted_are_not_kept():
+    source = Source(*CORNER, (20.0, 5.0))
+    assert asked(source, (BEFORE, {}), (changed((2, 28)), {}))[0] == [1, 2]
+
+
+@pytest.mark.parametrize(
+    'changes', [{'goal': (34, 6)}, {'instruction': 'keep south'}, {'start': (5, 28)}]
+)
+def test_another_goal_wish_or_far_start_is_another_question(changes):
+    assert asked(Source(*CORNER), (BEFORE, {}), (changed((2, 28)), changes))[0] == [1, 2]
+
+
+def test_a_robot_on_its_way_keeps_the_waypoints_that_are_still_ahead():
+    source = Source((10.0, 12.0), *CORNER)
+    on_the_way = {'start': (12, 15)}
+    counts, plans = asked(source, (BEFORE, {}), (BEFORE, on_the_way))
+    assert counts == [1, 1]
+    assert [(point.x, point.y) for point in plans[1].waypoints] == list(CORNER)
+
+
+def test_a_memory_of_nothing_asks_each_time():
+    recall, source = Recall(0), Source(*CORNER)
+    for planner in (BEFORE, changed((2, 28))):
+        recall.plan(planner, replace(REQUEST, source=source), 60.0, no_stop())
+    assert source.asked == 2

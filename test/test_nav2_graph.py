@@ -1,0 +1,284 @@
+"""Nav2's own interface to a planner, with the real messages where they are installed."""
+
+import contextlib
+import importlib.util
+import threading
+
+import numpy as np
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped
+from graph_tools import PATIENCE, calling, running, wait_for
+from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.occupancy_grid import grid_to_message
+from llm_astar_msgs_adapter.path import path_from_message, path_to_message, pose_to_message
+from llm_astar_planner.nodes.planner_node import ManagedPlannerNode, PlannerNode
+from llm_astar_planner.nodes.qos import LATCHED
+from nav_msgs.msg import OccupancyGrid
+from nav_msgs.srv import GetPlan
+from rclpy.action import ActionClient
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+actions = pytest.importorskip('nav2_msgs.action', reason='nav2_msgs is not installed')
+services = pytest.importorskip('nav2_msgs.srv', reason='nav2_msgs is not installed')
+needs_tf2 = pytest.mark.skipif(
+    importlib.util.find_spec('tf2_ros') is None, reason='tf2_ros is not installed'
+)
+
+SPACE = '/nav2'
+LONG = 60.0
+SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
+START, GOAL = Pose2D(5.5, 5.5), Pose2D(35.5, 5.5, 1.0)
+CELLS = np.zeros((30, 40), dtype=np.int8)
+CELLS[:25, 20] = 100
+
+
+class HangingClient(Node):
+    """A waypoint client that answers when it is told to."""
+
+    def __init__(self):
+        super().__init__('llm_client_node', namespace=SPACE)
+        self.asked = threading.Event()
+        self.go = threading.Event()
+        self.create_service(
+            GetPlan, '~/get_waypoints', self._answer, callback_group=ReentrantCallbackGroup()
+        )
+
+    def _answer(self, request, response):
+        self.asked.set()
+        self.go.wait(LONG)
+        return response
+
+    def destroy_node(self):
+        self.go.set()
+        super().destroy_node()
+
+
+class Graph:
+    """The actions as a behaviour tree sees them."""
+
+    def __init__(self, caller):
+        self.node, self.caller = caller.node, caller
+        self.feedback = []
+        self.to = ActionClient(self.node, actions.ComputePathToPose, 'compute_path_to_pose')
+        self.through = ActionClient(
+            self.node, actions.ComputePathThroughPoses, 'compute_path_through_poses'
+        )
+
+    def close(self):
+        self.to.destroy()
+        self.through.destroy()
+
+    def send(self, action, goal):
+        """Send a goal; return its handle."""
+        return self.call(action.send_goal_async, goal, self.feedback.append)
+
+    def call(self, function, *arguments):
+        """Call where the node is spun: rclpy loses what is answered before a call has returned."""
+        task = self.node.executor.create_task(function, *arguments)
+        wait_for(task.done, 'the call')
+        future = task.result()
+        wait_for(future.done, 'an answer')
+        return future.result()
+
+    def result(self, handle):
+        answer = self.call(handle.get_result_async)
+        return answer.status, answer.result
+
+    def ask(self, action, goal):
+        return self.result(self.send(action, goal))
+
+
+def pose(place, frame='map'):
+    return pose_to_message(place, frame, Time())
+
+
+def to_pose(goal=GOAL, start=START, frame='map', **fields):
+    return actions.ComputePathToPose.Goal(
+        goal=pose(goal, frame), start=pose(start, frame), **({'use_start': True} | fields)
+    )
+
+
+def through_poses(*goals, **fields):
+    goal = actions.ComputePathThroughPoses.Goal(start=pose(START), use_start=True, **fields)
+    poses = [pose(place) for place in goals]
+    if hasattr(goal.goals, 'goals'):
+        goal.goals.goals = poses
+    else:
+        goal.goals = poses
+    return goal
+
+
+@pytest.fixture(scope='module')
+def graph():
+    rclpy.init()
+    overrides = {
+        'max_planning_time': LONG,
+        'source_timeout': LONG,
+        'search_while_waiting': False,
+        'use_waypoints': False,
+    }
+    planner = PlannerNode(
+        namespace=SPACE,
+        parameter_overrides=[Parameter(name, value=value) for name, value in overrides.items()],
+    )
+    client = HangingClient()
+    with running(planner, client), calling(SPACE) as caller:
+        made = Graph(caller)
+        made.planner, made.client = planner, client
+        maps = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        maps.publish(grid_to_message(GridMap(CELLS), Time()))
+        caller.wait_until_ready(GridMap(CELLS).digest)
+        for action in (made.to, made.through):
+            assert action.wait_for_server(PATIENCE)
+        yield made
+        made.close()
+    rclpy.try_shutdown()
+
+
+@contextlib.contextmanager
+def waiting(graph):
+    """Have the planner wait for waypoints that do not come."""
+    graph.client.asked.clear()
+    graph.client.go.clear()
+    graph.planner.set_parameters([Parameter('use_waypoints', value=True)])
+    try:
+        yield
+    finally:
+        graph.planner.set_parameters([Parameter('use_waypoints', value=False)])
+        graph.client.go.set()
+
+
+def test_a_path_to_a_pose_with_feedback_and_a_planning_time(graph):
+    graph.feedback.clear()
+    status, result = graph.ask(graph.to, to_pose())
+    assert (status, result.error_code) == (SUCCEEDED, actions.ComputePathToPose.Result.NONE)
+    points = path_from_message(result.path)
+    assert points[0] == pytest.approx(START[:2])
+    assert points[-1] == pytest.approx(GOAL[:2])
+    assert result.path.header.frame_id == 'map'
+    assert result.planning_time.sec + result.planning_time.nanosec > 0
+    wait_for(lambda: graph.feedback, 'feedback')
+
+
+def test_a_path_through_poses_passes_each_in_turn(graph):
+    places = [(5.5, 25.5), (15.5, 2.5), (35.5, 20.5)]
+    status, result = graph.ask(graph.through, through_poses(*(Pose2D(*at) for at in places)))
+    assert (status, result.error_code) == (SUCCEEDED, 0)
+    points = path_from_message(result.path).tolist()
+    indices = [points.index(list(place)) for place in places]
+    assert indices == sorted(indices)
+    assert indices[-1] == len(points) - 1
+
+
+@pytest.mark.parametrize(
+    ('goal', 'name'),
+    [
+        (to_pose(planner_id='SmacHybrid'), 'INVALID_PLANNER'),
+        (to_pose(frame='nowhere'), 'TF_ERROR'),
+        (to_pose(use_start=False), 'TF_ERROR'),
+        (to_pose(start=Pose2D(-9.0, 3.0)), 'START_OUTSIDE_MAP'),
+        (to_pose(goal=Pose2D(99.0, 3.0)), 'GOAL_OUTSIDE_MAP'),
+        (to_pose(start=Pose2D(20.5, 5.5)), 'START_OCCUPIED'),
+        (to_pose(goal=Pose2D(20.5, 5.5)), 'GOAL_OCCUPIED'),
+        (to_pose(goal=Pose2D(float('nan'), 5.5)), 'UNKNOWN'),
+    ],
+)
+def test_each_failure_of_a_path_to_a_pose_has_its_code_and_a_sentence(graph, goal, name):
+    status, result = graph.ask(graph.to, goal)
+    assert (status, len(result.path.poses)) == (ABORTED, 0)
+    assert result.error_code == getattr(actions.ComputePathToPose.Result, name)
+    if hasattr(result, 'error_msg'):
+        assert len(result.error_msg) > 10
+
+
+@pytest.mark.parametrize(
+    ('goal', 'name'),
+    [
+        (through_poses(), 'NO_VIAPOINTS_GIVEN'),
+        (through_poses(GOAL, planner_id='SmacHybrid'), 'INVALID_PLANNER'),
+        (through_poses(Pose2D(99.0, 3.0), GOAL), 'GOAL_OUTSIDE_MAP'),
+        (through_poses(Pose2D(20.5, 5.5), GOAL), 'GOAL_OCCUPIED'),
+    ],
+)
+def test_each_failure_through_poses_has_that_actions_own_code(graph, goal, name):
+    status, result = graph.ask(graph.through, goal)
+    assert status == ABORTED
+    assert result.error_code == getattr(actions.ComputePathThroughPoses.Result, name)
+    assert 300 < result.error_code < 310
+
+
+def test_a_canceled_goal_ends_although_no_waypoints_come(graph):
+    with waiting(graph):
+        handle = graph.send(graph.to, to_pose(goal=Pose2D(34.5, 6.5)))
+        assert graph.client.asked.wait(PATIENCE)
+        graph.call(handle.cancel_goal_async)
+        status, result = graph.result(handle)
+    assert status == CANCELED
+    assert len(result.path.poses) == 0
+
+
+def test_a_newer_goal_preempts_the_one_before(graph):
+    with waiting(graph):
+        older = graph.send(graph.to, to_pose(goal=Pose2D(34.5, 7.5)))
+        assert graph.client.asked.wait(PATIENCE)
+        graph.planner.set_parameters([Parameter('use_waypoints', value=False)])
+        newer = graph.send(graph.to, to_pose(goal=Pose2D(34.5, 8.5)))
+        status, result = graph.result(older)
+        assert graph.result(newer)[0] == SUCCEEDED
+    assert (status, result.error_code) == (ABORTED, actions.ComputePathToPose.Result.TIMEOUT)
+    if hasattr(result, 'error_msg'):
+        assert 'a newer goal came' in result.error_msg
+
+
+def test_is_path_valid_tells_which_poses_are_not(graph):
+    client = graph.node.create_client(services.IsPathValid, 'is_path_valid')
+    for points, invalid in (
+        ([(4.5, 5.5), (5.5, 5.5)], []),
+        ([(19.5, 5.5), (20.5, 5.5), (21.5, 5.5)], [1]),
+        ([(4.5, 5.5), (34.5, 5.5)], [1]),
+    ):
+        path = path_to_message(points, 'map', Time())
+        response = graph.caller.ask(client, services.IsPathValid.Request(path=path))
+        assert response.is_valid == (not invalid)
+        assert list(response.invalid_pose_indices) == invalid
+
+
+@needs_tf2
+def test_the_robots_pose_and_poses_of_other_frames_come_through_tf2(graph):
+    messages = pytest.importorskip('tf2_msgs.msg')
+    publisher = graph.node.create_publisher(messages.TFMessage, '/tf_static', LATCHED)
+    transforms = []
+    for parent, child, x, y in (('map', 'odom', 3.0, 1.0), ('odom', 'base_link', 2.5, 4.5)):
+        transform = TransformStamped(child_frame_id=child)
+        transform.header.frame_id = parent
+        transform.transform.translation.x, transform.transform.translation.y = x, y
+        transforms.append(transform)
+    publisher.publish(messages.TFMessage(transforms=transforms))
+    goal = to_pose(goal=Pose2D(32.5, 4.5, 1.0), frame='odom', use_start=False)
+
+    def is_known():
+        status, result = graph.ask(graph.to, goal)
+        ends = path_from_message(result.path)[[0, -1]].tolist() if status == SUCCEEDED else None
+        return ends == [[5.5, 5.5], [35.5, 5.5]]
+
+    wait_for(is_known, 'the transforms')
+
+
+def test_a_managed_node_rejects_goals_until_it_is_active(graph):
+    node = ManagedPlannerNode(namespace='/managed_nav2')
+    with running(node), calling('/managed_nav2') as caller:
+        managed = Graph(caller)
+        node.trigger_configure()
+        assert managed.to.wait_for_server(PATIENCE)
+        rejected = managed.send(managed.to, to_pose())
+        node.trigger_activate()
+        status, result = managed.ask(managed.to, to_pose())
+        managed.close()
+    assert not rejected.accepted
+    assert (status, result.error_code) == (ABORTED, 200)
+    if hasattr(result, 'error_msg'):
+        assert 'no map' in result.error_msg

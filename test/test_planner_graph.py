@@ -1,0 +1,375 @@
+"""planner_node in a live graph: cancels, deadlines, changing worlds, and being managed."""
+
+import contextlib
+import threading
+import time
+
+import numpy as np
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from graph_tools import PATIENCE, calling, process, running, set_parameter, wait_for
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.occupancy_grid import grid_to_message, yaw_of
+from llm_astar_msgs_adapter.path import path_from_message, path_to_message, pose_to_message
+from llm_astar_planner.nodes.planner_node import ManagedPlannerNode, PlannerNode
+from llm_astar_planner.nodes.qos import LATCHED, RELIABLE
+from nav_msgs.msg import OccupancyGrid, Path
+from nav_msgs.srv import GetPlan
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+LONG = 60.0
+# Each node out of the others' sight: a call may still find one that has just left.
+WORLD, MANAGED, APART = '/world', '/managed', '/managed_apart'
+START, GOAL, OTHER_GOAL = Pose2D(5.5, 5.5), Pose2D(35.5, 5.5, 1.0), Pose2D(5.5, 20.5)
+CELLS = np.zeros((30, 40), dtype=np.int8)
+CELLS[:25, 20] = 100
+CORNERS = [(19.5, 26.5), (21.5, 26.5)]
+
+
+@pytest.fixture(scope='module', autouse=True)
+def _context():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+class Client(Node):
+    """Stands in for llm_client_node: answers with two corners, or hangs for as long as told."""
+
+    def __init__(self):
+        super().__init__('llm_client_node', namespace=WORLD)
+        self.declare_parameter('model', 'one')
+        self.asked = []
+        self.go = threading.Event()
+        self.go.set()
+        self.create_service(
+            GetPlan,
+            '~/get_waypoints',
+            self._answer,
+            callback_group=ReentrantCallbackGroup(),
+        )
+
+    def _answer(self, request, response):
+        self.asked.append(request)
+        self.go.wait(LONG)
+        response.plan = path_to_message(CORNERS, 'map', self.get_clock().now().to_msg())
+        return response
+
+    def destroy_node(self):
+        self.go.set()
+        super().destroy_node()
+
+
+class Graph:
+    """A planner with its client and a caller, and all they publish."""
+
+    def __init__(self, planner, client, caller):
+        self.planner, self.client, self.caller = planner, client, caller
+        self.paths = []
+        node = caller.node
+        node.create_subscription(Path, 'plan', self.paths.append, RELIABLE)
+        self.maps = node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        self.goals = node.create_publisher(PoseStamped, 'goal_pose', RELIABLE)
+        self.starts = node.create_publisher(PoseWithCovarianceStamped, 'initialpose', RELIABLE)
+        wait_for(lambda: node.count_publishers('plan'), 'the plan')
+        for publisher in (self.maps, self.goals, self.starts):
+            wait_for(publisher.get_subscription_count, publisher.topic_name)
+
+    def show(self, *cells):
+        """Publish the map with more cells occupied, and wait until it is planned on."""
+        after = CELLS.copy()
+        for x, y in cells:
+            after[y, x] = 100
+        grid_map = GridMap(after)
+        self.maps.publish(grid_to_message(grid_map, Time()))
+        self.caller.wait_until_ready(grid_map.digest)
+        return grid_map
+
+    def set(self, **parameters):
+        for name, value in parameters.items():
+            result = set_parameter(self.caller, 'planner_node', name, value)
+            assert result.successful, result.reason
+
+    def aim(self, goal):
+        """Press RViz's button."""
+        self.goals.publish(pose_to_message(goal, 'map', Time()))
+
+    @property
+    def reports(self):
+        return list(self.caller._reports.values())
+
+    def wait_for_report(self, condition, what):
+        wait_for(lambda: any(condition(report) for report in self.reports), what)
+        return next(report for report in self.reports if condition(report))
+
+    def health(self):
+        return self.caller._health.get(f'{WORLD[1:]}/planner_node: planner', {})
+
+
+def node_of(kind, namespace=WORLD, **parameters):
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    return kind(namespace=namespace, parameter_overrides=overrides)
+
+
+@contextlib.contextmanager
+def graph(**parameters):
+    client, planner = Client(), node_of(PlannerNode, **parameters)
+    with running(client, planner), calling(WORLD) as caller:
+        made = Graph(planner, client, caller)
+        made.show()
+        wait_for(lambda: made.health().get('llm_client_ready'), 'the client')
+        yield made
+
+
+@pytest.fixture(scope='module')
+def slow_graph(_context):
+    """A planner that has a minute, and waits for waypoints before it searches."""
+    with graph(max_planning_time=LONG, source_timeout=LONG, search_while_waiting=False) as made:
+        yield made
+
+
+@pytest.fixture
+def world(slow_graph):
+    slow_graph.client.go.set()
+    slow_graph.caller._reports.clear()
+    slow_graph.paths.clear()
+    slow_graph.client.asked.clear()
+    return slow_graph
+
+
+def forget(world):
+    """Have nothing of an earlier test remembered."""
+    world.set(remember_plans=0)
+    world.set(remember_plans=64)
+
+
+def yaws(path):
+    return [yaw_of(pose.pose.orientation, 'pose') for pose in path.poses]
+
+
+def test_a_newer_goal_cancels_the_one_that_waits_for_waypoints(world):
+    start = PoseWithCovarianceStamped()
+    start.header.frame_id = 'map'
+    start.pose.pose = pose_to_message(START, 'map', Time()).pose
+    world.starts.publish(start)
+    wait_for(lambda: world.planner._server._initial, 'the start')
+    world.client.go.clear()
+    began = time.monotonic()
+    world.aim(GOAL)
+    wait_for(lambda: world.client.asked, 'the question')
+    world.set(use_waypoints=False)
+    try:
+        world.aim(OTHER_GOAL)
+        canceled = world.wait_for_report(lambda report: report.code == 207, 'the cancel')
+        world.wait_for_report(lambda report: report.code == 0, 'the plan')
+    finally:
+        world.set(use_waypoints=True)
+    assert 'a newer goal came' in canceled.message
+    assert time.monotonic() - began < LONG / 2
+    wait_for(lambda: world.paths, 'the path')
+    assert {tuple(path_from_message(path)[-1]) for path in world.paths} == {OTHER_GOAL[:2]}
+
+
+def test_a_path_comes_in_time_whatever_the_client_does(world):
+    forget(world)
+    world.client.go.clear()
+    world.set(max_planning_time=0.5)
+    try:
+        path, report, _ = world.caller.call(START, GOAL)
+    finally:
+        world.set(max_planning_time=LONG)
+    assert (report.code, report.guided_by) == (0, 'none')
+    assert report.source_status == 'TIMEOUT'
+    assert len(path.poses) > 30
+
+
+def test_the_same_question_of_many_at_a_time_is_asked_and_searched_once(world):
+    forget(world)
+    world.client.go.clear()
+    reports = []
+
+    def work():
+        with calling(WORLD) as caller:
+            reports.append(caller.call(START, GOAL, seconds=LONG)[1])
+
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    wait_for(lambda: world.client.asked, 'the question')
+    world.client.go.set()
+    for thread in threads:
+        thread.join(LONG)
+    assert len(world.client.asked) == 1
+    assert [report.code for report in reports] == [0, 0, 0]
+    assert {report.waypoints for report in reports} == {reports[0].waypoints}
+    free = [report for report in reports if report.seconds_search == 0.0]
+    assert len(free) == 2
+    assert all('remembered' in report.message or 'another' in report.message for report in free)
+
+
+def test_a_client_whose_parameters_change_is_asked_again(world):
+    forget(world)
+    world.caller.call(START, GOAL)
+    world.caller.call(START, GOAL)
+    assert len(world.client.asked) == 1
+    assert set_parameter(world.caller, 'llm_client_node', 'model', 'two').successful
+
+    def is_asked_again():
+        world.caller.call(START, GOAL)
+        return len(world.client.asked) == 2
+
+    wait_for(is_asked_again, 'the second question')
+
+
+def test_the_last_path_is_looked_at_on_a_new_map_and_replanned_only_if_broken(world):
+    forget(world)
+    path, _, _ = world.caller.call(START, GOAL)
+    world.caller._reports.clear()
+    world.paths.clear()
+    elsewhere = world.show((2, 28))
+    wait_for(
+        lambda: world.health().get('last_path') == f'the path stands on map {elsewhere.digest}',
+        'the look at the path',
+    )
+    assert (world.reports, world.paths) == ([], [])
+    x, y = map(int, path_from_message(path)[8])
+    broken = world.show((x, y))
+    report = world.wait_for_report(lambda report: 'replanned' in report.message, 'a new path')
+    assert f'replanned on map {broken.digest}: it hits an obstacle at ({x}, {y})' in report.message
+    assert (report.code, report.map_digest) == (0, broken.digest)
+    wait_for(lambda: world.paths, 'the new path')
+    cells = np.floor(path_from_message(world.paths[-1])).astype(int).tolist()
+    assert [x, y] not in cells
+    # The corners still hold: the client was asked once, for the first of the plans.
+    assert len(world.client.asked) == 1
+    assert 'kept from the plan on map' in report.source_detail
+    world.show()
+
+
+def test_replan_on_map_replans_a_path_that_stands(world):
+    forget(world)
+    world.set(replan_on_map=True)
+    try:
+        world.caller.call(START, GOAL)
+        world.show((2, 27))
+        report = world.wait_for_report(lambda report: 'replanned' in report.message, 'a new path')
+    finally:
+        world.set(replan_on_map=False)
+    assert 'replan_on_map is set' in report.message
+    assert report.code == 0
+    world.show()
+
+
+def test_a_path_that_cannot_be_replanned_is_told_with_its_code(world):
+    forget(world)
+    world.caller.call(START, GOAL)
+    world.show(*[(20, y) for y in range(25, 30)])
+    report = world.wait_for_report(lambda report: 'replanned' in report.message, 'the report')
+    assert report.code_name == 'NO_VALID_PATH'
+    world.caller._reports.clear()
+    # There is no path left to look at.
+    world.show((2, 26), *[(20, y) for y in range(25, 30)])
+    world.show()
+    assert world.reports == []
+
+
+def test_paths_end_as_the_goal_looks_or_as_they_arrive(world):
+    goal_yaw = yaws(world.caller.call(START, GOAL)[0])[-1]
+    assert goal_yaw == pytest.approx(GOAL.yaw)
+    world.set(use_final_approach_orientation=True)
+    try:
+        arriving = yaws(world.caller.call(START, GOAL)[0])
+        here = Pose2D(*START[:2], 0.7)
+        staying = world.caller.call(here, Pose2D(*START[:2], 2.0))[0]
+    finally:
+        world.set(use_final_approach_orientation=False)
+    assert arriving[-1] == pytest.approx(arriving[-2])
+    assert yaws(staying) == pytest.approx([0.7])
+    turning = world.caller.call(START, Pose2D(*START[:2], 2.0))[0]
+    assert yaws(turning) == pytest.approx([2.0])
+
+
+def test_diagnostics_tell_the_state_of_the_planner(world):
+    world.caller.call(START, GOAL)
+    wait_for(lambda: world.health().get('last_code') == 'NONE', 'the health')
+    health = world.health()
+    assert health['active'] is True
+    assert health['llm_client_ready'] is True
+    assert health['map_age'] > 0.0
+    assert 0.0 < health['certified_ratio'] <= 1.0
+    assert 0 < health['plans_made'] <= health['plans_asked']
+    assert health['last_source_status'] in ('OK', 'TIMEOUT', 'NONE')
+
+
+def test_map_updates_change_the_map_and_malformed_ones_do_not(world):
+    messages = pytest.importorskip('map_msgs.msg')
+    publisher = world.caller.node.create_publisher(
+        messages.OccupancyGridUpdate, 'map_updates', RELIABLE
+    )
+    wait_for(publisher.get_subscription_count, 'map_updates')
+    update = messages.OccupancyGridUpdate(x=2, y=3, width=2, height=1, data=[100, -1])
+    cells = CELLS.copy()
+    cells[3, 2:4] = (100, -1)
+    after = GridMap(cells).digest
+    publisher.publish(update)
+    world.caller.wait_until_ready(after)
+    publisher.publish(messages.OccupancyGridUpdate(x=39, y=0, width=2, height=1, data=[0, 0]))
+    publisher.publish(messages.OccupancyGridUpdate(x=0, y=0, width=1, height=1, data=[100]))
+    cells[0, 0] = 100
+    world.caller.wait_until_ready(GridMap(cells).digest)
+    world.show()
+
+
+def change_state(caller, transition):
+    client = caller.node.create_client(ChangeState, 'planner_node/change_state')
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return caller.ask(client, request, PATIENCE).success
+
+
+def state(caller):
+    client = caller.node.create_client(GetState, 'planner_node/get_state')
+    return caller.ask(client, GetState.Request(), PATIENCE).current_state.label
+
+
+def test_a_managed_node_answers_while_it_is_active_and_says_why_not_otherwise():
+    node = node_of(ManagedPlannerNode, MANAGED, lifecycle=True, llm_client='')
+    with running(node), calling(MANAGED) as caller:
+        assert state(caller) == 'unconfigured'
+        assert caller.node.count_publishers('plan') == 0
+        maps = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        maps.publish(grid_to_message(GridMap(CELLS), Time()))
+        for _ in range(2):
+            assert change_state(caller, Transition.TRANSITION_CONFIGURE)
+            caller.wait_until_ready(GridMap(CELLS).digest)
+            path, report, _ = caller.call(START, GOAL)
+            assert (report.code_name, path.poses) == ('UNKNOWN', [])
+            assert 'not active' in report.message
+            assert change_state(caller, Transition.TRANSITION_ACTIVATE)
+            assert caller.call(START, GOAL)[1].code == 0
+            assert change_state(caller, Transition.TRANSITION_DEACTIVATE)
+            assert 'not active' in caller.call(START, GOAL)[1].message
+            assert change_state(caller, Transition.TRANSITION_CLEANUP)
+            wait_for(lambda: not caller.node.count_publishers('plan'), 'its leaving')
+            caller._health.clear()
+        assert change_state(caller, Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+        assert state(caller) == 'finalized'
+
+
+def test_the_parameter_makes_it_a_managed_node():
+    with (
+        process('planner_node', '-p', 'lifecycle:=true', namespace=APART) as planner,
+        calling(APART) as caller,
+    ):
+        wait_for(lambda: 'ready to be configured' in ''.join(planner.output), 'the node')
+        assert state(caller) == 'unconfigured'
+        assert change_state(caller, Transition.TRANSITION_CONFIGURE)
+        assert change_state(caller, Transition.TRANSITION_ACTIVATE)
+        assert 'no map' in caller.call(START, GOAL)[1].message
+    assert planner.returncode == 0
+    assert 'Traceback' not in ''.join(planner.output)

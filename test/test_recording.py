@@ -1,0 +1,202 @@
+"""The live graph into a bag: real processes, and readers that are not ours."""
+
+import contextlib
+import csv
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+import rclpy
+from graph_tools import DEMO, PATIENCE, calling, process, wait_for
+from llm_astar_msgs_adapter.bag_types import bag_types
+from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.grid_map import Pose2D
+from llm_astar_msgs_adapter.path import path_from_message
+from llm_astar_planner.cli import main
+from llm_astar_planner.share import find_file
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability
+from rosbags.rosbag2 import Reader
+from std_msgs.msg import String
+
+ALONE = '/recorded'
+EVENT = f'{ALONE}/planner_node/get_plan/_service_event'
+LATCHED_ALL = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+PAIRS = [
+    tuple(Pose2D(float(x), float(y)) for x, y in (sample.start, sample.goal))
+    for sample in load_barrier_maps(find_file('demo.json', 'maps'))[0].samples[:3]
+]
+
+
+@pytest.fixture(scope='module', autouse=True)
+def _context():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+@contextlib.contextmanager
+def recording(folder, *options, namespace=ALONE, ending=signal.SIGINT):
+    """Run `llm-astar record` as a process; end it by a signal, sent twice."""
+    command = [sys.executable, '-m', 'llm_astar_planner.cli', 'record', '--out', str(folder)]
+    recorder = subprocess.Popen(
+        [*command, '--namespace', namespace, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    recorder.lines = []
+    reader = threading.Thread(target=lambda: recorder.lines.extend(recorder.stdout), daemon=True)
+    reader.start()
+    recorder.told = lambda words: any(words in line for line in recorder.lines)
+    try:
+        yield recorder
+        recorder.send_signal(ending)
+        recorder.send_signal(ending)
+        recorder.wait(PATIENCE)
+    finally:
+        recorder.kill()
+        recorder.wait()
+        reader.join(10.0)
+        recorder.stdout.close()
+
+
+def read(folder):
+    """Read a bag of whatever types as it defines them: (topic, time, message)."""
+    with AnyReader([folder]) as reader:
+        return [
+            (connection.topic, stamp, reader.deserialize(data, connection.msgtype))
+            for connection, stamp, data in reader.messages()
+        ]
+
+
+@pytest.fixture(scope='module')
+def drive(_context, tmp_path_factory):
+    """Record a graph that plans: the bag, the answers its caller got, the recorder."""
+    folder = tmp_path_factory.mktemp('bags') / 'drive'
+    with (
+        recording(folder) as recorder,
+        process('map_node', namespace=ALONE),
+        process('llm_client_node', namespace=ALONE),
+        process('planner_node', namespace=ALONE),
+        calling(ALONE) as caller,
+    ):
+        caller.wait_until_ready(client='llm_client_node')
+        for topic in ('map', 'plan', 'planner_node/report', 'llm_client_node/exchange'):
+            wait_for(lambda topic=topic: recorder.told(f'recording {ALONE}/{topic} '), topic)
+        wait_for(lambda: recorder.told(f'recording {EVENT}'), 'service events')
+        answers = [caller.call(*pair)[:2] for pair in PAIRS]
+        # The last answer's event leaves the planner right after the answer.
+        time.sleep(0.5)
+    assert recorder.returncode == 0, recorder.lines
+    return folder, answers, recorder
+
+
+def of(messages, topic):
+    return [message for name, _, message in messages if name == f'{ALONE}/{topic}']
+
+
+def test_a_drive_is_recorded_whole_and_in_order(drive):
+    folder, answers, _ = drive
+    messages = read(folder)
+    assert of(messages, 'map')[0].info.width == 51
+    events = of(messages, 'planner_node/get_plan/_service_event')
+    assert [event.info.event_type for event in events] == [1, 2] * len(PAIRS)
+    asked = [event.request[0] for event in events if len(event.request)]
+    assert [(r.start.pose.position.x, r.goal.pose.position.x) for r in asked] == [
+        (start.x, goal.x) for start, goal in PAIRS
+    ]
+    plans = of(messages, 'plan')
+    for plan, (path, _) in zip(plans, answers, strict=True):
+        assert path_from_message(plan).tolist() == path_from_message(path).tolist()
+    reports = [
+        {value.key: json.loads(value.value) for value in message.status[0].values}
+        for message in of(messages, 'planner_node/report')
+    ]
+    assert [r['operation'] for r in reports] == [report.operation for _, report in answers]
+    assert len(of(messages, 'llm_client_node/exchange')) == len(PAIRS)
+    # Each request stands before what came of it, the first map before every request.
+    names = [name.removeprefix(f'{ALONE}/') for name, _, _ in messages]
+    order = [n for n in names if n in ('plan', 'planner_node/get_plan/_service_event')]
+    assert order == [EVENT.removeprefix(f'{ALONE}/'), 'plan', order[0]] * len(PAIRS)
+    assert names.index('map') < names.index(order[0])
+
+
+def test_mcaps_own_reader_checks_every_checksum_of_a_recording(drive):
+    folder, _, _ = drive
+    with (folder / 'drive_0.mcap').open('rb') as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        counted = reader.get_summary().statistics.message_count
+        assert sum(1 for _ in reader.iter_messages()) == counted == len(read(folder))
+        plans = list(reader.iter_decoded_messages(topics=[f'{ALONE}/plan']))
+    assert [len(plan.poses) > 2 for *_, plan in plans] == [True] * len(PAIRS)
+
+
+def test_a_recording_keeps_what_publishers_offered(drive):
+    folder, _, recorder = drive
+    with Reader(folder) as reader:
+        offered = {c.topic: c.ext.offered_qos_profiles[0].durability for c in reader.connections}
+    assert offered[f'{ALONE}/map'] is QosDurability.TRANSIENT_LOCAL
+    assert offered[f'{ALONE}/plan'] is QosDurability.VOLATILE
+    assert recorder.told('never there: /recorded/map_updates')
+    assert recorder.told('3 /recorded/plan')
+
+
+def test_a_recorded_drive_evaluated_with_replay_gives_the_paths_it_had(drive, tmp_path):
+    """The same rules, the recorded exchanges: the same waypoints, cell for cell the same paths."""
+    folder, answers, _ = drive
+    out = tmp_path / 'out'
+    topics = ['--map-topic', f'{ALONE}/map', '--plan-topic', f'{ALONE}/plan']
+    options = ['--methods', 'llm_astar', '--source', 'replay', '--params-file', DEMO]
+    assert main(['evaluate', str(folder), *topics, *options, '--out', str(out)]) == 0
+    with (out / 'results.csv').open() as file:
+        rows = [row for row in csv.DictReader(file) if row['source'] == 'replay']
+    assert len(rows) == len(PAIRS)
+    for row, (_, report) in zip(rows, answers, strict=True):
+        assert row['code'] == report.code_name == 'NONE'
+        assert row['recorded_problem'] == ''
+        assert row['path'] == row['recorded_path']
+        assert row['waypoints'] == row['recorded_waypoints'] != ''
+        assert float(row['operation']) == report.operation
+        assert float(row['length']) == pytest.approx(report.length)
+
+
+def test_messages_are_written_as_they_come_and_split_by_size(tmp_path):
+    """None is lost: those that have arrived when the end comes are written, too."""
+    options = ('--topics', 'chatter', '--max-size', '0.05', '--storage', 'sqlite3')
+    bag = tmp_path / 'bag'
+    sent = [f'{number:05}' * 1000 for number in range(30)]
+    node = rclpy.create_node('talker', namespace=ALONE)
+    with recording(bag, *options, ending=signal.SIGTERM) as recorder:
+        # Latched and of that depth: nothing is lost to a recorder that is found late.
+        publisher = node.create_publisher(String, 'chatter', LATCHED_ALL)
+        for text in sent:
+            publisher.publish(String(data=text))
+        wait_for(lambda: recorder.told('recording /recorded/chatter'), 'the topic')
+        wait_for(publisher.get_subscription_count, 'the recorder')
+        publisher.wait_for_all_acked()
+    node.destroy_node()
+    assert recorder.returncode == 0, recorder.lines
+    assert len(list(bag.glob('bag_*'))) >= 3
+    with Reader(bag) as reader:
+        messages = list(reader.messages())
+    texts = [
+        bag_types().deserialize_cdr(data, 'std_msgs/msg/String').data for *_, data in messages
+    ]
+    assert texts == sent
+
+
+def test_a_recorder_to_whom_nothing_comes_says_so(tmp_path, capfd):
+    with recording(tmp_path / 'bag', '--duration', '0.5', namespace='/nobody') as recorder:
+        assert recorder.wait(PATIENCE) == 1
+    assert recorder.told('never there: /nobody/map')
+    assert recorder.told('0 messages')
+    assert main(['record', '--out', str(tmp_path / 'bag')]) == 2
+    assert 'exists already' in capfd.readouterr().err

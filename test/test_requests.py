@@ -1,0 +1,247 @@
+"""From callers' poses to requests of the core, with tf2 played by a table."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped
+from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.occupancy_grid import quaternion_of
+from llm_astar_msgs_adapter.path import path_to_message, pose_to_message
+from llm_astar_planner.nodes.answering import Answer
+from llm_astar_planner.nodes.frames import FrameError, Frames
+from llm_astar_planner.nodes.nav2_actions import PathCheck, fill_result, question_of
+from llm_astar_planner.nodes.planner_parameters import PARAMETERS
+from llm_astar_planner.nodes.requests import Question, Reader, RefusalError
+from llm_astar_planner.planner import Planner
+from llm_astar_planner.result_code import ResultCode
+from nav_msgs.msg import Path
+
+STAMP = Time(sec=7, nanosec=5)
+MAP = GridMap(np.zeros((20, 30), dtype=np.int8), 0.5)
+
+
+class Buffer:
+    """Knows some transforms, as x, y and yaw by target and source, and what it was asked."""
+
+    def __init__(self, **transforms):
+        self.transforms = transforms
+        self.asked = []
+
+    def lookup_transform(self, target_frame, source_frame, time, timeout):
+        self.asked.append((time.nanoseconds, timeout.nanoseconds / 1e9))
+        if source_frame not in self.transforms:
+            raise LookupError(f'"{source_frame}" passed to lookupTransform does not exist')
+        x, y, yaw = self.transforms[source_frame]
+        transform = TransformStamped()
+        transform.transform.translation.x = x
+        transform.transform.translation.y = y
+        transform.transform.rotation = quaternion_of(yaw)
+        return transform
+
+
+def pose(x, y, yaw=0.0, frame='map', stamp=STAMP):
+    return pose_to_message(Pose2D(x, y, yaw), frame, stamp)
+
+
+def reader(buffer=None, source=None, **changes):
+    settings = {parameter.name: parameter.default for parameter in PARAMETERS} | changes
+    return Reader(settings, Frames(buffer), source)
+
+
+def refusal(reader, question):
+    def read():
+        reader.request(question, reader.ends(question, MAP), MAP, want_expanded=False)
+
+    with pytest.raises(RefusalError) as caught:
+        read()
+    return caught.value.code.name, str(caught.value)
+
+
+def test_a_pose_of_another_frame_is_transformed_at_its_stamp():
+    buffer = Buffer(odom=(10.0, 2.0, math.pi / 2))
+    place = Frames(buffer).locate(pose(1.0, 0.0, 0.0, 'odom'), 'map', 'goal')
+    assert place == pytest.approx((10.0, 3.0, math.pi / 2))
+    assert buffer.asked[0][0] == 7 * 10**9 + 5
+    assert 0.0 < buffer.asked[0][1] < 1.0
+
+
+def test_stamp_zero_means_the_latest_transform():
+    buffer = Buffer(odom=(0.0, 0.0, 0.0))
+    Frames(buffer).locate(pose(1.0, 0.0, frame='odom', stamp=Time()), 'map', 'goal')
+    assert buffer.asked[0][0] == 0
+
+
+def test_poses_of_the_maps_frame_or_of_none_need_no_tf2():
+    for frame in ('map', ''):
+        assert Frames(None).locate(pose(1.0, 2.0, frame=frame), 'map', 'goal')[:2] == (1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ('buffer', 'words'),
+    [(None, 'tf2_ros is not installed'), (Buffer(), 'no transform is known: "odom" passed')],
+)
+def test_what_cannot_be_transformed_is_a_tf_error_with_the_reason(buffer, words):
+    for question in (
+        Question((pose(1.0, 1.0, frame='odom'),), pose(2.0, 2.0)),
+        Question((pose(1.0, 1.0),), pose(2.0, 2.0, frame='odom')),
+    ):
+        code, message = refusal(reader(buffer), question)
+        assert code == 'TF_ERROR'
+        assert words in message
+        assert "'odom', the map in 'map'" in message
+
+
+def test_without_a_start_the_robots_pose_counts():
+    buffer = Buffer(base_link=(3.0, 4.0, 0.5), robot_base=(5.0, 6.0, 0.0))
+    question = Question((pose(1.0, 1.0),))
+    assert reader(buffer).ends(question, MAP).start == pytest.approx((3.0, 4.0, 0.5))
+    named = reader(buffer, robot_base_frame='robot_base')
+    assert named.ends(question, MAP).start == pytest.approx((5.0, 6.0, 0.0))
+    code, message = refusal(reader(Buffer()), question)
+    assert code == 'TF_ERROR'
+    assert 'base_link' in message
+
+
+def test_a_fallback_serves_where_the_robots_pose_is_not_known():
+    question = Question((pose(1.0, 1.0),), fallback_start=pose(9.0, 8.0))
+    assert reader(None).ends(question, MAP).start[:2] == (9.0, 8.0)
+    assert reader(Buffer()).ends(question, MAP).start[:2] == (9.0, 8.0)
+    known = Buffer(base_link=(3.0, 4.0, 0.0))
+    assert reader(known).ends(question, MAP).start[:2] == (3.0, 4.0)
+
+
+def test_a_pose_that_is_not_finite_is_no_pose():
+    question = Question((pose(math.nan, 1.0),), pose(2.0, 2.0))
+    assert refusal(reader(), question) == ('UNKNOWN', 'goal: holds a number that is not finite')
+    with pytest.raises(GridMapError):
+        Frames(None).locate(pose(1.0, math.inf), 'map', 'goal')
+
+
+@pytest.mark.parametrize(('asked', 'counts'), [(0.0, 0.5), (-1.0, 0.5), (0.2, 0.2)])
+def test_the_callers_tolerance_counts_where_it_states_one(asked, counts):
+    question = Question((pose(1.0, 1.0),), pose(2.0, 2.0), asked)
+    ends = reader().ends(question, MAP)
+    assert reader().request(question, ends, MAP, want_expanded=False).tolerance == counts
+
+
+def test_a_tolerance_that_is_not_finite_is_the_cores_to_refuse():
+    question = Question((pose(1.0, 1.0),), pose(2.0, 2.0), math.nan)
+    request = reader().request(question, reader().ends(question, MAP), MAP, want_expanded=False)
+    assert Planner(MAP).plan(request).code.name == 'INVALID_PLANNER'
+
+
+def test_parameters_reach_the_request():
+    changes = {
+        'start_tolerance': 0.7,
+        'max_suboptimality': 0.0,
+        'max_planning_time': 2.0,
+        'instruction': 'keep to the south side',
+        'use_waypoints': False,
+    }
+    question = Question((pose(1.0, 1.0), pose(3.0, 3.0), pose(4.1, 5.0)), pose(2.0, 2.0))
+    asker = reader(source=object(), **changes)
+    request = asker.request(question, asker.ends(question, MAP), MAP, want_expanded=True)
+    assert (request.start, request.via, request.goal) == ((4, 4), ((2, 2), (6, 6)), (8, 10))
+    assert (request.start_tolerance, request.max_suboptimality) == (0.7, None)
+    assert (request.time_limit, request.instruction) == (2.0, 'keep to the south side')
+    assert request.source is None
+    assert request.want_expanded
+
+
+@pytest.mark.parametrize(
+    ('planner_id', 'method'),
+    [('', 'guided'), ('LLMAStar', 'guided'), ('GridBased', 'guided'), ('astar', 'astar')],
+)
+def test_planner_ids_name_this_planner_or_a_method(planner_id, method):
+    question = Question((pose(1.0, 1.0),), pose(2.0, 2.0), planner_id=planner_id)
+    ends = reader().ends(question, MAP)
+    assert reader().request(question, ends, MAP, want_expanded=False).method == method
+
+
+def test_an_unknown_planner_id_is_an_invalid_planner():
+    question = Question((pose(1.0, 1.0),), pose(2.0, 2.0), planner_id='SmacHybrid')
+    code, message = refusal(reader(), question)
+    assert code == 'INVALID_PLANNER'
+    assert "'SmacHybrid'" in message
+    assert 'LLMAStar' in message
+
+
+class ToPose:
+    """A result with ComputePathToPose's numbers, of before it had error_msg."""
+
+    UNKNOWN, TF_ERROR, NONE = 200, 202, 0
+
+
+class ThroughPoses:
+    """A result with ComputePathThroughPoses's numbers."""
+
+    UNKNOWN, TF_ERROR, NONE, NO_VIAPOINTS_GIVEN = 300, 302, 0, 309
+
+    def __init__(self):
+        self.error_msg = 'x'
+
+
+def answer(code, message='because'):
+    return Answer(Path(), code, message, 1.25)
+
+
+def test_results_carry_each_actions_own_numbers():
+    question = Question((pose(1.0, 1.0),))
+    to = fill_result(ToPose(), question, answer(ResultCode.TF_ERROR))
+    assert (to.error_code, hasattr(to, 'error_msg')) == (202, False)
+    assert (to.planning_time.sec, to.planning_time.nanosec) == (1, 250_000_000)
+    through = fill_result(ThroughPoses(), question, answer(ResultCode.TF_ERROR))
+    assert (through.error_code, through.error_msg) == (302, 'because')
+    fine = fill_result(ThroughPoses(), question, answer(ResultCode.NONE))
+    assert (fine.error_code, fine.error_msg) == (0, '')
+    nothing = fill_result(ThroughPoses(), Question(()), answer(ResultCode.UNKNOWN))
+    assert nothing.error_code == 309
+
+
+def test_goals_of_both_actions_and_of_later_distributions_are_read():
+    poses = [pose(1.0, 1.0), pose(2.0, 2.0)]
+    common = {'start': pose(3.0, 3.0), 'use_start': True, 'planner_id': 'astar'}
+    one = question_of(SimpleNamespace(goal=poses[0], **common))
+    assert (one.goals, one.start, one.planner_id) == ((poses[0],), common['start'], 'astar')
+    jazzy = question_of(SimpleNamespace(goals=poses, **common))
+    kilted = question_of(SimpleNamespace(goals=SimpleNamespace(goals=poses), **common))
+    assert jazzy.goals == kilted.goals == tuple(poses)
+    assert question_of(SimpleNamespace(goals=[], **common)).goals == ()
+    assert (
+        question_of(SimpleNamespace(goal=poses[0], **common | {'use_start': False})).start is None
+    )
+
+
+def verdict(path, planner, buffer=None, **fields):
+    check = PathCheck(Frames(buffer), lambda: 'base_link')
+    response = check.fill(SimpleNamespace(path=path, **fields), SimpleNamespace(), planner)
+    return response.is_valid, response.invalid_pose_indices
+
+
+def test_a_path_is_checked_pose_by_pose_on_the_latest_map():
+    cells = np.zeros((20, 30), dtype=np.int8)
+    cells[:, 10] = 100
+    cells[5, 20] = -1
+    planner = Planner(GridMap(cells, 0.5))
+    through = path_to_message([(4.0, 2.0), (5.2, 2.0), (6.0, 2.0)], 'map', STAMP)
+    assert verdict(through, planner) == (False, [1])
+    beside = path_to_message([(6.0, 2.0), (14.0, 8.0)], 'map', STAMP)
+    assert verdict(beside, planner) == (True, [])
+    over_unknown = path_to_message([(10.2, 2.7)], 'map', STAMP)
+    assert verdict(over_unknown, planner) == (True, [])
+    assert verdict(over_unknown, planner, consider_unknown_as_obstacle=True) == (False, [0])
+    behind = Buffer(base_link=(6.0, 2.0, 0.0))
+    assert verdict(through, planner, behind) == (True, [])
+    moved = path_to_message([(0.0, 0.0), (1.0, 0.0)], 'odom', STAMP)
+    assert verdict(moved, planner, Buffer(odom=(4.2, 3.0, 0.0))) == (False, [1])
+    assert verdict(moved, planner) == (False, [])
+    assert verdict(Path(), planner) == (False, [])
+    assert verdict(beside, None) == (False, [])
+
+
+def test_frames_that_are_missing_say_so():
+    with pytest.raises(FrameError, match='base_link'):
+        Frames(None).robot('base_link', 'map')
