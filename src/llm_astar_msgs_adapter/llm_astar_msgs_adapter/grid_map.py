@@ -88,7 +88,9 @@ class GridMap:
     @cached_property
     def digest(self) -> str:
         """Twelve hex digits that name this map: cells, resolution, origin and frame."""
-        header = f'{self.cells.shape} {self.resolution!r} {tuple(self.origin)!r} {self.frame_id}'
+        # As an OccupancyGrid carries it, so that a map has one name before and after its journey.
+        resolution = float(np.float32(self.resolution))
+        header = f'{self.cells.shape} {resolution!r} {tuple(self.origin)!r} {self.frame_id}'
         return hashlib.sha256(header.encode() + self.cells.tobytes()).hexdigest()[:12]
 
     def contains(self, cell: tuple[int, int]) -> bool:

@@ -62,6 +62,11 @@ REPORT = PlanReport(
 )
 
 
+def test_a_map_keeps_its_digest_on_its_way_through_a_message():
+    grid_map = GridMap(GRID.cells, 0.05, GRID.origin, 'map')  # no number of binary32
+    assert grid_from_message(grid_to_message(grid_map, STAMP)).digest == grid_map.digest
+
+
 def test_a_grid_comes_back_as_it_went():
     message = grid_to_message(GRID, STAMP)
     assert message.header.frame_id == 'map'

@@ -65,6 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
     with (
         tempfile.TemporaryFile('w+') as log,
         _graph(
+            # The paper's rules are for its maps; others are planned on as a robot would.
+            'planner.yaml' if arguments.map else 'demo.yaml',
             {'map_file': map_file, 'robot_radius': arguments.robot_radius},
             None if arguments.verbose else log,
         ),
@@ -91,10 +93,10 @@ def _question(arguments: argparse.Namespace) -> tuple[str, Ends]:
 
 
 @contextlib.contextmanager
-def _graph(settings: dict[str, object], log: IO[str] | None) -> Iterator[None]:
-    """Start the nodes, and stop them as Ctrl-C would."""
+def _graph(parameters: str, settings: dict[str, object], log: IO[str] | None) -> Iterator[None]:
+    """Start the nodes, and stop them as Ctrl-C would. Settings go beside the file's."""
     overrides = [part for name, value in settings.items() for part in ('-p', f'{name}:={value}')]
-    parameters = str(find_file('demo.yaml', 'config'))
+    parameters = str(find_file(parameters, 'config'))
     nodes = [
         subprocess.Popen(  # noqa: S603 - our own modules, no shell
             [
