@@ -1,5 +1,6 @@
 """Bags in every storage are read; of a damaged one what is whole, with a sentence on the rest."""
 
+import random
 import sqlite3
 
 import pytest
@@ -106,11 +107,13 @@ def test_a_missing_file_is_named_and_the_others_are_read(tmp_path):
     assert 'bag_1.mcap: is missing' in problems.left_out[0]
 
 
-def mcap_of(folder, messages, compression, chunk_size=1 << 20):
+def mcap_of(folder, messages, compression, chunk_size=1 << 20, crcs=True):
     """Write a file as mcap's own library does, with ROS 2 schemas."""
     folder.mkdir()
     with (folder / 'bag.mcap').open('wb') as stream:
-        writer = McapWriter(stream, chunk_size=chunk_size, compression=compression)
+        writer = McapWriter(
+            stream, chunk_size=chunk_size, compression=compression, enable_crcs=crcs
+        )
         writer.start(profile='ros2')
         channels = {}
         for name, seconds, message in messages:
@@ -281,3 +284,20 @@ def test_service_events_keep_their_requests(tmp_path):
     with Bag(write_bag(tmp_path / 'bag', DAY)) as bag:
         events = [message.value for message in bag.messages([DAY[1][0]])]
     assert [event.request[0].goal.pose.position.x for event in events] == [8.0, 9.0]
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_whatever_is_wrong_with_a_file_it_is_read_or_refused(tmp_path, storage):
+    (file,) = (f for f in write_bag(tmp_path / 'bag', DAY, storage).iterdir() if 'bag_0' in f.name)
+    whole, chance = file.read_bytes(), random.Random(5)  # noqa: S311 - no secret
+    outcomes = set()
+    for _ in range(40):
+        data = bytearray(whole[: chance.choice([len(whole), chance.randrange(len(whole))])])
+        for _ in range(min(5, len(data))):
+            data[chance.randrange(len(data))] = chance.randrange(256)
+        file.write_bytes(data)
+        try:
+            outcomes.add(len(read(file)[0]))
+        except BagError as error:
+            assert file.name in str(error)
+    assert len(outcomes) > 1
