@@ -25,7 +25,7 @@ ROS_REQUIREMENTS := 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo bench test lint clean check-python
+.PHONY: help install demo bench train test lint clean check-python
 
 help: ## Show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -38,6 +38,10 @@ demo: install ## Start the graph, plan once, draw it to out/demo.png
 bench: install ## Every method and ablation over 1000 samples, no key: out/bench/report.html
 	rm -rf out/bench
 	$(BIN)/llm-astar bench --out out/bench
+
+train: install ## Train the embedded waypoint model from nothing or go on: out/training/model.npz
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch>=2.6' $(KEEP)
+	PYTHONPATH=training $(BIN)/python -m llm_astar_training.train --out out/training
 
 test: lint ## Install, lint, and run every test
 	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest $(PYTEST_ARGS)

@@ -18,6 +18,8 @@ from rclpy.parameter import Parameter
 
 START, GOAL = Pose2D(39.0, 18.0), Pose2D(7.0, 19.0)
 DEMO = str(find_file('demo.yaml', 'config'))
+# Waypoints that stay what they are, whatever the embedded model learns.
+REPLAY = str(find_file('llm_replay.yaml', 'config'))
 # Tests that start nodes of their own do so out of the sight of the shared graph.
 ALONE = '/alone'
 PATIENCE = 60.0
@@ -28,7 +30,7 @@ def process(name, *arguments, namespace=''):
     """Run a node as a process of its own; give it back, and end it as Ctrl-C would."""
     remap = ['-r', f'__ns:={namespace}'] if namespace else []
     command = [sys.executable, '-m', f'llm_astar_planner.nodes.{name}']
-    options = ['--ros-args', '--params-file', DEMO, *remap, *arguments]
+    options = ['--ros-args', '--params-file', DEMO, '--params-file', REPLAY, *remap, *arguments]
     node = subprocess.Popen(
         [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
@@ -54,9 +56,26 @@ def process(name, *arguments, namespace=''):
 
 
 @contextlib.contextmanager
-def calling(namespace=''):
+def spinning(*nodes):
+    """Spin nodes of this process on threads of their own, and destroy them in the end."""
+    executor = MultiThreadedExecutor(num_threads=8)
+    for node in nodes:
+        executor.add_node(node)
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    try:
+        yield
+    finally:
+        executor.shutdown()
+        thread.join()
+        for node in nodes:
+            node.destroy_node()
+
+
+@contextlib.contextmanager
+def calling(namespace='', name='test_caller'):
     """Join the graph as a caller."""
-    node = rclpy.create_node('test_caller', namespace=namespace or None)
+    node = rclpy.create_node(name, namespace=namespace or None)
     try:
         with Caller(node) as caller:
             yield caller

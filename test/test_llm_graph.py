@@ -13,6 +13,7 @@ from graph_tools import ALONE, GOAL, START, calling, process, set_parameter, wai
 from llm_astar_msgs_adapter.path import pose_to_message
 from llm_astar_msgs_adapter.report import ExchangeReport, report_from_message
 from llm_astar_planner.local_llm import LocalLlm, ServeOptions
+from llm_astar_planner.nodes.llm_client_node import PARAMETERS
 from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
 from llm_astar_planner.waypoint_source.transcript import read_transcript
 from nav_msgs.srv import GetPlan
@@ -115,6 +116,24 @@ def test_client_and_planner_with_a_real_model(monkeypatch):
     assert (again.waypoints, again.operation) == (report.waypoints, report.operation)
     assert again.seconds_source < 1.0
     assert (refused.code, refused.guided_by, refused.source_status) == (0, 'none', 'AUTH')
+
+
+def test_the_embedded_model_is_the_default_and_says_it_is_no_llm():
+    map_node, client, planner, caller = graph(['-p', 'source:=embedded', '-p', 'candidates:=1'])
+    with map_node, client, planner, caller as caller:
+        caller.wait_until_ready(client='llm_client_node')
+        greedy = caller.call(START, GOAL)[1]
+        assert set_parameter(caller, 'llm_client_node', 'candidates', 8).successful
+        refused = set_parameter(caller, 'llm_client_node', 'candidates', 0)
+        best, exchange = caller.call(START, GOAL)[1], ask_client(caller)
+    assert not refused.successful
+    for report in (greedy, best):
+        assert report.source_status == 'OK'
+        assert report.guided_by.startswith('embedded:learned waypoint model')
+        assert {verdict for *_, verdict in report.waypoints} == {'accepted'}
+    assert exchange.label.endswith('not an LLM')
+    default = next(item for item in PARAMETERS if item.name == 'source')
+    assert default.default == 'embedded'
 
 
 def test_an_endpoint_guides_and_is_asked_once_for_one_question(chat_server, monkeypatch):

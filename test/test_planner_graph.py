@@ -9,7 +9,7 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from graph_tools import ALONE, PATIENCE, calling, process, running, set_parameter, wait_for
+from graph_tools import PATIENCE, calling, process, running, set_parameter, wait_for
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
@@ -24,7 +24,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 LONG = 60.0
-MANAGED = '/managed'
+# Each node out of the others' sight: a call may still find one that has just left.
+WORLD, MANAGED, APART = '/world', '/managed', '/managed_apart'
 START, GOAL, OTHER_GOAL = Pose2D(5.5, 5.5), Pose2D(35.5, 5.5, 1.0), Pose2D(5.5, 20.5)
 CELLS = np.zeros((30, 40), dtype=np.int8)
 CELLS[:25, 20] = 100
@@ -42,7 +43,7 @@ class Client(Node):
     """Stands in for llm_client_node: answers with two corners, or hangs for as long as told."""
 
     def __init__(self):
-        super().__init__('llm_client_node', namespace=ALONE)
+        super().__init__('llm_client_node', namespace=WORLD)
         self.declare_parameter('model', 'one')
         self.asked = []
         self.go = threading.Event()
@@ -108,10 +109,10 @@ class Graph:
         return next(report for report in self.reports if condition(report))
 
     def health(self):
-        return self.caller._health.get(f'{ALONE[1:]}/planner_node: planner', {})
+        return self.caller._health.get(f'{WORLD[1:]}/planner_node: planner', {})
 
 
-def node_of(kind, namespace=ALONE, **parameters):
+def node_of(kind, namespace=WORLD, **parameters):
     overrides = [Parameter(name, value=value) for name, value in parameters.items()]
     return kind(namespace=namespace, parameter_overrides=overrides)
 
@@ -119,7 +120,7 @@ def node_of(kind, namespace=ALONE, **parameters):
 @contextlib.contextmanager
 def graph(**parameters):
     client, planner = Client(), node_of(PlannerNode, **parameters)
-    with running(client, planner), calling(ALONE) as caller:
+    with running(client, planner), calling(WORLD) as caller:
         made = Graph(planner, client, caller)
         made.show()
         wait_for(lambda: made.health().get('llm_client_ready'), 'the client')
@@ -194,7 +195,7 @@ def test_the_same_question_of_many_at_a_time_is_asked_and_searched_once(world):
     reports = []
 
     def work():
-        with calling(ALONE) as caller:
+        with calling(WORLD) as caller:
             reports.append(caller.call(START, GOAL, seconds=LONG)[1])
 
     threads = [threading.Thread(target=work) for _ in range(3)]
@@ -362,8 +363,8 @@ def test_a_managed_node_answers_while_it_is_active_and_says_why_not_otherwise():
 
 def test_the_parameter_makes_it_a_managed_node():
     with (
-        process('planner_node', '-p', 'lifecycle:=true', namespace=MANAGED) as planner,
-        calling(MANAGED) as caller,
+        process('planner_node', '-p', 'lifecycle:=true', namespace=APART) as planner,
+        calling(APART) as caller,
     ):
         wait_for(lambda: 'ready to be configured' in ''.join(planner.output), 'the node')
         assert state(caller) == 'unconfigured'

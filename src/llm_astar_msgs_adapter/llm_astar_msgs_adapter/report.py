@@ -21,6 +21,7 @@ __all__ = [
     'report_from_message',
     'report_to_message',
     'status_to_message',
+    'status_values',
 ]
 
 Value = TypeVar('Value', PlanReport, ExchangeReport)
@@ -69,6 +70,18 @@ def report_from_message(message: DiagnosticArray, kind: type[Value]) -> Value:
         except ValueError:
             raise ReportError(f'{kind.__name__}: {field.name}: is not JSON') from None
     return kind(**values)
+
+
+def status_values(status: DiagnosticStatus) -> dict[str, Any]:
+    """Read the values of a diagnostic status by key; the plain text of other nodes stays text."""
+    return {value.key: _from_json(value.value) for value in status.values}
+
+
+def _from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
 
 
 def _frozen(value: Any) -> Any:  # noqa: ANN401 - any JSON value

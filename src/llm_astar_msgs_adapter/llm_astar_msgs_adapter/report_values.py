@@ -69,7 +69,8 @@ class ExchangeReport:
 
     `messages` are (role, content), `waypoints` (x, y) in grid coordinates, `unit` the cells one
     step of the reply's own coordinates was. With `map_digest` and `pair` (`x0,y0->x1,y1` in
-    cells) it can be replayed as a line of a transcript.
+    cells) it can be replayed as a line of a transcript. `instruction` is the wish in plain
+    language it was asked with, '' for none, and `instruction_outcome` what became of that.
     """
 
     label: str
@@ -86,6 +87,8 @@ class ExchangeReport:
     waypoints: tuple[tuple[float, float], ...]
     map_digest: str
     pair: str
+    instruction: str = ''
+    instruction_outcome: str = ''
 
     @property
     def level(self) -> bytes:

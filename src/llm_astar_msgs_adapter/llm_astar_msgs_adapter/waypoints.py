@@ -1,8 +1,10 @@
-"""Waypoints and expanded cells as RViz shows them."""
+"""Plans as RViz and Foxglove show them: waypoints, ends, via points, expanded cells."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -14,6 +16,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from llm_astar_msgs_adapter.grid_map import GridMap
 
+Place = tuple[float, float]
+Colour = tuple[float, float, float]
+
 # Colours by verdict, for a light and a dark background alike.
 VERDICT_COLOURS = {
     'accepted': (0.16, 0.63, 0.17),
@@ -22,35 +27,118 @@ VERDICT_COLOURS = {
     'occupied': (0.84, 0.15, 0.16),
     'out_of_bounds': (0.50, 0.50, 0.50),
 }
+START_COLOUR = (0.12, 0.47, 0.71)
+GOAL_COLOUR = (0.89, 0.10, 0.45)
+VIA_COLOUR = (0.09, 0.75, 0.81)
+# A marker is at least so many cells wide, and so large a part of the map's longer side.
+CELLS_WIDE = 1.5
+PART_OF_MAP = 0.01
+
+
+class _Shape(NamedTuple):
+    """A marker to be: its namespace, kind, place in grid coordinates, size in metres."""
+
+    space: str
+    kind: int
+    place: Place
+    colour: Colour
+    size: float
+    text: str = ''
 
 
 def waypoints_to_markers(
-    waypoints: Sequence[tuple[float, float, str]], grid_map: GridMap, stamp: Time
+    waypoints: Sequence[tuple[float, float, str]],
+    grid_map: GridMap,
+    stamp: Time,
+    ends: Sequence[Place] = (),
+    via: Sequence[Place] = (),
 ) -> MarkerArray:
-    """Draw waypoints (x, y in grid coordinates, verdict) as numbered spheres.
+    """Draw what a plan was given, all in grid coordinates (x, y).
 
-    The first marker deletes those of the plan before.
+    Waypoints with their verdict are numbered spheres, and a legend left of the map's top counts
+    them; `ends`, start and goal, are cubes; `via` are numbered cylinders. The first marker deletes
+    those of the plan before. Each kind is a namespace, to be switched off alone.
     """
+    size = _size(grid_map)
+    shapes = [
+        *_waypoint_shapes(waypoints, size),
+        *_end_shapes(ends, size),
+        *_via_shapes(via, size),
+        *_legend_shapes(waypoints, grid_map, size),
+    ]
     clear = Marker(action=Marker.DELETEALL)
     clear.header.frame_id = grid_map.frame_id
-    markers = [clear]
-    places = grid_map.grid_to_world([(x, y) for x, y, _ in waypoints]).tolist()
-    for number, ((x, y), (_, _, verdict)) in enumerate(zip(places, waypoints), start=1):
-        for kind in (Marker.SPHERE, Marker.TEXT_VIEW_FACING):
-            marker = Marker(ns='waypoints', id=len(markers), type=kind, action=Marker.ADD)
-            marker.header.frame_id = grid_map.frame_id
-            marker.header.stamp = stamp
-            marker.pose.position = Point(x=x, y=y, z=0.0)
-            marker.pose.orientation.w = 1.0
-            size = 1.5 * grid_map.resolution
-            marker.scale.x = marker.scale.y = marker.scale.z = size
-            red, green, blue = VERDICT_COLOURS.get(verdict, (0.0, 0.0, 0.0))
-            marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
-            if kind == Marker.TEXT_VIEW_FACING:
-                marker.text = f'{number} {verdict}'
-                marker.pose.position.z = 1.5 * size
-            markers.append(marker)
-    return MarkerArray(markers=markers)
+    places = grid_map.grid_to_world([shape.place for shape in shapes]).tolist()
+    markers = [
+        _marker(number, shape, Point(x=x, y=y, z=0.0), grid_map.frame_id, stamp)
+        for number, (shape, (x, y)) in enumerate(zip(shapes, places), start=1)
+    ]
+    return MarkerArray(markers=[clear, *markers])
+
+
+def _size(grid_map: GridMap) -> float:
+    """Return how many metres wide a marker is, to be seen on the whole map."""
+    longer = max(grid_map.width, grid_map.height)
+    return max(CELLS_WIDE, PART_OF_MAP * longer) * grid_map.resolution
+
+
+def _waypoint_shapes(waypoints: Sequence[tuple[float, float, str]], size: float) -> list[_Shape]:
+    shapes = []
+    for number, (x, y, verdict) in enumerate(waypoints, start=1):
+        colour = VERDICT_COLOURS.get(verdict, (0.0, 0.0, 0.0))
+        text = f'{number} {verdict.replace("_", " ")}'
+        shapes.append(_Shape('waypoints', Marker.SPHERE, (x, y), colour, size))
+        shapes.append(_Shape('labels', Marker.TEXT_VIEW_FACING, (x, y), colour, size, text))
+    return shapes
+
+
+def _end_shapes(ends: Sequence[Place], size: float) -> list[_Shape]:
+    shapes = []
+    for place, name, colour in zip(ends, ('start', 'goal'), (START_COLOUR, GOAL_COLOUR)):
+        shapes.append(_Shape('ends', Marker.CUBE, place, colour, size))
+        shapes.append(_Shape('labels', Marker.TEXT_VIEW_FACING, place, colour, size, name))
+    return shapes
+
+
+def _via_shapes(via: Sequence[Place], size: float) -> list[_Shape]:
+    shapes = []
+    for number, place in enumerate(via, start=1):
+        text = f'via {number}'
+        shapes.append(_Shape('via', Marker.CYLINDER, place, VIA_COLOUR, 1.4 * size))
+        shapes.append(_Shape('labels', Marker.TEXT_VIEW_FACING, place, VIA_COLOUR, size, text))
+    return shapes
+
+
+def _legend_shapes(
+    waypoints: Sequence[tuple[float, float, str]], grid_map: GridMap, size: float
+) -> list[_Shape]:
+    """Return a line a verdict that occurs, below each other, outside the map."""
+    counts = Counter(verdict for _, _, verdict in waypoints)
+    cells = size / grid_map.resolution
+    shapes = []
+    for line, (verdict, colour) in enumerate(
+        (verdict, colour) for verdict, colour in VERDICT_COLOURS.items() if counts[verdict]
+    ):
+        place = (-6.0 * cells, grid_map.height - 1.0 - 1.5 * cells * line)
+        text = f'{counts[verdict]} {verdict.replace("_", " ")}'
+        shapes.append(_Shape('legend', Marker.TEXT_VIEW_FACING, place, colour, size, text))
+    return shapes
+
+
+def _marker(number: int, shape: _Shape, place: Point, frame_id: str, stamp: Time) -> Marker:
+    marker = Marker(ns=shape.space, id=number, type=shape.kind, action=Marker.ADD)
+    marker.header.frame_id = frame_id
+    marker.header.stamp = stamp
+    marker.pose.position = place
+    marker.pose.orientation.w = 1.0
+    marker.scale.x = marker.scale.y = marker.scale.z = shape.size
+    red, green, blue = shape.colour
+    marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
+    if shape.text:
+        marker.text = shape.text
+        # Above the shape it names.
+        marker.pose.position.z = 1.5 * shape.size
+    return marker
 
 
 def expanded_to_message(expanded: NDArray[np.bool_], grid_map: GridMap, stamp: Time) -> GridCells:

@@ -100,3 +100,9 @@ def test_what_no_map_can_have_is_named(field, arguments):
 def test_a_point_that_is_not_finite_has_no_cell():
     with pytest.raises(GridMapError, match='finite'):
         GridMap(CELLS).world_to_cell(math.nan, 0.0)
+
+
+@pytest.mark.parametrize('value', [1e12, 1e300, -1.7e308])
+def test_a_point_however_far_has_a_cell_off_the_map(value):
+    grid_map = GridMap(np.zeros((4, 5), dtype=np.int8), 0.05, Pose2D(1.0, 2.0, 0.7))
+    assert not grid_map.contains(grid_map.world_to_cell(value, -value))

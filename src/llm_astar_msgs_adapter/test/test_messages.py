@@ -204,13 +204,41 @@ def test_a_message_that_is_no_report_says_so():
 
 def test_markers_start_by_clearing_and_colour_by_verdict():
     waypoints = [(1.0, 0.0, 'accepted'), (2.0, 1.0, 'occupied')]
-    markers = waypoints_to_markers(waypoints, GRID, STAMP).markers
-    assert markers[0].action == markers[0].DELETEALL
+    clear, *markers = waypoints_to_markers(waypoints, GRID, STAMP).markers
+    assert clear.action == clear.DELETEALL
     spheres = [marker for marker in markers if marker.type == marker.SPHERE]
-    assert len({marker.id for marker in markers[1:]}) == 4
+    assert len({marker.id for marker in markers}) == len(markers)
     assert spheres[0].color != spheres[1].color
     place = spheres[0].pose.position
     np.testing.assert_allclose(GRID.world_to_grid([(place.x, place.y)]), [[1.0, 0.0]], atol=1e-9)
+
+
+def test_markers_name_the_ends_the_via_points_and_count_the_verdicts():
+    waypoints = [(1.0, 0.0, 'accepted'), (2.0, 1.0, 'out_of_bounds'), (2.0, 0.0, 'accepted')]
+    array = waypoints_to_markers(
+        waypoints, GRID, STAMP, ends=[(0.0, 0.0), (2.0, 1.0)], via=[(1.0, 1.0)]
+    )
+    markers = array.markers[1:]
+    labels = [marker.text for marker in markers if marker.ns == 'labels']
+    assert labels == ['1 accepted', '2 out of bounds', '3 accepted', 'start', 'goal', 'via 1']
+    legend = [marker for marker in markers if marker.ns == 'legend']
+    assert [marker.text for marker in legend] == ['2 accepted', '1 out of bounds']
+    assert len({(marker.pose.position.x, marker.pose.position.y) for marker in legend}) == 2
+    for marker in legend:
+        place = (marker.pose.position.x, marker.pose.position.y)
+        assert not GRID.contains(GRID.world_to_cell(*place))
+    assert {marker.ns for marker in markers} == {'waypoints', 'labels', 'ends', 'via', 'legend'}
+
+
+def test_markers_can_be_seen_on_a_large_map():
+    wide = GridMap(np.zeros((10, 4000), dtype=np.int8), 0.05)
+    marker = waypoints_to_markers([(9.0, 9.0, 'accepted')], wide, STAMP).markers[1]
+    assert marker.scale.x == pytest.approx(0.01 * 4000 * 0.05)
+
+
+def test_a_plan_without_waypoints_clears_those_of_the_one_before():
+    (clear,) = waypoints_to_markers([], GRID, STAMP).markers
+    assert clear.action == clear.DELETEALL
 
 
 def test_expanded_cells_come_back():

@@ -15,6 +15,7 @@ from llm_astar_planner.waypoint_source.base import (
     WaypointReply,
     WaypointSource,
 )
+from llm_astar_planner.waypoint_source.wish import with_outcome
 
 # Seconds between two looks at the caller's flag: what a cancel may take to be seen.
 LOOK = 0.01
@@ -29,7 +30,8 @@ def ask(
     """Return a source's reply and the seconds it took; what it raises becomes an ERROR.
 
     A source that outlasts the query's time limit, or its caller's `stop[0] = 1`, is left behind
-    and its reply is a TIMEOUT.
+    and its reply is a TIMEOUT. The reply to a wish says what became of it, whatever the source
+    says.
     """
     begin = time.monotonic()
     asking = Asking(source, query, lambda _: None)
@@ -40,7 +42,8 @@ def ask(
         return reply, seconds
     seconds = time.monotonic() - begin
     detail = f'{source.name} had not answered after {seconds:.2f} s'
-    return WaypointReply(status=SourceStatus.TIMEOUT, detail=detail), seconds
+    reply = WaypointReply(status=SourceStatus.TIMEOUT, detail=detail)
+    return with_outcome(reply, query, source.name), seconds
 
 
 class Asking:
@@ -100,4 +103,4 @@ def _asked(source: WaypointSource, query: WaypointQuery) -> tuple[WaypointReply,
     except Exception as error:  # noqa: BLE001 - no source may ever stop a plan
         detail = f'{type(error).__name__} in source {source.name}'
         reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
-    return reply, time.monotonic() - begin
+    return with_outcome(reply, query, source.name), time.monotonic() - begin

@@ -23,10 +23,12 @@ from llm_astar_planner import (
     cli_report,
     cli_serve,
     cli_speed,
+    cli_watch,
 )
 
 COMMANDS = (
     cli_plan,
+    cli_watch,
     cli_demo,
     cli_bench,
     cli_evaluate,

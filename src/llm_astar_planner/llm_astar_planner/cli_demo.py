@@ -12,8 +12,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
 
+from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.grid_map import Pose2D
+
 from llm_astar_planner.share import find_file
 
+Ends = tuple[Pose2D, Pose2D]
 NODES = ('map_node', 'llm_client_node', 'planner_node')
 # A domain of its own, so that the demo never meets a robot's graph: 101 to 230.
 FIRST_DOMAIN, DOMAINS = 101, 130
@@ -27,8 +31,8 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         help='start the graph, ask for a plan, draw it, stop the graph',
         description='Start map_node, llm_client_node and planner_node as processes, call the '
         "planner's GetPlan as another stack would, print the plan and what guided it, draw it, "
-        'and stop everything. The waypoints are a hand-written example, replayed: no key, no '
-        'network.',
+        'and stop everything. The waypoints come from the embedded model, which is learned and '
+        'no LLM: no key, no network.',
     )
     parser.set_defaults(run=run)
     parser.add_argument(
@@ -37,11 +41,20 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     parser.add_argument(
         '--pair', type=int, default=0, choices=range(3), help='which pair of the demo map'
     )
+    parser.add_argument(
+        '--map', metavar='FILE', help='another map: a map_server yaml or barrier maps (with ends)'
+    )
+    parser.add_argument('--start', type=float, nargs=2, metavar=('X', 'Y'), help='metres')
+    parser.add_argument('--goal', type=float, nargs=2, metavar=('X', 'Y'), help='metres')
+    parser.add_argument(
+        '--robot-radius', type=float, default=0.0, metavar='METRES', help='(default: %(default)s)'
+    )
     parser.add_argument('--verbose', action='store_true', help='show what the nodes log')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the demo; return 0 where a plan came, else 1."""
+    """Run the demo; return 0 where a plan came, else 1. Raises ValueError on bad input."""
+    map_file, ends = _question(arguments)
     os.environ['ROS_DOMAIN_ID'] = str(FIRST_DOMAIN + os.getpid() % DOMAINS)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     try:
@@ -49,9 +62,15 @@ def run(arguments: argparse.Namespace) -> int:
     except ImportError as error:
         sys.stderr.write(f'llm-astar: error: {error}; `llm-astar doctor` tells what to install\n')
         return 1
-    with tempfile.TemporaryFile('w+') as log, _graph(None if arguments.verbose else log):
+    with (
+        tempfile.TemporaryFile('w+') as log,
+        _graph(
+            {'map_file': map_file, 'robot_radius': arguments.robot_radius},
+            None if arguments.verbose else log,
+        ),
+    ):
         print(f'started {", ".join(NODES)} on domain {os.environ["ROS_DOMAIN_ID"]}', flush=True)
-        came = call_and_draw(arguments.pair, Path(arguments.png))
+        came = call_and_draw(ends, Path(arguments.png))
         if not came:
             log.seek(0)
             sys.stderr.write(log.read())
@@ -59,9 +78,22 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if came else 1
 
 
+def _question(arguments: argparse.Namespace) -> tuple[str, Ends]:
+    """Return the map file, and start and goal in metres: a pair of the demo map by default."""
+    if arguments.map is None and arguments.start is None and arguments.goal is None:
+        map_file = find_file('demo.json', 'maps')
+        sample = load_barrier_maps(map_file)[0].samples[arguments.pair]
+        return str(map_file), (Pose2D(*sample.start), Pose2D(*sample.goal))
+    if arguments.start is None or arguments.goal is None:
+        raise ValueError('--start and --goal go together, and --map needs both')
+    map_file = find_file(arguments.map or 'demo.json', 'maps')
+    return str(map_file), (Pose2D(*arguments.start), Pose2D(*arguments.goal))
+
+
 @contextlib.contextmanager
-def _graph(log: IO[str] | None) -> Iterator[None]:
+def _graph(settings: dict[str, object], log: IO[str] | None) -> Iterator[None]:
     """Start the nodes, and stop them as Ctrl-C would."""
+    overrides = [part for name, value in settings.items() for part in ('-p', f'{name}:={value}')]
     parameters = str(find_file('demo.yaml', 'config'))
     nodes = [
         subprocess.Popen(  # noqa: S603 - our own modules, no shell
@@ -72,6 +104,7 @@ def _graph(log: IO[str] | None) -> Iterator[None]:
                 '--ros-args',
                 '--params-file',
                 parameters,
+                *overrides,
             ],
             stdout=log,
             stderr=subprocess.STDOUT if log else None,

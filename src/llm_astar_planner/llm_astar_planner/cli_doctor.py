@@ -53,6 +53,9 @@ ROS = {
 }
 OPTIONAL = {
     'launch_ros': ('ros2 launch', 'apt install ros-jazzy-launch-ros; there is no wheel'),
+    'nav2_msgs.action': ("Nav2's actions", 'apt install ros-jazzy-nav2-msgs; there is no wheel'),
+    'tf2_ros': ('poses of other frames', 'apt install ros-jazzy-tf2-ros-py; there is no wheel'),
+    'map_msgs.msg': ('map_updates', 'apt install ros-jazzy-map-msgs; there is no wheel'),
     'ros2cli': ('ros2 run', 'apt install ros-jazzy-ros2cli; there is no wheel'),
 }
 

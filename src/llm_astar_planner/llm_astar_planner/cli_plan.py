@@ -13,6 +13,7 @@ from llm_astar_planner.benchmark.samples import ProblemMap, load_maps
 from llm_astar_planner.cli_plan_output import plan_to_json, plan_to_text
 from llm_astar_planner.cli_source import add_source_arguments, source_settings
 from llm_astar_planner.planner import GridRules, Plan, Planner, PlanRequest
+from llm_astar_planner.prompts.instruction import clean_instruction
 from llm_astar_planner.prompts.query import parse_query
 from llm_astar_planner.search.methods import HEURISTICS, METHODS, compile_kernels
 from llm_astar_planner.share import find_file
@@ -93,6 +94,12 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     guide = parser.add_argument_group('guidance')
     add_source_arguments(guide)
     guide.add_argument('--reply', metavar='TEXT', help="a model's reply, used instead of a source")
+    guide.add_argument(
+        '--instruction',
+        default='',
+        metavar='TEXT',
+        help='a wish in plain language, for a source that reads one (endpoint)',
+    )
     output = parser.add_argument_group('output')
     output.add_argument('--png', metavar='FILE', help='draw the plan')
     output.add_argument('--json', action='store_true', help='print one JSON object')
@@ -157,6 +164,7 @@ def run(arguments: argparse.Namespace) -> int:
         tolerance=arguments.tolerance,
         start_tolerance=arguments.start_tolerance,
         via=tuple(problem.to_cell((x, y)) for x, y in arguments.via),
+        instruction=clean_instruction(arguments.instruction),
     )
     plan = planner.plan(request)
     if arguments.json:

@@ -27,7 +27,7 @@ def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
         'source': plan.source,
         'source_status': plan.source_status.value,
         'source_detail': plan.reply.detail,
-        'instruction': plan.reply.instruction,
+        'instruction': plan.instruction,
         'start': [plan.start[0] + x_min, plan.start[1] + y_min],
         'goal': [plan.goal[0] + x_min, plan.goal[1] + y_min],
         'start_shift': plan.start_shift,

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from llm_astar_planner.benchmark.askers import GRID_ABLATIONS
+from llm_astar_planner.benchmark.askers import GRID_ABLATIONS, embedded_askers
 from llm_astar_planner.benchmark.cluster import connect
 from llm_astar_planner.benchmark.engine import ALL_METHODS, Asker
 from llm_astar_planner.benchmark.published import compare_published, published_lengths
@@ -45,7 +45,7 @@ def add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
         type=names,
         default=[],
         metavar='NAMES',
-        help=f'of {", ".join(SOURCES)} (default: the ablations, which also go '
+        help=f'of {", ".join(SOURCES)} (default: embedded, and the ablations, which also go '
         f'beside every other source; on a grid {" and ".join(GRID_ABLATIONS)} alone: the others '
         'need a visibility graph, slow there and refused on large maps)',
     )
@@ -164,7 +164,7 @@ def make_executor(
         with connect(args.dask, askers) as cluster:
             yield cluster
         return
-    local = {'none', 'replay', *ablation_sources()}
+    local = {'none', 'replay', *ablation_sources(), *(asker.name for asker in embedded_askers())}
     jobs = args.jobs or (1 if all(asker.name in local for asker in askers) else LIVE_JOBS)
     executor = ThreadPoolExecutor(jobs)
     try:

@@ -15,7 +15,11 @@ TIMEOUT_S = 30.0
 
 def add_source_arguments(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options to a group of a parser."""
-    group.add_argument('--source', default=DEFAULTS.source, help=f'one of {", ".join(SOURCES)}')
+    group.add_argument(
+        '--source',
+        default=DEFAULTS.source,
+        help=f'one of {", ".join(SOURCES)}; embedded is a learned waypoint model, not an LLM',
+    )
     group.add_argument('--transcript', default='', metavar='FILE', help='what replay answers from')
     group.add_argument('--record', default='', metavar='FILE', help='add each exchange to FILE')
     group.add_argument('--model', default='', help='model asked, or whose exchanges are replayed')
@@ -47,6 +51,13 @@ def add_source_arguments(group: Any) -> None:  # noqa: ANN401 - argparse keeps i
         help='how often a colliding route is asked for again (default: 0)',
     )
     group.add_argument(
+        '--candidates',
+        type=int,
+        default=DEFAULTS.candidates,
+        metavar='K',
+        help='routes embedded draws and takes the best of; 1: greedy (default: %(default)s)',
+    )
+    group.add_argument(
         '--timeout',
         type=float,
         default=TIMEOUT_S,
@@ -66,6 +77,7 @@ def source_settings(arguments: argparse.Namespace) -> SourceSettings:
         response_format=arguments.response_format,
         timeout_s=arguments.timeout,
         repair_rounds=arguments.repair_rounds,
+        candidates=arguments.candidates,
         transcript=arguments.transcript,
         record=arguments.record,
     )

@@ -103,10 +103,9 @@ class Leg:
     def _judge(self, reply: WaypointReply) -> tuple[JudgedWaypoint, ...]:
         prepared, start = self.prepared, self.request.start
         if self.request.method == GUIDED:
-            arguments = prepared.blocked, prepared.components, start, 0
-        else:
-            arguments = prepared.waypoint_cells, prepared.components, start, targets.PAPER_EDGE
-        return targets.judge(reply.waypoints, *arguments)
+            return prepared.judge(reply.waypoints, start)
+        cells = prepared.waypoint_cells
+        return targets.judge(reply.waypoints, cells, prepared.components, start)
 
     def _search_exact(self, stop: NDArray[np.uint8]) -> SearchResult:
         request = self.request

@@ -75,8 +75,9 @@ class PlanRequest:
 
     Where the goal cannot be had, the nearest cell to it that can is taken, at most `tolerance`
     metres off; where the start is not free, the nearest free cell, at most `start_tolerance` off.
-    `via` are cells the path must pass, in order. `instruction` is a wish in plain language, for
-    the source.
+    `via` are cells the path must pass, in order. `instruction` is a wish in plain language of at
+    most 500 characters: where the source answers it, its waypoints become `via`, else it is
+    ignored; the plan says which.
     """
 
     start: Cell
@@ -113,7 +114,8 @@ class Plan:
     metres they lie off those asked for, and `warnings` a sentence on each such thing. Of the path,
     in metres: `unknown_length` through unknown cells, `clearance` the least distance from the
     centres of its cells to that of a lethal one (inf where there is none). `turns` are its changes
-    of direction.
+    of direction. `via` are the cells it passes because the request or the wish says so, and
+    `instruction` tells what became of the wish, '' where none was made.
     """
 
     code: ResultCode
@@ -142,6 +144,8 @@ class Plan:
     clearance: float = float('inf')
     turns: int = 0
     warnings: tuple[str, ...] = ()
+    via: tuple[Cell, ...] = ()
+    instruction: str = ''
 
     @property
     def source_status(self) -> SourceStatus:

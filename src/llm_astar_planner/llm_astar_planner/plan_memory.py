@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_planner.instruction import NOT_HONOURED
 from llm_astar_planner.plan import Plan, PlanRequest
 from llm_astar_planner.result_code import ResultCode
 from llm_astar_planner.waypoint_source.base import SourceStatus
@@ -126,11 +127,11 @@ class PlanMemory:
 
 
 def is_settled(plan: Plan, request: PlanRequest) -> bool:
-    """Tell whether asking again could do no better: found, source heard, bound proven.
+    """Tell whether asking again could do no better: found, heard, proven, no wish lost.
 
     A request for the picture of expanded cells is answered with one every time.
     """
-    heard = plan.source_status in _SETTLED
+    heard = plan.source_status in _SETTLED and not plan.instruction.startswith(NOT_HONOURED)
     proven = not plan.ratio > (request.max_suboptimality or np.inf) + _ROUNDING
     return plan.code is ResultCode.NONE and heard and proven and not request.want_expanded
 

@@ -40,7 +40,7 @@ def plan_report(plan: Plan, grid_map: GridMap) -> PlanReport:
         clearance=plan.clearance if math.isfinite(plan.clearance) else None,
         turns=plan.turns,
         warnings=plan.warnings,
-        instruction=plan.reply.instruction,
+        instruction=plan.instruction,
     )
 
 

@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner import targets
 from llm_astar_planner.ends import Ends, Refusal, find_ends, via_refusal
+from llm_astar_planner.instruction import plan_with_wish
 from llm_astar_planner.leg import Leg, Watcher, joined
 from llm_astar_planner.path_facts import turns, unknown_length
 from llm_astar_planner.plan import NOT_ASKED, GridRules, Plan, PlanRequest
@@ -116,12 +118,24 @@ class Planner:
         Another thread cancels by setting `stop[0] = 1`: the best path so far is the answer, or
         TIMEOUT. `on_improvement` gets each better path of `guided` as it is found, checked as a
         plan's is; none where there are `via` cells, as the legs before the last have no whole
-        path.
+        path. A wish is honoured where it can be and never costs a plan; see `instruction`.
         """
+        stop = no_stop() if stop is None else stop
+        if request.instruction:
+            make = partial(self._answer, stop=stop)
+            return plan_with_wish(request, make, self._prepared.judge, stop)
+        return self._answer(request, stop, on_improvement)
+
+    def _answer(
+        self,
+        request: PlanRequest,
+        stop: NDArray[np.uint8],
+        on_improvement: Watcher | None = None,
+    ) -> Plan:
         draft = _Draft(
             request,
             time.monotonic() + request.time_limit,
-            no_stop() if stop is None else stop,
+            stop,
             Ends(request.start, request.goal),
         )
         refusal = self._find_ends(draft)
@@ -284,6 +298,7 @@ class Planner:
             start_shift=ends.start_shift,
             goal_shift=ends.goal_shift,
             warnings=ends.warnings,
+            via=draft.request.via,
         )
 
 

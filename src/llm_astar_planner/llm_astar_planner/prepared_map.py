@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +17,8 @@ from llm_astar_planner.inflation import inflate
 from llm_astar_planner.plan import GridRules
 from llm_astar_planner.search.fast_grid import FastGrid
 from llm_astar_planner.search.result import Cell
+from llm_astar_planner.targets import JudgedWaypoint
+from llm_astar_planner.waypoint_source.base import Waypoint
 
 
 class PreparedMap:
@@ -77,6 +80,10 @@ class PreparedMap:
     def is_free(self, cell: Cell) -> bool:
         """Tell whether a path may be at a cell of the map."""
         return not self.blocked[cell[1], cell[0]]
+
+    def judge(self, waypoints: Sequence[Waypoint], start: Cell) -> tuple[JudgedWaypoint, ...]:
+        """Judge waypoints that a path from `start` may be at, up to the map's very edge."""
+        return targets.judge(waypoints, self.blocked, self.components, start, 0)
 
     def why_barred(self, cell: Cell) -> str:
         """Say why a path may not be at a cell of the map."""

@@ -161,6 +161,17 @@ def test_tolerances_and_via_cells_are_told_of(capsys, room):
     assert plan['start_shift'] == pytest.approx(0.15)
 
 
+def test_a_wish_bends_the_path_and_is_told_of(capsys, chat_server):
+    chat_server.script = [chat_server.completion('[[39, 18], [5, 5], [7, 19]]')]
+    endpoint = ('--source', 'endpoint', '--base-url', chat_server.base_url, '--model', 'tiny')
+    code, plan = run_json(capsys, 'plan', *endpoint, '--instruction', 'pass by 5, 5')
+    assert (code, plan['instruction']) == (0, 'followed through 1 via point')
+    assert [5, 5] in plan['path']
+    assert plan['guided_by'] == 'endpoint:tiny'
+    _, out, _ = run(capsys, 'plan', '--source', 'none', '--instruction', 'pass by 5, 5')
+    assert 'wish ignored: source none cannot read instructions' in out
+
+
 def test_a_person_reads_the_plan(capsys):
     code, out, _ = run(capsys, 'plan', '--reply', 'no idea')
     assert code == 0
@@ -194,6 +205,7 @@ def test_the_picture_is_drawn_where_asked(capsys, tmp_path):
         (['--time-limit', '-1'], ['--time-limit']),
         (['--max-suboptimality', '0.9'], ['--max-suboptimality', '0.9']),
         (['--png', 'plan.xyz'], ['xyz']),
+        (['--instruction', 'x' * 501], ['instruction', '501', '500']),
         (['--robot-radius', '-1'], ['robot_radius', '-1.0', '0 to 10']),
     ],
 )

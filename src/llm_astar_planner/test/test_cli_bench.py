@@ -69,6 +69,7 @@ def test_the_whole_table_without_a_key(dataset, out, capsys):
     cases = {(row['method'], row['source']) for row in rows}
     assert len(rows) == len(cases) * (40 + 10)
     assert {('llm_astar', 'random'), ('llm_only', 'oracle'), ('weighted_astar', 'none')} < cases
+    assert {('llm_only', 'embedded'), ('guided', 'embedded-best-of-8')} < cases
     metadata = json.loads((out / 'metadata.json').read_text())
     assert metadata['parameters']['jobs'] == 1
     assert metadata['seconds'] > 0

@@ -80,7 +80,7 @@ def test_bench_checks_the_published_lengths_and_reports(tmp_path, capsys):
     printed = capsys.readouterr()
     summary = json.loads(printed.out)
     sources = {case['source'] for case in summary['cases']}
-    assert sources == {'none', 'straight', 'random'}
+    assert sources == {'none', 'embedded', 'embedded-best-of-8', 'straight', 'random'}
     assert 'straight and random are the only ablations' in printed.err
     assert 'exact_astar/none: 3 of 3 rows agree' in printed.err
     assert 'astar/none: 3 of 3 rows agree' in printed.err

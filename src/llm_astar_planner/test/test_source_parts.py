@@ -123,10 +123,16 @@ def test_budget_windows_slide():
     assert budget.admit().startswith('max_tokens_per_day: 100 are used; next in 82800 s')
     clock.now += 82800
     assert budget.admit() == ''
-    assert (budget.total_calls, budget.total_tokens) == (4, 100)
+    assert budget.values() == {
+        'calls_made': 4,
+        'calls_left': 1,
+        'tokens_used': 100,
+        'tokens_left': 100,
+    }
     unlimited = CallBudget()
     unlimited.spend(10**9)
     assert all(unlimited.admit() == '' for _ in range(1000))
+    assert (unlimited.values()['calls_left'], unlimited.values()['tokens_left']) == (None, None)
 
 
 def test_a_dialect_gives_way_until_nothing_is_left():
@@ -217,7 +223,10 @@ def test_settings_are_checked_by_name():
     assert make_source(good).name == 'endpoint'
     assert make_source(SourceSettings()).name == 'none'
     for change, words in (
-        ({'source': 'magic'}, "source: 'magic' is unknown; there is none, replay, endpoint"),
+        (
+            {'source': 'magic'},
+            "source: 'magic' is unknown; there is none, embedded, replay",
+        ),
         ({'temperature': 3.0}, 'temperature: 3.0 is not 0 to 2'),
         ({'timeout_s': math.nan}, 'timeout_s: nan is not'),
         ({'timeout_s': 0.0}, 'timeout_s: 0.0 is not'),
@@ -226,6 +235,7 @@ def test_settings_are_checked_by_name():
         ({'max_output_tokens': 0}, 'max_output_tokens: 0'),
         ({'max_prompt_tokens': 1}, 'max_prompt_tokens: 1'),
         ({'repair_rounds': -1}, 'repair_rounds: -1'),
+        ({'candidates': 0}, 'candidates: 0 is not 1 to 64'),
         ({'max_calls_per_hour': -1}, 'max_calls_per_hour: -1'),
         ({'max_tokens_per_day': -1}, 'max_tokens_per_day: -1'),
         ({'cache_size': 0}, 'cache_size: 0'),

@@ -11,6 +11,7 @@ from llm_astar_msgs_adapter.grid_problem import GridProblem
 from llm_astar_planner.benchmark.engine import Asker
 from llm_astar_planner.prompts.template import load_template
 from llm_astar_planner.waypoint_source.ablation import ablation_sources, visibility_problem
+from llm_astar_planner.waypoint_source.embedded import EmbeddedSource
 from llm_astar_planner.waypoint_source.factory import make_source
 from llm_astar_planner.waypoint_source.settings import (
     DEFAULT_PROMPT,
@@ -21,6 +22,9 @@ from llm_astar_planner.waypoint_source.transcript import read_transcript
 
 # The ablations that cost next to nothing on any grid: they need no visibility graph.
 GRID_ABLATIONS = ('straight', 'random')
+EMBEDDED = 'embedded'
+# The embedded model has two rows: its greedy route, and the best of several by lines of sight.
+BEST_OF = 8
 
 
 def make_askers(
@@ -37,7 +41,8 @@ def make_askers(
 
     Every named source is made for every prompt and model (`settings` with these put in). A replay
     without them gets all its transcript holds. All ablations (or `default`) come along where a
-    named source is none of them. Raises ValueError for a source that cannot be made.
+    named source is none of them, and the embedded model where none is named. Raises ValueError
+    for a source that cannot be made.
     """
     ablations = ablation_sources(seed)
     asked = [name for name in names if name != 'none']
@@ -45,10 +50,20 @@ def make_askers(
     if len(chosen) < len(asked) or not asked:
         chosen = list(ablations if default is None else default)
     askers = [Asker()]
+    if EMBEDDED in asked or not asked:
+        askers += embedded_askers()
     for name in asked:
-        if name not in ablations:
+        if name not in ablations and name != EMBEDDED:
             askers += _combinations(replace(settings, source=name), prompts, models, dataset)
     return askers + [Asker(ablations[name], name) for name in chosen]
+
+
+def embedded_askers() -> list[Asker]:
+    """Return the askers of the embedded model: greedy, and the best of BEST_OF routes."""
+    return [
+        Asker(EmbeddedSource(1), EMBEDDED),
+        Asker(EmbeddedSource(BEST_OF), f'{EMBEDDED}-best-of-{BEST_OF}'),
+    ]
 
 
 def check_grid_run(problem: GridProblem, scales: Sequence[int], names: Sequence[str]) -> None:

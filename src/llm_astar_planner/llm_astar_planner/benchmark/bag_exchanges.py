@@ -64,6 +64,7 @@ def _exchange(values: Mapping[str, Any]) -> Exchange | None:
             seconds=float(values['seconds']),
             status=SourceStatus(values['status']),
             unit=unit,
+            instruction=str(values.get('instruction', '')),
         )
     except (KeyError, TypeError, ValueError):
         return None

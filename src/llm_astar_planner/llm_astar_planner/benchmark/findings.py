@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from llm_astar_planner.benchmark.scalability import Growth
 from llm_astar_planner.benchmark.statistics import Interval
-from llm_astar_planner.benchmark.summary import Contrast, is_ablation
+from llm_astar_planner.benchmark.summary import Contrast, is_ablation, is_learned
 
 # Growth below this slope of log work over log scale passes as near linear.
 NEAR_LINEAR = 1.25
@@ -96,6 +96,8 @@ def _who(contrast: Contrast) -> str:
     case = contrast.case
     if is_ablation(case):
         return f'`{case.source}` waypoints ({SOURCES.get(case.source, case.source)})'
+    if is_learned(case):
+        return f'the waypoints of `{case.source}` (a learned model, not an LLM)'
     named = ', '.join(part for part in (case.model, case.prompt) if part)
     return f'the waypoints of `{case.source}`' + (f' ({named})' if named else '')
 

@@ -16,7 +16,7 @@ from llm_astar_planner.benchmark.findings import (
 from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.benchmark.scalability import Growth
 from llm_astar_planner.benchmark.statistics import Interval
-from llm_astar_planner.benchmark.summary import CaseSummary, Contrast, summarise
+from llm_astar_planner.benchmark.summary import CaseSummary, Contrast, is_learned, summarise
 from llm_astar_planner.benchmark.summary import contrasts as contrasts_of
 
 # Table 1 of the paper as printed, on its own samples: method, model, prompt, then operation,
@@ -258,7 +258,9 @@ def _shares(parts: Mapping[str, float]) -> str:
 
 def _who(summary: CaseSummary) -> str:
     case = summary.case
-    return case.model or (case.source if case.source != 'none' else 'none')
+    if is_learned(case):
+        return f'{case.source} (learned, not an LLM)'
+    return case.model or case.source
 
 
 def _growth_part(growths: Sequence[Growth]) -> list[str]:

@@ -241,6 +241,11 @@ def is_ablation(case: Case) -> bool:
     return case.source in ABLATIONS
 
 
+def is_learned(case: Case) -> bool:
+    """Whether a case's waypoints come from the embedded model, which is learned but no LLM."""
+    return case.source.startswith('embedded')
+
+
 def place(case: Case) -> tuple[int, str, bool, int, str]:
     """Return the key to sort cases by: methods as in the paper, models before ablations."""
     known = case.method in METHOD_ORDER

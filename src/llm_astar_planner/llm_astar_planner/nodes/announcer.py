@@ -49,7 +49,9 @@ class Announcer:
         """Draw the plan for RViz, if anyone looks."""
         if self._markers.get_subscription_count():
             waypoints = [(point.x, point.y, point.verdict.value) for point in plan.waypoints]
-            self._markers.publish(waypoints_to_markers(waypoints, grid_map, stamp))
+            ends = (plan.start, plan.goal)
+            markers = waypoints_to_markers(waypoints, grid_map, stamp, ends, plan.via)
+            self._markers.publish(markers)
         if self.wants_expanded and plan.expanded.size:
             self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from builtin_interfaces.msg import Time
@@ -31,6 +33,8 @@ from llm_astar_planner.search.guided import Improvement
 # What of the planning time is left for the path's check and message: so many seconds, or a part.
 FINISH_SECONDS, FINISH_SHARE = 0.1, 0.1
 LEAST_SECONDS = 0.001
+# What a canceled question may take to end, in seconds, before it is left behind.
+LONGEST_END = 2.0
 INACTIVE = 'the node is not active: configure and activate it (lifecycle)'
 
 
@@ -85,6 +89,7 @@ class Answering:
         self.standing: Standing | None = None
         self.tally = Tally()
         self._running: set[Cancel] = set()
+        self._ended = threading.Condition()
         self._node = node
         self._settings = settings
         self._maps = maps
@@ -107,7 +112,10 @@ class Answering:
         """
         stamp = self._node.get_clock().now().to_msg()
         job = _Job(question, stamp, time.monotonic(), cancel or Cancel(), on_better)
-        self._running.add(job.cancel)
+        with self._running_until_told(job.cancel):
+            return self._told(job, why)
+
+    def _told(self, job: _Job, why: str) -> Answer:
         try:
             path, report = self._plan(job)
         except RefusalError as error:
@@ -116,19 +124,30 @@ class Answering:
             self._node.get_logger().error(traceback.format_exc())
             message = f'{type(error).__name__} while planning: see the log'
             path, report = self._nothing(job, ResultCode.UNKNOWN, message)
-        finally:
-            self._running.discard(job.cancel)
         if why:
             report = replace(report, message=f'{why}; {report.message}')
-        self._announcer.tell(report, stamp)
+        self._announcer.tell(report, job.stamp)
         self.tally.count(report)
         seconds = time.monotonic() - job.begin
         return Answer(path, ResultCode(report.code), report.message, seconds)
 
-    def cancel_all(self, reason: str) -> None:
-        """Give up every question that is being answered."""
-        for cancel in tuple(self._running):
-            cancel(reason)
+    def give_up(self, reason: str) -> None:
+        """Cancel every question that is being answered, and wait until it is told."""
+        with self._ended:
+            for cancel in self._running:
+                cancel(reason)
+            self._ended.wait_for(lambda: not self._running, LONGEST_END)
+
+    @contextmanager
+    def _running_until_told(self, cancel: Cancel) -> Iterator[None]:
+        with self._ended:
+            self._running.add(cancel)
+        try:
+            yield
+        finally:
+            with self._ended:
+                self._running.discard(cancel)
+                self._ended.notify_all()
 
     def _nothing(self, job: _Job, code: ResultCode, message: str) -> tuple[Path, PlanReport]:
         planner = self._maps.planner
@@ -145,10 +164,13 @@ class Answering:
         ends = self._reader.ends(job.question, planner.grid_map)
         paths = self._paths(job, ends, planner.grid_map)
         plan, how = self._searched(job, ends, planner, paths)
-        if plan is None or job.cancel.reason:
-            reason = job.cancel.reason or "another caller's search took the time there was"
-            raise RefusalError(ResultCode.TIMEOUT, f'canceled: {reason}')
+        if plan is None:
+            message = "out of time waiting for another caller's search of the same"
+            raise RefusalError(ResultCode.TIMEOUT, job.cancel.message or message)
         path = paths.final(plan)
+        # Only now: what was given up must not be published after what came instead.
+        if job.cancel.message:
+            raise RefusalError(ResultCode.TIMEOUT, job.cancel.message)
         if plan.code is ResultCode.NONE:
             self._publish(job, plan, path, paths)
             self._keep(job, plan, planner)
@@ -181,9 +203,10 @@ class Answering:
         spent = time.monotonic() - job.begin + min(FINISH_SECONDS, FINISH_SHARE * limit)
 
         def publish_better(better: Improvement) -> None:
+            path = paths.message(better.path)
             if not job.cancel.reason:
-                job.published = paths.message(better.path)
-                self._announcer.publish(job.published)
+                job.published = path
+                self._announcer.publish(path)
                 job.on_better()
 
         return self._recall.plan(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from collections import OrderedDict
@@ -14,7 +13,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.grid_map import Pose2D
 from llm_astar_msgs_adapter.path import pose_to_message
-from llm_astar_msgs_adapter.report import PlanReport, report_from_message
+from llm_astar_msgs_adapter.report import PlanReport, report_from_message, status_values
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from rclpy.client import Client
@@ -141,15 +140,5 @@ class Caller:
     def _on_health(self, message: DiagnosticArray) -> None:
         with self._arrived:
             for status in message.status:
-                self._health[status.name] = {
-                    value.key: _from_json(value.value) for value in status.values
-                }
+                self._health[status.name] = status_values(status)
             self._arrived.notify_all()
-
-
-def _from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value
-    """Read a diagnostic value of ours; other nodes' plain text stays text."""
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text

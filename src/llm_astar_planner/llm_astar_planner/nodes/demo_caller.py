@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import rclpy
-from llm_astar_msgs_adapter.barrier_map import Sample, load_barrier_maps
 from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.occupancy_grid import grid_from_message
 from llm_astar_msgs_adapter.path import path_from_message
@@ -21,7 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 from llm_astar_planner.nodes.caller import DISCOVERY_SECONDS, Caller, CallerError
 from llm_astar_planner.nodes.qos import LATCHED, RELIABLE
 from llm_astar_planner.plot import Picture, save_picture
-from llm_astar_planner.share import find_file
+from llm_astar_planner.search.result import Cell
 
 # The explored cells are drawn only while somebody is known to look: ask until they come.
 ATTEMPTS = 10
@@ -64,14 +63,13 @@ class _Eyes:
         return self.grid_map
 
 
-def call_and_draw(pair: int, picture: Path) -> bool:
-    """Ask for the plan of a pair of the demo map; print and draw it. Tell whether one came."""
-    sample = load_barrier_maps(find_file('demo.json', 'maps'))[0].samples[pair]
+def call_and_draw(ends: tuple[Pose2D, Pose2D], picture: Path) -> bool:
+    """Ask for a plan from start to goal; print and draw it. Tell whether one came."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('demo_caller')
     try:
         with Caller(node) as caller:
-            return _demo(caller, sample, picture)
+            return _demo(caller, *ends, picture)
     except CallerError as error:
         sys.stderr.write(f'llm-astar: error: {error}\n')
         return False
@@ -80,30 +78,29 @@ def call_and_draw(pair: int, picture: Path) -> bool:
         rclpy.try_shutdown()
 
 
-def _demo(caller: Caller, sample: Sample, picture: Path) -> bool:
+def _demo(caller: Caller, start: Pose2D, goal: Pose2D, picture: Path) -> bool:
     eyes = _Eyes(caller)
     grid_map = eyes.wait_for_map()
     caller.wait_until_ready(grid_map.digest, client='llm_client_node')
-    start, goal = (
-        Pose2D(*place) for place in grid_map.grid_to_world([sample.start, sample.goal]).tolist()
-    )
     for _ in range(ATTEMPTS):
         path, report, seconds = caller.call(start, goal)
         stamp = (path.header.stamp.sec, path.header.stamp.nanosec)
         explored = eyes.wait_for_explored(stamp)
         if explored is not None:
             break
-    _print(sample, report, len(path.poses), seconds)
+    _print((start, goal), report, len(path.poses), seconds)
     cells = np.rint(grid_map.world_to_grid(path_from_message(path))).astype(np.int32)
     blank = np.zeros(grid_map.cells.shape, dtype=np.bool_)
     expanded = blank if explored is None else expanded_from_message(explored, grid_map)
-    save_picture(_picture(grid_map, sample, cells, expanded, report), picture)
+    ends = (grid_map.world_to_cell(start.x, start.y), grid_map.world_to_cell(goal.x, goal.y))
+    save_picture(_picture(grid_map, ends, cells, expanded, report), picture)
     print(f'picture    {picture}')
     return report.code == 0
 
 
-def _print(sample: Sample, report: PlanReport, poses: int, seconds: float) -> None:
-    print(f'asked      planner_node/get_plan from {sample.start} to {sample.goal}')
+def _print(ends: tuple[Pose2D, Pose2D], report: PlanReport, poses: int, seconds: float) -> None:
+    start, goal = (f'({place.x:g}, {place.y:g})' for place in ends)
+    print(f'asked      planner_node/get_plan from {start} to {goal}')
     print(f'answer     {report.summary}')
     print(f'guided by  {report.guided_by} (source {report.source}, {report.source_status})')
     for number, (x, y, verdict) in enumerate(report.waypoints, start=1):
@@ -119,7 +116,7 @@ def _print(sample: Sample, report: PlanReport, poses: int, seconds: float) -> No
 
 def _picture(
     grid_map: GridMap,
-    sample: Sample,
+    ends: tuple[Cell, Cell],
     cells: NDArray[np.int32],
     expanded: NDArray[np.bool_],
     report: PlanReport,
@@ -127,4 +124,4 @@ def _picture(
     places = grid_map.world_to_grid([(x, y) for x, y, _ in report.waypoints]).tolist()
     waypoints = [(x, y, verdict) for (x, y), (_, _, verdict) in zip(places, report.waypoints)]
     title = f'{report.method}, guided by {report.guided_by}: {report.operation} expansions'
-    return Picture(grid_map, sample.start, sample.goal, cells, expanded, waypoints, title)
+    return Picture(grid_map, *ends, cells, expanded, waypoints, title)

@@ -92,6 +92,7 @@ class TransformListener:
             namespace=parent.get_namespace(),
             context=parent.context,
             cli_args=['--ros-args', *remaps],
+            parameter_overrides=[parent.get_parameter('use_sim_time')],
             start_parameter_services=False,
             enable_rosout=False,
             use_global_arguments=False,

@@ -11,18 +11,20 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.barrier_map import BarrierMapError, load_barrier_maps
 from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError
-from llm_astar_msgs_adapter.occupancy_grid import grid_from_message
 from llm_astar_msgs_adapter.path import path_to_message, pose_from_message
 from llm_astar_msgs_adapter.report import ExchangeReport, report_to_message, status_to_message
-from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetPlan
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
+from llm_astar_planner.asking import ask
+from llm_astar_planner.nodes.entities import Entities
+from llm_astar_planner.nodes.map_listener import MapListener
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
-from llm_astar_planner.nodes.qos import LATCHED, RELIABLE, REPORTS
+from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.run import run
+from llm_astar_planner.prompts.instruction import clean_instruction
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.share import find_file
 from llm_astar_planner.waypoint_source.base import (
@@ -40,6 +42,7 @@ from llm_astar_planner.waypoint_source.factory import (
     make_source,
 )
 from llm_astar_planner.waypoint_source.sample_key import live_key
+from llm_astar_planner.waypoint_source.settings import MAX_CANDIDATES
 
 THREADS = 16
 # What an exchange message carries of a reply; the transcript holds it whole.
@@ -47,7 +50,19 @@ MAX_TEXT = 16000
 
 DEFAULTS = SourceSettings()
 PARAMETERS = (
-    Parameter('source', DEFAULTS.source, 'Where waypoints come from', choices=tuple(SOURCES)),
+    Parameter(
+        'source',
+        'embedded',
+        'Where waypoints come from; embedded: a learned waypoint model, not an LLM',
+        choices=tuple(SOURCES),
+    ),
+    Parameter(
+        'candidates',
+        DEFAULTS.candidates,
+        'Routes embedded draws and takes the best of; 1: greedy',
+        minimum=1,
+        maximum=MAX_CANDIDATES,
+    ),
     Parameter('base_url', DEFAULTS.base_url, 'The endpoint, without /chat/completions'),
     Parameter('api_key_env', '', 'The NAME of the environment variable with its key'),
     Parameter('model', '', 'The model asked, or whose exchanges are replayed'),
@@ -99,6 +114,7 @@ PARAMETERS = (
     Parameter('cache_size', DEFAULTS.cache_size, 'Answers kept', minimum=1, maximum=1000000),
     Parameter('record', '', 'A transcript to add each exchange to'),
     Parameter('transcript', '', 'What replay answers from: a path, or a name in maps/'),
+    Parameter('instruction', '', 'The wish asked with; planner_node sets its own before it asks'),
     Parameter('dataset', '', 'Barrier maps whose ids key transcripts: a path, or a name in maps/'),
 )
 
@@ -111,19 +127,14 @@ class LlmClientNode(Node):
         super().__init__('llm_client_node', **node_options)
         self._grid_map: GridMap | None = None
         self._last: ExchangeReport | None = None
+        self._chosen: dict[str, Any] = {}
         self._settings = Parameters(self, PARAMETERS, self._problem)
         self._adopt()
         self.add_post_set_parameters_callback(lambda _: self._adopt())
         self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', REPORTS)
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
         together = ReentrantCallbackGroup()
-        self.create_subscription(
-            OccupancyGrid,
-            'map',
-            self._on_map,
-            LATCHED,
-            callback_group=MutuallyExclusiveCallbackGroup(),
-        )
+        MapListener(Entities(self), self._on_map)
         self.create_service(
             GetPlan, '~/get_waypoints', self._on_get_waypoints, callback_group=together
         )
@@ -132,21 +143,22 @@ class LlmClientNode(Node):
 
     def _problem(self, values: dict[str, Any]) -> str:
         """Say why no source can be made of parameters, or keep the one made to be adopted."""
+        chosen = {name: value for name, value in values.items() if name != 'instruction'}
         try:
-            self._candidate = _make_source(values)
+            clean_instruction(values['instruction'])
+            # A wish is no reason for a new source: the old one has its cache.
+            if chosen != self._chosen:
+                self._candidate = _make_source(values)
         except (BarrierMapError, OSError, ValueError) as error:
             return str(error)
+        self._chosen = chosen
         return ''
 
     def _adopt(self) -> None:
         self._source = self._candidate
 
-    def _on_map(self, message: OccupancyGrid) -> None:
-        try:
-            self._grid_map = grid_from_message(message)
-        except GridMapError as error:
-            self.get_logger().error(f'map refused, the last one stays: {error}')
-            return
+    def _on_map(self, grid_map: GridMap) -> None:
+        self._grid_map = grid_map
         self._publish_health()
 
     def _on_get_waypoints(
@@ -155,9 +167,10 @@ class LlmClientNode(Node):
         """Ask the source; publish the exchange, then answer under the same stamp."""
         stamp = self.get_clock().now().to_msg()
         grid_map = self._grid_map
-        query = self._query(request, grid_map)
+        wish = clean_instruction(self._settings['instruction'])
+        query = self._query(request, grid_map, wish)
         reply = _refusal(query) if isinstance(query, str) else self._ask(query)
-        self._last = _exchange_report(reply, query)
+        self._last = _exchange_report(reply, query, wish)
         self._exchange_publisher.publish(report_to_message(self._last, self.get_name(), stamp))
         self.get_logger().info(self._last.summary)
         if grid_map is not None:
@@ -166,7 +179,9 @@ class LlmClientNode(Node):
         response.plan.header.stamp = stamp
         return response
 
-    def _query(self, request: GetPlan.Request, grid_map: GridMap | None) -> WaypointQuery | str:
+    def _query(
+        self, request: GetPlan.Request, grid_map: GridMap | None, wish: str
+    ) -> WaypointQuery | str:
         """Read a request; a string says why it is none.
 
         GetPlan has no field for the time a caller waits: here `tolerance` holds it, in seconds.
@@ -181,15 +196,10 @@ class LlmClientNode(Node):
         limit = self._settings['timeout_s']
         if request.tolerance > 0.0:
             limit = min(limit, request.tolerance)
-        return WaypointQuery(grid_map, start, goal, limit)
+        return WaypointQuery(grid_map, start, goal, limit, instruction=wish)
 
     def _ask(self, query: WaypointQuery) -> WaypointReply:
-        source: WaypointSource = self._source
-        try:
-            reply = source.waypoints(query)
-        except Exception as error:  # noqa: BLE001 - the planner must get an answer
-            self.get_logger().error(f'{type(error).__name__} in source {source.name}')
-            return _refusal(f'{type(error).__name__} in source {source.name}')
+        reply, _ = ask(self._source, query)
         finite = tuple(point for point in reply.waypoints if all(map(math.isfinite, point)))
         return replace(reply, waypoints=finite)
 
@@ -202,6 +212,8 @@ class LlmClientNode(Node):
             'map_digest': self._grid_map.digest if self._grid_map else None,
             'last_status': self._last.status if self._last else None,
             'last_detail': self._last.detail if self._last else None,
+            'instruction': self._settings['instruction'],
+            **(client.budget.values() if client else {}),
         }
         failed = self._last is not None and self._last.level != DiagnosticStatus.OK
         level = DiagnosticStatus.WARN if failed else DiagnosticStatus.OK
@@ -223,7 +235,9 @@ def _refusal(detail: str) -> WaypointReply:
     return WaypointReply(status=SourceStatus.ERROR, detail=detail)
 
 
-def _exchange_report(reply: WaypointReply, query: WaypointQuery | str) -> ExchangeReport:
+def _exchange_report(
+    reply: WaypointReply, query: WaypointQuery | str, wish: str
+) -> ExchangeReport:
     key = SampleKey('', '') if isinstance(query, str) else live_key(query)
     return ExchangeReport(
         label=reply.label,
@@ -240,6 +254,8 @@ def _exchange_report(reply: WaypointReply, query: WaypointQuery | str) -> Exchan
         waypoints=reply.waypoints,
         map_digest=str(key.map),
         pair=str(key.pair),
+        instruction=wish,
+        instruction_outcome=reply.instruction,
     )
 
 

@@ -1,28 +1,17 @@
-"""Keeps the map: takes what comes on `map` and `map_updates`, and makes planners of it."""
+"""Keeps the map, and makes planners of it."""
 
 from __future__ import annotations
 
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
 
-from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError
-from llm_astar_msgs_adapter.map_update import updated
-from llm_astar_msgs_adapter.occupancy_grid import grid_from_message
-from nav_msgs.msg import OccupancyGrid
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from llm_astar_msgs_adapter.grid_map import GridMap
+from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from llm_astar_planner.nodes.entities import Entities
-from llm_astar_planner.nodes.qos import LATCHED, UPDATES
 from llm_astar_planner.plan import GridRules
 from llm_astar_planner.planner import Planner
 from llm_astar_planner.search.landmarks import LandmarkKeeper
-
-try:
-    from map_msgs.msg import OccupancyGridUpdate
-except ImportError:
-    OccupancyGridUpdate = None
 
 # What a change of parameters waits for its planner, in seconds; a 4000 x 4000 map takes a few.
 LONGEST_PREPARATION = 120.0
@@ -37,14 +26,14 @@ class MapKeeper:
 
     def __init__(
         self,
-        entities: Entities,
+        logger: RcutilsLogger,
         rules: Callable[[], GridRules],
         on_planner: Callable[[Planner], None],
     ) -> None:
         """Keep no map yet; `on_planner` gets each new planner, on the preparing thread."""
         self.planner: Planner | None = None
         self._planner_arrived = 0.0
-        self._logger = entities.node.get_logger()
+        self._logger = logger
         self._rules = rules
         self._on_planner = on_planner
         self._landmarks = LandmarkKeeper()
@@ -55,17 +44,6 @@ class MapKeeper:
         self._closing = False
         self._thread = threading.Thread(target=self._work, name='maps', daemon=True)
         self._thread.start()
-        entities.on_close(self._close)
-
-    def listen(self, entities: Entities) -> None:
-        """Take maps from now on."""
-        # Updates build on each other and on their map, so all are taken in turn.
-        group = MutuallyExclusiveCallbackGroup()
-        entities.subscription(OccupancyGrid, 'map', self._on_map, LATCHED, group)
-        if OccupancyGridUpdate is not None:
-            entities.subscription(
-                OccupancyGridUpdate, 'map_updates', self._on_update, UPDATES, group
-            )
 
     @property
     def name(self) -> str:
@@ -94,35 +72,16 @@ class MapKeeper:
                 lambda: self._closing or self._made >= number, LONGEST_PREPARATION
             )
 
-    def _close(self) -> None:
+    def close(self) -> None:
+        """End, the measuring of landmarks included."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
         self._thread.join()
         self._landmarks.close()
 
-    def _on_map(self, message: OccupancyGrid) -> None:
-        """Take a map, if it is one; the last good one stays otherwise."""
-        try:
-            grid_map = grid_from_message(message)
-        except GridMapError as error:
-            self._logger.error(f'map refused, {self.name} stays: {error}')
-            return
-        self._take(grid_map)
-
-    def _on_update(self, message: Any) -> None:  # noqa: ANN401 - map_msgs may not be there
-        """Take a part of the map; one that does not fit is left out."""
-        if self._grid_map is None:
-            self._logger.error('map update refused: it came before its map')
-            return
-        try:
-            grid_map = updated(self._grid_map, message)
-        except GridMapError as error:
-            self._logger.error(f'map update refused, {self.name} stays: {error}')
-            return
-        self._take(grid_map)
-
-    def _take(self, grid_map: GridMap) -> None:
+    def take(self, grid_map: GridMap) -> None:
+        """Plan on this map as soon as it is ready."""
         with self._changed:
             self._grid_map, self._arrived = grid_map, time.monotonic()
             self._want()
@@ -141,8 +100,7 @@ class MapKeeper:
                 number, grid_map, arrived = self._wanted, self._grid_map, self._arrived
             planner = self._prepared(grid_map)
             with self._changed:
-                if planner is not None:
-                    self.planner, self._planner_arrived = planner, arrived
+                self.planner, self._planner_arrived = planner or self.planner, arrived
                 self._made = number
                 self._changed.notify_all()
             if planner is not None:
@@ -151,14 +109,15 @@ class MapKeeper:
     def _prepared(self, grid_map: GridMap | None) -> Planner | None:
         """Return a planner ready to plan, None where the one there is serves already."""
         rules, current = self._rules(), self.planner
-        is_current = current and current.grid_map is grid_map and current.rules == rules
-        if grid_map is None or is_current:
+        if grid_map is None or (current and _is_made_of(current, grid_map, rules)):
             return None
         try:
-            planner = Planner(grid_map, rules, keeper=self._landmarks).prepare(wait=False)
-            _ = grid_map.digest
+            return Planner(grid_map, rules, keeper=self._landmarks).prepare(wait=False)
         except Exception as error:  # noqa: BLE001 - no map may end the keeping of maps
             problem = f'{type(error).__name__}: {error}'
             self._logger.error(f'map refused, {self.name} stays: {problem}')
             return None
-        return planner
+
+
+def _is_made_of(planner: Planner, grid_map: GridMap, rules: GridRules) -> bool:
+    return planner.rules == rules and planner.grid_map.digest == grid_map.digest

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from llm_astar_planner.nodes.instruction import instruction_problem
 from llm_astar_planner.nodes.introspection import INTROSPECTION_MODE
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
-from llm_astar_planner.plan import GridRules
+from llm_astar_planner.plan import MAX_RADIUS, GridRules
 from llm_astar_planner.search.methods import GUIDED, HEURISTICS, METHODS
 
 SEARCH = (
@@ -54,14 +55,14 @@ GROUND = (
         0.0,
         'Metres kept free around the path; 0 on a costmap, which has it in it',
         minimum=0.0,
-        maximum=100.0,
+        maximum=MAX_RADIUS,
     ),
     Parameter(
         'inflation_radius',
         0.0,
         'Metres from an obstacle up to which cells cost more; 0 on a costmap',
         minimum=0.0,
-        maximum=100.0,
+        maximum=MAX_RADIUS,
     ),
     Parameter(
         'cost_scaling_factor',
@@ -118,7 +119,7 @@ def problem(values: dict[str, Any]) -> str:
     bound = values['max_suboptimality']
     if 0.0 < bound < 1.0:
         return f'max_suboptimality: {bound} is neither 0 (first path) nor 1 or more'
-    return ''
+    return instruction_problem(values['instruction'])
 
 
 def grid_rules(settings: Parameters) -> GridRules:

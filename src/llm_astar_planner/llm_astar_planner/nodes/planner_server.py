@@ -6,8 +6,9 @@ from typing import Any
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from nav_msgs.srv import GetPlan
-from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.node import Node
+from std_msgs.msg import String
 
 from llm_astar_planner.nodes.announcer import Announcer
 from llm_astar_planner.nodes.answering import Answering
@@ -15,8 +16,10 @@ from llm_astar_planner.nodes.cancelling import Newest
 from llm_astar_planner.nodes.entities import Entities
 from llm_astar_planner.nodes.frames import HAS_TF2, Frames, TransformListener
 from llm_astar_planner.nodes.health import Health
+from llm_astar_planner.nodes.instruction import take_instruction
 from llm_astar_planner.nodes.introspection import introspect
 from llm_astar_planner.nodes.map_keeper import MapKeeper
+from llm_astar_planner.nodes.map_listener import MapListener
 from llm_astar_planner.nodes.nav2_actions import PathCheck, serve_nav2
 from llm_astar_planner.nodes.parameters import Parameters
 from llm_astar_planner.nodes.planner_parameters import grid_rules
@@ -49,7 +52,7 @@ class PlannerServer:
         self._recall = Recall(settings['remember_plans'])
         self._source = self._make_source()
         frames = self._make_frames()
-        self._maps = MapKeeper(entities, lambda: grid_rules(settings), self._on_planner)
+        self._maps = MapKeeper(node.get_logger(), lambda: grid_rules(settings), self._on_planner)
         reader = Reader(settings, frames, self._source)
         self._answering = Answering(
             node,
@@ -61,11 +64,10 @@ class PlannerServer:
         )
         self._answering.on_outdated = self._look_again
         self._revalidation = Revalidation(node, settings, self._answering)
-        entities.on_close(self._revalidation.close)
         self._health = Health(entities, self._state)
         # Last of all: whoever spins the node may call back at once.
         self._listen(PathCheck(frames, lambda: str(settings['robot_base_frame'])))
-        self._maps.listen(entities)
+        MapListener(entities, self._maps.take)
 
     @property
     def is_active(self) -> bool:
@@ -77,11 +79,13 @@ class PlannerServer:
         """Begin to answer; or end, and give up what is being planned."""
         self._answering.is_active = value
         if not value:
-            self._answering.cancel_all('the node was deactivated')
+            self._answering.give_up('the node was deactivated')
 
     def close(self) -> None:
         """Give up what is being planned, and leave the graph."""
         self.is_active = False
+        self._maps.close()
+        self._revalidation.close()
         self._entities.close()
 
     def _make_source(self) -> RemoteSource | None:
@@ -108,6 +112,13 @@ class PlannerServer:
             PoseWithCovarianceStamped, 'initialpose', self._on_initial_pose, RELIABLE, group
         )
         self._entities.subscription(PoseStamped, 'goal_pose', self._on_goal_pose, RELIABLE, group)
+        self._entities.subscription(
+            String,
+            '~/instruction',
+            lambda message: take_instruction(self._node, message),
+            RELIABLE,
+            MutuallyExclusiveCallbackGroup(),
+        )
         self._node.add_post_set_parameters_callback(self._on_parameters)
         self._entities.on_close(
             lambda: self._node.remove_post_set_parameters_callback(self._on_parameters)
@@ -161,6 +172,7 @@ class PlannerServer:
             'llm_client_ready': self._source is not None and self._source.ready,
             'landmark_bytes': self._maps.landmark_bytes,
             'last_path': self._revalidation.last,
+            'instruction': self._settings['instruction'],
             **self._answering.tally.values(),
         }
         is_well = planner is not None and self.is_active

@@ -6,6 +6,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import replace
 
 import rclpy
 from builtin_interfaces.msg import Time
@@ -19,6 +20,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_parameter_events
 
 from llm_astar_planner.nodes.qos import REPORTS
+from llm_astar_planner.nodes.remote_wish import WISH, RemoteWish
 from llm_astar_planner.nodes.run import SpinThread
 from llm_astar_planner.targets import snap
 from llm_astar_planner.waypoint_source.base import (
@@ -41,6 +43,9 @@ MAX_PENDING = 32
 
 class RemoteSource:
     """Asks `<client>/get_waypoints` and reads `<client>/exchange` for what lies behind the answer.
+
+    A wish goes ahead of the question, to the client's parameter `instruction`; it counts as
+    followed where the exchange says that the answer is to this very wish.
 
     It has a node and a thread of its own, so that a planner whose callbacks all wait for
     waypoints still receives them.
@@ -72,6 +77,7 @@ class RemoteSource:
         self._free = threading.BoundedSemaphore(MAX_PENDING)
         self._node.create_subscription(DiagnosticArray, exchange, self._on_exchange, REPORTS)
         self._full_name = parent.resolve_service_name(client)
+        self._wish = RemoteWish(self._node, self._full_name)
         self._on_change = on_change
         self._node.create_subscription(
             ParameterEvent, '/parameter_events', self._on_parameters, qos_profile_parameter_events
@@ -91,23 +97,36 @@ class RemoteSource:
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Ask the client; every failure is a status, within the query's time limit."""
+        deadline = time.monotonic() + query.time_limit
+        for is_last in (False, True):
+            problem = self._wish.put(query.instruction, deadline)
+            asked = replace(query, time_limit=max(0.0, deadline - time.monotonic()))
+            reply, exchange = self._answer(asked)
+            # A client that was started anew, or told by others, is told and asked once more.
+            if is_last or problem or self._wish.is_answered(query.instruction, exchange):
+                break
+        return replace(reply, instruction=_outcome(query, reply, exchange, problem))
+
+    def _answer(self, query: WaypointQuery) -> tuple[WaypointReply, ExchangeReport | None]:
+        """Ask once; return the reply and the exchange behind it, if there is one."""
         begin = time.monotonic()
         if not self._free.acquire(blocking=False):
             detail = f'{MAX_PENDING} questions to {self._client_name} are under way'
-            return self._failure(SourceStatus.REFUSED, detail, begin)
+            return self._failure(SourceStatus.REFUSED, detail, begin), None
         try:
             response, status, detail = self._call(query, begin + query.time_limit)
         finally:
             self._free.release()
         if response is None:
-            return self._failure(status, detail, begin)
+            return self._failure(status, detail, begin), None
         path = response.plan
+        exchange = self._exchange(path.header.stamp)
         if path.poses and path.header.frame_id != query.grid_map.frame_id:
             detail = f'{self._client_name} answered in frame {path.header.frame_id!r}'
-            return self._failure(SourceStatus.MALFORMED, detail, begin)
+            return self._failure(SourceStatus.MALFORMED, detail, begin), exchange
         places = query.grid_map.world_to_grid(path_from_message(path)).tolist()
         waypoints = tuple((snap(x), snap(y)) for x, y in places)
-        return self._reply(waypoints, self._exchange(path.header.stamp), begin)
+        return self._reply(waypoints, exchange, begin), exchange
 
     def _call(
         self, query: WaypointQuery, deadline: float
@@ -150,7 +169,9 @@ class RemoteSource:
             self._arrived.notify_all()
 
     def _on_parameters(self, event: ParameterEvent) -> None:
-        if event.node == self._full_name:
+        changed = (*event.new_parameters, *event.changed_parameters)
+        # A wish is part of the question, and is set from here.
+        if event.node == self._full_name and {one.name for one in changed} != {WISH}:
             self._on_change()
 
     def _reply(
@@ -185,6 +206,20 @@ def _request(query: WaypointQuery) -> GetPlan.Request:
     # The client reads the time it has from `tolerance`; a part of it is for the way.
     wait = max(0.01, query.time_limit - TRANSPORT_SECONDS)
     return GetPlan.Request(start=poses[0], goal=poses[1], tolerance=min(wait, MAX_SECONDS))
+
+
+def _outcome(
+    query: WaypointQuery, reply: WaypointReply, exchange: ExchangeReport | None, problem: str
+) -> str:
+    """Say what became of the wish, '' where none was made or where the reply's failure says it."""
+    if not query.instruction:
+        return ''
+    if exchange is None:
+        is_lost = reply.status in (SourceStatus.OK, SourceStatus.NO_WAYPOINTS)
+        return problem or ('the client does not say what it answered' if is_lost else '')
+    if exchange.instruction != query.instruction:
+        return problem or 'the client answered another wish'
+    return str(exchange.instruction_outcome)
 
 
 def _status(name: str) -> SourceStatus:

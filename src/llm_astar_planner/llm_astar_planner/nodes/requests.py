@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from geometry_msgs.msg import PoseStamped
@@ -92,10 +91,7 @@ class Reader:
         self, question: Question, ends: Ends, grid_map: GridMap, *, want_expanded: bool
     ) -> PlanRequest:
         """Return the request for the core. Raises RefusalError."""
-        settings = self._settings
-        if not math.isfinite(question.tolerance):
-            message = f'tolerance: {question.tolerance} is not finite'
-            raise RefusalError(ResultCode.UNKNOWN, message)
+        settings, own = self._settings, question.tolerance
         *via, goal = (grid_map.world_to_cell(place.x, place.y) for place in ends.goals)
         return PlanRequest(
             start=grid_map.world_to_cell(ends.start.x, ends.start.y),
@@ -111,7 +107,8 @@ class Reader:
             search_while_waiting=settings['search_while_waiting'],
             any_angle=settings['any_angle'],
             want_expanded=want_expanded,
-            tolerance=question.tolerance if question.tolerance > 0.0 else settings['tolerance'],
+            # What is no number is the core's to refuse.
+            tolerance=settings['tolerance'] if own <= 0.0 else own,
             start_tolerance=settings['start_tolerance'],
             instruction=settings['instruction'],
         )

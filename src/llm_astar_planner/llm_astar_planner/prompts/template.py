@@ -38,11 +38,11 @@ class Template:
         """Whether the template asks for thoughts before the path."""
         return 'thought' in self.text.lower()
 
-    def render(self, description: Description) -> tuple[Message, ...]:
-        """Return the messages that ask about a described map."""
+    def render(self, description: Description, addition: str = '') -> tuple[Message, ...]:
+        """Return the messages that ask about a described map, with an addition put after it."""
         values = description.values()
-        text = _PLACEHOLDER.sub(lambda match: values[match.group(1)], self.text)
-        return (Message('user', text.strip()),)
+        text = _PLACEHOLDER.sub(lambda match: values[match.group(1)], self.text).strip()
+        return (Message('user', f'{text}\n\n{addition}' if addition else text),)
 
 
 def template_path(name: str) -> Path:

@@ -31,6 +31,7 @@ class _Key(NamedTuple):
     sample: SampleKey | None
     model: str
     prompt: str
+    instruction: str
 
 
 class _Pending:
@@ -45,8 +46,8 @@ class CachedSource:
     """Answers from memory where it can; asks `inner` once where several ask the same.
 
     The question goes on in the background when a caller's time is up, as long as `inner` lets it,
-    and its late answer lands in the cache. Keyed by map digest, start, goal, model and prompt;
-    the least recently used of more than `size` answers is dropped. Thread-safe.
+    and its late answer lands in the cache. Keyed by map digest, start, goal, model, prompt and
+    wish; the least recently used of more than `size` answers is dropped. Thread-safe.
     """
 
     def __init__(
@@ -116,8 +117,15 @@ class CachedSource:
             pending.done.set()
 
     def _key(self, query: WaypointQuery) -> _Key:
-        digest = query.grid_map.digest
-        return _Key(digest, query.start, query.goal, query.sample, self._model, self._prompt)
+        return _Key(
+            query.grid_map.digest,
+            query.start,
+            query.goal,
+            query.sample,
+            self._model,
+            self._prompt,
+            query.instruction,
+        )
 
     def _failure(self, status: SourceStatus, detail: str, started: float) -> WaypointReply:
         return WaypointReply(

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
 
 from llm_astar_planner.prompts.describe import Description, describe, describe_coarser
+from llm_astar_planner.prompts.instruction import wish_section
 from llm_astar_planner.prompts.lattice import Lattice
 from llm_astar_planner.prompts.message import Message
 from llm_astar_planner.prompts.structured import ask_for_json, path_schema
@@ -32,6 +33,7 @@ from llm_astar_planner.waypoint_source.repair import (
     follow_up,
 )
 from llm_astar_planner.waypoint_source.sample_key import SampleResolver
+from llm_astar_planner.waypoint_source.wish import FOLLOWED
 
 # How much of an answer is shown to the model again when it is asked to repair it.
 MAX_QUOTED_CHARS = 4000
@@ -128,7 +130,9 @@ class EndpointSource:
 
     def _put(self, talk: _Talk, description: Description) -> None:
         talk.lattice = description.lattice
-        messages = self.template.render(description)
+        wish = talk.query.instruction
+        section = wish_section(wish, talk.query.grid_map, talk.lattice) if wish else ''
+        messages = self.template.render(description, section)
         if self.client.dialect.response_format != 'text':
             messages = ask_for_json(messages, thinks=self.template.thinks)
         talk.messages = messages
@@ -194,7 +198,17 @@ class EndpointSource:
             seconds=time.monotonic() - talk.started,
             messages=talk.messages,
             unit=talk.lattice.unit,
+            instruction=_outcome(talk.query, answer),
         )
+
+
+def _outcome(query: WaypointQuery, answer: Answer) -> str:
+    """Say what became of the wish, '' where it is for others to say."""
+    if not query.instruction:
+        return ''
+    if answer.status is SourceStatus.NO_WAYPOINTS:
+        return 'the model gave no waypoints'
+    return FOLLOWED if answer.status is SourceStatus.OK else ''
 
 
 def _answer(completion: Completion) -> Answer:

@@ -18,6 +18,8 @@ from llm_astar_planner.waypoint_source.cache import CachedSource
 from llm_astar_planner.waypoint_source.chat_client import ChatClient
 from llm_astar_planner.waypoint_source.credentials import Endpoint
 from llm_astar_planner.waypoint_source.dialect import Dialect
+from llm_astar_planner.waypoint_source.embedded import EmbeddedSource
+from llm_astar_planner.waypoint_source.embedded_network import packaged_weights
 from llm_astar_planner.waypoint_source.endpoint import EndpointSource
 from llm_astar_planner.waypoint_source.failure import EndpointFailure
 from llm_astar_planner.waypoint_source.limits import CallBudget
@@ -123,6 +125,13 @@ def _replay(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
     return ReplaySource(settings.transcript, settings.model, settings.prompt, dataset)
 
 
+def _embedded(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    del dataset
+    # A file of weights that is broken is told when the source is made, not when it is asked.
+    packaged_weights()
+    return EmbeddedSource(settings.candidates)
+
+
 def _none(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
     del settings, dataset
     return NoSource()
@@ -143,6 +152,7 @@ def _recorded(
 
 SOURCES: dict[str, Callable[[SourceSettings, Dataset], WaypointSource]] = {
     'none': _none,
+    'embedded': _embedded,
     'replay': _replay,
     'endpoint': _endpoint,
     **dict.fromkeys(ablation_sources(), _ablation),

@@ -37,14 +37,11 @@ class CallBudget:
         """Count one request and return '', or return a sentence on why it may not be made."""
         with self._lock:
             now = self._clock()
-            while self._calls and now - self._calls[0] >= HOUR_S:
-                self._calls.popleft()
-            while self._tokens and now - self._tokens[0][0] >= DAY_S:
-                self._tokens.popleft()
+            self._forget_old(now)
             if 0 < self._max_calls <= len(self._calls):
                 wait = HOUR_S - (now - self._calls[0])
                 return f'max_calls_per_hour: {self._max_calls} are made; next in {wait:.0f} s'
-            if 0 < self._max_tokens <= sum(tokens for _, tokens in self._tokens):
+            if 0 < self._max_tokens <= self._used:
                 wait = DAY_S - (now - self._tokens[0][0])
                 return f'max_tokens_per_day: {self._max_tokens} are used; next in {wait:.0f} s'
             if self._max_calls:
@@ -58,3 +55,26 @@ class CallBudget:
             self.total_tokens += tokens
             if self._max_tokens:
                 self._tokens.append((self._clock(), tokens))
+
+    def values(self) -> dict[str, int | None]:
+        """Return what was spent since the start, and what is left now; None: no limit."""
+        with self._lock:
+            self._forget_old(self._clock())
+            calls_left = max(0, self._max_calls - len(self._calls))
+            tokens_left = max(0, self._max_tokens - self._used)
+            return {
+                'calls_made': self.total_calls,
+                'calls_left': calls_left if self._max_calls else None,
+                'tokens_used': self.total_tokens,
+                'tokens_left': tokens_left if self._max_tokens else None,
+            }
+
+    @property
+    def _used(self) -> int:
+        return sum(tokens for _, tokens in self._tokens)
+
+    def _forget_old(self, now: float) -> None:
+        while self._calls and now - self._calls[0] >= HOUR_S:
+            self._calls.popleft()
+        while self._tokens and now - self._tokens[0][0] >= DAY_S:
+            self._tokens.popleft()

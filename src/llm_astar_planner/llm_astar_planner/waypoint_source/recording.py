@@ -65,4 +65,5 @@ class RecordingSource:
             seconds=reply.seconds,
             status=reply.status,
             unit=reply.unit,
+            instruction=query.instruction,
         )

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from llm_astar_msgs_adapter.barrier_map import BarrierMap
 
 from llm_astar_planner.prompts.lattice import Lattice
-from llm_astar_planner.waypoint_source.answer import read_answer
+from llm_astar_planner.waypoint_source.answer import Answer, read_answer
 from llm_astar_planner.waypoint_source.base import (
     SampleKey,
     SourceStatus,
@@ -18,6 +18,9 @@ from llm_astar_planner.waypoint_source.base import (
 )
 from llm_astar_planner.waypoint_source.sample_key import SampleResolver, live_key
 from llm_astar_planner.waypoint_source.transcript import Exchange, read_transcript
+from llm_astar_planner.waypoint_source.wish import FOLLOWED
+
+NOT_RECORDED = 'replay: the recording was made without this instruction'
 
 
 class ReplayError(ValueError):
@@ -28,12 +31,14 @@ class _Key(NamedTuple):
     sample: SampleKey
     model: str
     prompt: str
+    instruction: str = ''
 
 
 class ReplaySource:
-    """Waypoints from a transcript, looked up by (map, pair, scale, model, prompt).
+    """Waypoints from a transcript, looked up by (map, pair, scale, model, prompt) and the wish.
 
-    Of several exchanges with one key, the last that was answered counts.
+    Of several exchanges with one key, the last that was answered counts. Where a wish was not
+    recorded, the answer without it is taken.
     """
 
     name = 'replay'
@@ -57,21 +62,15 @@ class ReplaySource:
         self._resolver = SampleResolver(dataset)
         self._exchanges: dict[_Key, Exchange] = {}
         for exchange in exchanges:
-            key = _Key(exchange.sample, exchange.model, exchange.prompt)
+            key = _Key(exchange.sample, exchange.model, exchange.prompt, exchange.instruction)
             if exchange.response or key not in self._exchanges:
                 self._exchanges[key] = exchange
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the recorded answer in grid coordinates; MISSING where there is none."""
-        sample, lattice = self._resolver.resolve(query)
-        key = _Key(sample, self.model, self.prompt)
-        exchange = self._exchanges.get(key)
+        exchange, lattice = self._find(query)
         if exchange is None:
-            # A dataset's sample may have been asked about live, by its cells.
-            exchange = self._exchanges.get(key._replace(sample=live_key(query)))
-            lattice = Lattice()
-        if exchange is None:
-            return self._missing(key)
+            return self._missing(query)
         answer = read_answer(exchange.response)
         if not exchange.response:
             detail = f'recorded without an answer: {exchange.status.value}'
@@ -92,17 +91,33 @@ class ReplaySource:
             prompt_tokens=exchange.prompt_tokens,
             completion_tokens=exchange.completion_tokens,
             seconds=exchange.seconds,
+            instruction=_outcome(query, exchange, answer),
         )
 
-    def _missing(self, key: _Key) -> WaypointReply:
-        sample = key.sample
+    def _find(self, query: WaypointQuery) -> tuple[Exchange | None, Lattice]:
+        """Return the exchange recorded for a query, and the lattice of its points.
+
+        One with the query's own wish comes before one without any. A dataset's sample may have
+        been asked about live, by its cells.
+        """
+        places = (self._resolver.resolve(query), (live_key(query), Lattice()))
+        for instruction in (query.instruction, ''):
+            for sample, lattice in places:
+                key = _Key(sample, self.model, self.prompt, instruction)
+                if key in self._exchanges:
+                    return self._exchanges[key], lattice
+        return None, Lattice()
+
+    def _missing(self, query: WaypointQuery) -> WaypointReply:
+        sample, _ = self._resolver.resolve(query)
         return WaypointReply(
             label=f'replay:{self.model}',
             status=SourceStatus.MISSING,
             detail=f'{self._path}: no exchange for map {sample.map}, pair {sample.pair}, '
-            f'scale {sample.scale}, model {key.model}, prompt {key.prompt}',
+            f'scale {sample.scale}, model {self.model}, prompt {self.prompt}',
             model=self.model,
             prompt=self.prompt,
+            instruction=NOT_RECORDED if query.instruction else '',
         )
 
     def _choose(self, exchanges: list[Exchange], model: str, prompt: str) -> tuple[str, str]:
@@ -119,3 +134,12 @@ class ReplaySource:
         asked = f'model {model or "(any)"}, prompt {prompt or "(any)"}'
         problem = 'is not recorded' if not fitting else 'fits several recordings'
         raise ReplayError(f'{self._path}: {asked} {problem}; it holds: {listing}')
+
+
+def _outcome(query: WaypointQuery, exchange: Exchange, answer: Answer) -> str:
+    """Say what became of the wish, '' where none was made."""
+    if not query.instruction:
+        return ''
+    if exchange.instruction != query.instruction:
+        return NOT_RECORDED
+    return FOLLOWED if answer.waypoints else 'replay: the recorded answer has no waypoints'

@@ -11,6 +11,7 @@ from llm_astar_planner.waypoint_source.credentials import Endpoint
 from llm_astar_planner.waypoint_source.dialect import RESPONSE_FORMATS
 
 MAX_RETRIES = 10
+MAX_CANDIDATES = 64
 DEFAULT_PROMPT = 'few_shot'
 
 
@@ -29,6 +30,8 @@ class SourceSettings:
       `model` and `prompt` in its transcript, any if they are empty.
     - `prompt`: a shipped template's name or one's own file; '' is `few_shot` to an endpoint.
     - `response_format`: `text`, `json_object` or `json_schema`.
+    - `candidates`: how many routes the `embedded` model draws and the best of which it answers
+      with; 1 is its greedy route, judged by nothing.
     - `timeout_s`: for a whole question, retries and repairs included; an answer that comes later
       is kept for the next time.
     - `max_retries`, `max_concurrent`: of requests to the endpoint.
@@ -46,6 +49,7 @@ class SourceSettings:
     model: str = ''
     prompt: str = ''
     response_format: str = 'text'
+    candidates: int = 8
     temperature: float = 0.0
     max_output_tokens: int = 1000
     max_prompt_tokens: int = 2000
@@ -68,6 +72,7 @@ class SourceSettings:
             ('timeout_s', lambda v: 0 < v <= 3600, 'above 0, to 3600'),
             ('max_retries', lambda v: 0 <= v <= MAX_RETRIES, f'0 to {MAX_RETRIES}'),
             ('max_concurrent', lambda v: 1 <= v <= 64, '1 to 64'),
+            ('candidates', lambda v: 1 <= v <= MAX_CANDIDATES, f'1 to {MAX_CANDIDATES}'),
             ('repair_rounds', lambda v: 0 <= v <= 10, '0 to 10'),
             ('max_calls_per_hour', lambda v: v >= 0, '0 (no limit) or more'),
             ('max_tokens_per_day', lambda v: v >= 0, '0 (no limit) or more'),

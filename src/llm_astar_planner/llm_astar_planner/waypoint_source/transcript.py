@@ -2,7 +2,8 @@
 
 A line holds `map, pair, scale, model, prompt, messages, response, prompt_tokens,
 completion_tokens, seconds, status`. The coordinates are the lattice coordinates of the map;
-where a big map was described on a coarser lattice, `unit` says how many cells one step is.
+where a big map was described on a coarser lattice, `unit` says how many cells one step is, and
+where the question came with a wish in plain language, `instruction` is that wish.
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ class Exchange:
     seconds: float
     status: SourceStatus
     unit: int = 1
+    instruction: str = ''
 
     @property
     def sample(self) -> SampleKey:
@@ -57,6 +59,8 @@ class Exchange:
         record['status'] = self.status.value
         if self.unit != 1:
             record['unit'] = self.unit
+        if self.instruction:
+            record['instruction'] = self.instruction
         return record
 
 
@@ -127,7 +131,9 @@ def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
         known = ', '.join(status.value for status in SourceStatus)
         message = f'{where}: status: {record["status"]!r} is none of {known}'
         raise TranscriptError(message) from None
-    return Exchange(**values, unit=unit)
+    instruction = record.get('instruction', '')
+    _check(instruction, (str,), f'{where}: instruction')
+    return Exchange(**values, unit=unit, instruction=instruction)
 
 
 def _check(value: object, types: tuple[type, ...], name: str) -> None:

@@ -1,0 +1,93 @@
+"""The embedded waypoint model: offline waypoints from a learned network, which is not an LLM.
+
+It is told what a prompt tells an LLM: the map's size, its barriers, start and goal; no line of
+sight. See docs/embedded-model.md for what it was trained on and where it stops being good.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from llm_astar_msgs_adapter.barrier_summary import summarise_barriers
+from llm_astar_msgs_adapter.grid_map import GridMap
+from numpy.typing import NDArray
+
+from llm_astar_planner.sight import walls_of
+from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery, WaypointReply
+from llm_astar_planner.waypoint_source.embedded_features import featurise, place_nodes
+from llm_astar_planner.waypoint_source.embedded_network import hop_logits, packaged_weights
+from llm_astar_planner.waypoint_source.embedded_routes import (
+    Route,
+    best_route,
+    draw_routes,
+    usable_nodes,
+)
+
+# The most barriers it was trained on; a map of more is summarised by so many.
+MAX_BARRIERS = 30
+
+
+@dataclass(frozen=True)
+class EmbeddedSource:
+    """Answers with the network's route: the cells beyond barrier ends that it turns at.
+
+    One of `candidates` is the greedy route alone, which no line of sight is looked at for. Of
+    several, the others are drawn by their probabilities, and the shortest is returned whose legs
+    are lines of sight. The same question has the same answer. Thread-safe; needs no network.
+    """
+
+    candidates: int = 1
+    name: str = 'embedded'
+
+    @property
+    def label(self) -> str:
+        """What answers, in words for reports, with the digest of its weights."""
+        return f'embedded:learned waypoint model {packaged_weights().digest}, not an LLM'
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return free cells to turn at, none where the way is straight."""
+        cells, route = self._route(query)
+        points = tuple((float(x), float(y)) for x, y in cells[list(route[1:-1])])
+        return WaypointReply(
+            points,
+            label=self.label,
+            status=SourceStatus.OK if points else SourceStatus.NO_WAYPOINTS,
+            model=packaged_weights().digest,
+        )
+
+    def _route(self, query: WaypointQuery) -> tuple[NDArray[np.int32], Route]:
+        """Return the cells [N, 2] of the nodes and the route over them."""
+        grid_map = query.grid_map
+        barriers = _barriers_of(grid_map)[None]
+        size = np.array([[grid_map.width, grid_map.height]], np.int32)
+        ends = np.array([[query.start, query.goal]], np.int32)
+        cells = place_nodes(barriers, ends)[0]
+        logits = hop_logits(packaged_weights(), featurise(barriers, size, ends))[0]
+        usable = usable_nodes(cells, _blocked_of(grid_map))
+        routes = draw_routes(logits, usable, self.candidates, _generator(query))
+        if len(routes) == 1:
+            return cells, routes[0]
+        return cells, best_route(routes, cells, walls_of(grid_map))
+
+
+@lru_cache(maxsize=32)
+def _barriers_of(grid_map: GridMap) -> NDArray[np.int32]:
+    """Return a map's barriers [B, 4] as (horizontal, line, first, last), found once a map."""
+    summary = summarise_barriers(grid_map, MAX_BARRIERS)
+    rows = [(1, *barrier) for barrier in summary.horizontal_barriers]
+    rows += [(0, *barrier) for barrier in summary.vertical_barriers]
+    return np.array(rows, np.int32).reshape(-1, 4)
+
+
+@lru_cache(maxsize=32)
+def _blocked_of(grid_map: GridMap) -> NDArray[np.bool_]:
+    return grid_map.blocked()
+
+
+def _generator(query: WaypointQuery) -> np.random.Generator:
+    """Seed by what is asked, so that no answer depends on what was asked before."""
+    key = f'{query.grid_map.digest} {query.start} {query.goal}'
+    return np.random.default_rng(list(hashlib.sha256(key.encode()).digest()))

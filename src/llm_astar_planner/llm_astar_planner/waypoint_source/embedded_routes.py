@@ -1,0 +1,82 @@
+"""From next-hop logits to routes: greedy, or several drawn and the best of them judged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llm_astar_planner.sight import Walls
+from llm_astar_planner.waypoint_source.embedded_features import GOAL, START, Floats
+
+Route = tuple[int, ...]
+# A route that has not come to the goal by then goes straight there.
+MOST_HOPS = 24
+# How often a draw may give a route that is there already.
+DRAWS_A_CANDIDATE = 4
+
+
+def usable_nodes(cells: NDArray[np.int32], blocked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell which nodes [N] a route may visit: free cells [N, 2] on the map, no cell twice.
+
+    `blocked` is bool [height, width]. The goal is always one, whatever lies there.
+    """
+    height, width = blocked.shape
+    x, y = cells.T
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    on_map = np.where(inside[:, None], cells, 0)
+    first = np.zeros(len(cells), dtype=np.bool_)
+    first[np.unique(cells, axis=0, return_index=True)[1]] = True
+    usable: NDArray[np.bool_] = inside & ~blocked[on_map[:, 1], on_map[:, 0]] & first
+    usable[GOAL] = True
+    return usable
+
+
+def draw_routes(
+    logits: Floats, usable: NDArray[np.bool_], count: int, random: np.random.Generator
+) -> list[Route]:
+    """Return up to `count` different routes of nodes, from start to goal: the greedy one first.
+
+    The others follow hops drawn by their probabilities; `logits` is [N, N].
+    """
+    masked = np.where(usable[None, :], logits, -np.inf)
+    routes = [_follow(masked, None)]
+    for _ in range(DRAWS_A_CANDIDATE * (count - 1)):
+        if len(routes) == count:
+            break
+        route = _follow(masked, random)
+        if route not in routes:
+            routes.append(route)
+    return routes
+
+
+def best_route(routes: Iterable[Route], cells: NDArray[np.int32], walls: Walls) -> Route:
+    """Return the shortest route whose every leg is a line of sight.
+
+    Where there is none, the first of those with the fewest legs that are not.
+    """
+
+    def badness(route: Route) -> tuple[int, float]:
+        points = cells[list(route)]
+        hit = int((~walls.clear(points[:-1], points[1:])).sum())
+        return hit, 0.0 if hit else float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+    return min(routes, key=badness)
+
+
+def _follow(masked: Floats, random: np.random.Generator | None) -> Route:
+    """Follow the likeliest hops, or drawn ones, from start to goal; no node is visited twice."""
+    masked = masked.copy()
+    route = [START]
+    while route[-1] != GOAL:
+        masked[:, route[-1]] = -np.inf
+        row = masked[route[-1]]
+        if len(route) > MOST_HOPS:
+            route.append(GOAL)
+        elif random is None:
+            route.append(int(row.argmax()))
+        else:
+            # The largest after Gumbel noise is a draw from the softmax.
+            route.append(int((row + random.gumbel(size=len(row))).argmax()))
+    return tuple(route)

@@ -1,0 +1,173 @@
+"""Many callers for long, while maps change and the waypoint client dies and comes back.
+
+`python -m pytest -m slow test/test_soak.py` runs the long one: 100,000 calls.
+"""
+
+import contextlib
+import itertools
+import random
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+import rclpy
+from graph_tools import calling, process
+from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.grid_map import Pose2D
+from llm_astar_msgs_adapter.occupancy_grid import grid_to_message
+from llm_astar_msgs_adapter.path import path_from_message
+from llm_astar_planner.nodes.qos import LATCHED
+from llm_astar_planner.planner import Planner
+from llm_astar_planner.share import find_file
+from nav_msgs.msg import OccupancyGrid
+from tqdm import tqdm
+
+NAMESPACE = '/soak'
+CALLERS = 4
+# Answers that a caller can tell from the map and the poses alone.
+REFUSALS = {
+    'START_OUTSIDE_MAP', 'GOAL_OUTSIDE_MAP', 'START_OCCUPIED', 'GOAL_OCCUPIED', 'NO_VALID_PATH',
+}  # fmt: skip
+MOST_GROWTH = 64 * 2**20
+SETTINGS = [
+    option
+    for setting in (
+        'tolerance:=0.0',
+        'corner_cutting:=true',
+        'search_while_waiting:=false',
+        'source_timeout:=0.2',
+    )
+    for option in ('-p', setting)
+]
+
+
+@pytest.fixture(autouse=True)
+def _context():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+@dataclass
+class Tally:
+    """What the callers saw; each entry of `wrong` is a sentence."""
+
+    guided: int = 0
+    unguided: int = 0
+    refused: int = 0
+    wrong: list = field(default_factory=list)
+    digests: set = field(default_factory=set)
+
+
+def test_calls_survive_changing_maps_and_a_dying_client():
+    tally = soak(rounds=5, calls_a_round=60)
+    assert tally.wrong == []
+    assert min(tally.guided, tally.unguided, tally.refused) > 0
+    assert len(tally.digests) >= 3
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(7200)
+def test_a_hundred_thousand_calls():
+    tally = soak(rounds=200, calls_a_round=500)
+    assert tally.wrong == []
+    assert min(tally.guided, tally.unguided, tally.refused) > 1000
+
+
+def soak(rounds, calls_a_round):
+    """Call in rounds from four callers at once, a new map in the middle of each.
+
+    The waypoint client comes before every fourth round and is killed in the third.
+    """
+    planners = {
+        planner.grid_map.digest: planner
+        for planner in map(planner_of, load_barrier_maps(find_file('samples_1000.json', 'maps')))
+    }
+    tally, memory = Tally(), []
+    with (
+        process('planner_node', *SETTINGS, namespace=NAMESPACE) as node,
+        ThreadPoolExecutor(CALLERS) as threads,
+        contextlib.ExitStack() as stack,
+    ):
+        callers = [stack.enter_context(calling(NAMESPACE, f'caller_{i}')) for i in range(CALLERS)]
+        client = stack.enter_context(contextlib.ExitStack())
+        turns = itertools.cycle(planners.values())
+        show = map_publisher(callers[0])
+        show(next(turns).grid_map)
+        for turn in tqdm(range(rounds), disable=rounds < 100):
+            if turn % 4 == 0:
+                process_client = client.enter_context(waypoint_client())
+                callers[0].wait_until_ready(client='llm_client_node')
+            answers = [
+                threads.submit(call_on, caller, planners, tally, calls_a_round // CALLERS, turn)
+                for caller in callers
+            ]
+            show(next(turns).grid_map)
+            if turn % 4 == 2:
+                process_client.kill()
+                client.close()
+            for answer in answers:
+                answer.result()
+            memory.append(resident_bytes(node.pid))
+        assert node.poll() is None, ''.join(node.output)
+    half = memory[len(memory) // 2 :]
+    if half[-1] - half[0] > MOST_GROWTH:
+        tally.wrong.append(f'memory grew from {half[0]} to {half[-1]} bytes')
+    return tally
+
+
+def planner_of(barrier_map):
+    return Planner.for_barrier_map(barrier_map)
+
+
+def map_publisher(caller):
+    publisher = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+    clock = caller.node.get_clock()
+    return lambda grid_map: publisher.publish(grid_to_message(grid_map, clock.now().to_msg()))
+
+
+def waypoint_client():
+    return process('llm_client_node', '-p', 'source:=straight', namespace=NAMESPACE)
+
+
+def call_on(caller, planners, tally, count, seed):
+    """Call with random poses, on the map and off it, and check what comes back."""
+    draw = random.Random(f'{seed} {caller.node.get_name()}')  # noqa: S311 - no secret
+    for _ in range(count):
+        start, goal = (
+            Pose2D(draw.uniform(-2.0, 53.0), draw.uniform(-2.0, 33.0)) for _ in range(2)
+        )
+        path, report, _ = caller.call(start, goal)
+        note(planners[report.map_digest], tally, start, goal, path, report)
+
+
+def note(planner, tally, start, goal, path, report):
+    """Check one answer against the map that its report names."""
+    grid_map = planner.grid_map
+    ends = [grid_map.world_to_cell(place.x, place.y) for place in (start, goal)]
+    tally.digests.add(grid_map.digest)
+    cells = np.rint(grid_map.world_to_grid(path_from_message(path))).astype(np.int32)
+    problem = planner.path_problem(cells, *ends)
+    if report.code == 0 and problem is None:
+        tally.guided += report.guided_by != 'none'
+        tally.unguided += report.guided_by == 'none'
+    elif report.code_name in REFUSALS and len(cells) == 0 and is_refusal(planner, *ends):
+        tally.refused += 1
+    else:
+        tally.wrong.append(f'{start} to {goal} on {grid_map.digest}: {report.summary}; {problem}')
+
+
+def is_refusal(planner, start, goal):
+    """Tell whether no path can exist."""
+    if not all(planner.grid_map.contains(cell) for cell in (start, goal)):
+        return True
+    places = [planner.components[y, x] for x, y in (start, goal)]
+    return places[0] != places[1] or 0 in places
+
+
+def resident_bytes(pid):
+    fields = FilePath(f'/proc/{pid}/status').read_text().splitlines()
+    [line] = [line for line in fields if line.startswith('VmRSS:')]
+    return int(line.split()[1]) * 1024

@@ -1,0 +1,142 @@
+"""The training of the embedded waypoint model: maps, labels, export, a smoke run with torch."""
+
+import csv
+
+import numpy as np
+import pytest
+from llm_astar_msgs_adapter.barrier_map import Barrier, BarrierMap, load_barrier_maps
+from llm_astar_planner.benchmark.generate import MapRules, generate
+from llm_astar_planner.share import find_file
+from llm_astar_planner.sight import Walls
+from llm_astar_planner.waypoint_source.ablation import any_angle_length
+from llm_astar_planner.waypoint_source.embedded_features import featurise, place_nodes
+from llm_astar_planner.waypoint_source.embedded_network import hop_logits, read_weights
+from llm_astar_training.batches import (
+    HELD_OUT_SEED,
+    MOST_BARRIERS,
+    held_out,
+    make_batch,
+    step_batch,
+)
+from llm_astar_training.curve import draw
+from llm_astar_training.evaluate import figures
+from llm_astar_training.export import export
+from llm_astar_training.judge import follow, valid_ratio
+from llm_astar_training.maps import BOXES, KINDS, RECIPE, ROOMS, SCATTERED
+from llm_astar_training.routes import lengths_to_goal
+
+
+@pytest.fixture(scope='module')
+def batches():
+    return [make_batch(7, kind, 5, 12) for kind in range(len(KINDS))]
+
+
+def barrier_map_of(barriers, size):
+    rows = [(row[0], Barrier(*row[1:])) for row in barriers.tolist()]
+    groups = [tuple(barrier for flat, barrier in rows if flat == side) for side in (1, 0)]
+    return BarrierMap(0, (0, int(size[0])), (0, int(size[1])), *groups)
+
+
+def test_the_same_seed_makes_the_same_maps_and_another_others():
+    one, again, other = (make_batch(seed, SCATTERED, 5, 8) for seed in (3, 3, 4))
+    assert np.array_equal(one.barriers, again.barriers)
+    assert np.array_equal(one.hops, again.hops)
+    assert not np.array_equal(one.barriers, other.barriers)
+
+
+def test_sights_are_those_of_the_planner(batches):
+    """Also where barriers touch, cross or lie side by side, which joins them."""
+    crowded = [make_batch(9, kind, 20, 6) for kind in (SCATTERED, ROOMS, BOXES)]
+    for batch in [*batches, *crowded]:
+        for n, barriers in enumerate(batch.barriers):
+            blocked = barrier_map_of(barriers, batch.size[n]).to_grid().blocked()
+            nodes = place_nodes(batch.barriers[n : n + 1], batch.ends[n : n + 1])[0]
+            i, j = np.triu_indices(len(nodes), 1)
+            both = batch.usable[n, i] & batch.usable[n, j]
+            i, j = i[both], j[both]
+            assert not blocked[nodes[i][:, 1], nodes[i][:, 0]].any()
+            seen = Walls(blocked).clear(nodes[i], nodes[j])
+            assert np.array_equal(np.isfinite(batch.apart[n, i, j]), seen)
+
+
+def test_the_best_way_over_the_nodes_is_about_the_shortest_there_is(batches):
+    for batch in batches[:2]:
+        for n, barriers in enumerate(batch.barriers):
+            grid_map = barrier_map_of(barriers, batch.size[n]).to_grid()
+            start, goal = (tuple(map(int, end)) for end in batch.ends[n])
+            best = any_angle_length(grid_map, start, goal)
+            assert best - 1e-3 <= lengths_to_goal(batch.apart[n])[0] <= 1.05 * best + 1
+
+
+def test_hops_are_probabilities_of_what_is_in_sight_and_the_best_leads_to_the_goal(batches):
+    for batch in batches:
+        rows = batch.weights > 0
+        assert np.allclose(batch.hops.sum(axis=-1)[rows], 1.0, atol=1e-5)
+        assert not batch.hops[~np.isfinite(batch.apart)].any()
+        assert (batch.weights[:, 0] == 1).all()
+        routes = follow(np.log(batch.hops + 1e-30))
+        assert valid_ratio(routes, batch.apart) == 1.0
+
+
+def test_held_out_problems_are_drawn_apart_and_no_step_reaches_their_seeds():
+    kinds = {(batch.kind, batch.barriers.shape[1]) for batch in held_out(1)}
+    assert {kind for kind, _ in kinds} == set(range(len(KINDS)))
+    assert max(barriers for _, barriers in kinds) == MOST_BARRIERS
+    assert HELD_OUT_SEED > 999 * 4_000_000 + 3_999_999
+    with pytest.raises(ValueError, match='seed 1000, step 0'):
+        step_batch(1000, 0)
+    with pytest.raises(ValueError, match='step 4000000'):
+        step_batch(0, 4_000_000)
+
+
+def test_the_benchmarks_maps_are_not_trained_on():
+    known = set()
+    for barrier_map in load_barrier_maps(find_file('samples_1000.json', 'maps')):
+        rows = [(1, *b) for b in barrier_map.horizontal_barriers]
+        rows += [(0, *b) for b in barrier_map.vertical_barriers]
+        known.add(frozenset(rows))
+    for barriers in range(2, 9):
+        for rows in make_batch(barriers, RECIPE, barriers, 300).barriers:
+            assert frozenset(map(tuple, rows.tolist())) not in known
+
+
+def test_exported_weights_are_read_back(tmp_path):
+    arrays = {'enter.weight': np.arange(6, dtype=np.float32).reshape(2, 3)}
+    export(arrays, {'layers': 2}, tmp_path / 'model.npz')
+    weights = read_weights((tmp_path / 'model.npz').read_bytes())
+    assert dict(weights.shape) == {'layers': 2}
+    assert np.array_equal(weights.arrays['enter.weight'], arrays['enter.weight'])
+
+
+def test_the_cards_tables_hold_every_source_and_the_truth_beside():
+    (barrier_map,) = generate(5, 1, MapRules(pairs=2))
+    found = figures('two pairs', [barrier_map])
+    sources = {'embedded', 'embedded-best-of-8', 'straight', 'oracle'}
+    assert set(found.alone) == set(found.milliseconds) == sources
+    assert set(found.guided) == set(found.paper) == {*sources, 'none'}
+    assert found.alone['oracle'].valid.value == 1.0
+
+
+def test_training_goes_on_where_it_stopped_and_numpy_computes_what_torch_does(tmp_path):
+    """The smoke run; it needs torch, which the extra `train` brings."""
+    torch = pytest.importorskip('torch')
+    from llm_astar_training.network import Network, Shape  # noqa: PLC0415
+    from llm_astar_training.train import main  # noqa: PLC0415
+
+    small = ['--width', '16', '--layers', '1', '--most-maps', '8', '--held-out', '16']
+    for steps in (2, 4):
+        main(['--out', str(tmp_path), '--steps', str(steps), '--threads', '1', *small])
+    with (tmp_path / 'curve.csv').open() as file:
+        assert [row['step'] for row in csv.DictReader(file)] == ['2', '4']
+    draw(tmp_path, tmp_path / 'curve.png')
+    assert (tmp_path / 'curve.png').is_file()
+    weights = read_weights((tmp_path / 'model.npz').read_bytes())
+    network = Network(Shape(**weights.shape))
+    network.load_state_dict({k: torch.from_numpy(v) for k, v in weights.arrays.items()})
+    for barriers in (0, 1, 5):
+        batch = make_batch(1, SCATTERED, barriers, 3)
+        features = featurise(batch.barriers, batch.size, batch.ends)
+        inputs = (features.nodes, features.barriers, features.pairs)
+        with torch.no_grad():
+            expected = network(*map(torch.from_numpy, inputs)).numpy()
+        assert np.allclose(hop_logits(weights, features), expected, atol=1e-4)

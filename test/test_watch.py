@@ -1,0 +1,159 @@
+"""`llm-astar watch` over a live graph, and what it prints."""
+
+import contextlib
+import json
+import signal
+import subprocess
+import sys
+import threading
+from dataclasses import asdict
+
+import pytest
+import rclpy
+from graph_tools import GOAL, START, calling, spinning, wait_for
+from llm_astar_msgs_adapter.grid_map import Pose2D
+from llm_astar_planner.cli import main
+from llm_astar_planner.nodes.llm_client_node import LlmClientNode
+from llm_astar_planner.nodes.map_node import MapNode
+from llm_astar_planner.nodes.planner_node import PlannerNode
+from llm_astar_planner.nodes.reports import failure_report
+from llm_astar_planner.result_code import ResultCode
+from llm_astar_planner.watch import Kind, Seen, to_json, to_line
+from rclpy.parameter import Parameter
+
+SPACE = '/watched'
+REPLAY = [
+    Parameter('source', value='replay'),
+    Parameter('transcript', value='demo_transcript.jsonl'),
+    Parameter('dataset', value='demo.json'),
+]
+PLAN = Seen(
+    Kind.PLAN,
+    5.0,
+    'planner_node',
+    {
+        **asdict(failure_report(ResultCode.NONE, 'fine')),
+        'method': 'guided',
+        'guided_by': 'replay:x',
+        'source_status': 'OK',
+        'operation': 49,
+        'length': 43.699,
+        'ratio': 1.0,
+        'waypoints': ((1.0, 2.0, 'accepted'), (3.0, 2.0, 'out_of_order'), (1.0, 1.0, 'accepted')),
+    },
+)
+
+
+@pytest.fixture(scope='module')
+def graph():
+    """The three nodes, in this process, spun by threads."""
+    rclpy.init()
+    nodes = [
+        MapNode(namespace=SPACE),
+        LlmClientNode(namespace=SPACE, parameter_overrides=REPLAY),
+        PlannerNode(
+            namespace=SPACE, parameter_overrides=[Parameter('search_while_waiting', value=False)]
+        ),
+    ]
+    with spinning(*nodes), calling(SPACE) as caller:
+        caller.wait_until_ready(client='llm_client_node')
+        yield caller
+    rclpy.try_shutdown()
+
+
+@contextlib.contextmanager
+def watch(*arguments):
+    """Run the command as a process of its own; give it back with the lines it has printed."""
+    command = [sys.executable, '-m', 'llm_astar_planner.cli', 'watch', *arguments]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
+    )
+    lines = []
+    reader = threading.Thread(target=lambda: lines.extend(process.stdout), daemon=True)
+    reader.start()
+    try:
+        yield process, lines
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.wait()
+        reader.join(10.0)
+        process.stdout.close()
+        process.stderr.close()
+
+
+def test_a_plan_an_exchange_and_the_states_are_seen_and_the_count_ends_it(graph):
+    graph.call(START, GOAL)
+    with watch('--namespace', SPACE, '--json', '--count', '2') as (process, lines):
+        for kind in ('"plan"', '"exchange"'):
+            wait_for(lambda: any(kind in line for line in lines), f'the {kind} from before')  # noqa: B023
+        report = graph.call(START, Pose2D(0.0, 0.0))[1]
+        assert process.wait(30.0) == 0
+    seen = [json.loads(line) for line in lines]
+    plans = [item for item in seen if item['kind'] == 'plan']
+    assert [plan['code_name'] for plan in plans] == ['NONE', 'GOAL_OCCUPIED']
+    assert plans[0]['guided_by'] == 'replay:hand-written example'
+    assert plans[0]['node'] == 'watched/planner_node'
+    assert plans[1]['message'] == report.message
+    exchanges = [item for item in seen if item['kind'] == 'exchange']
+    assert [(item['status'], len(item['waypoints'])) for item in exchanges] == [('OK', 5)]
+
+
+def test_ctrl_c_ends_a_watch_cleanly_and_a_silent_graph_is_told_of(graph):
+    with watch('--namespace', SPACE, '--node', 'nobody') as (process, _):
+        advice = process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30.0) == 0
+        assert process.stderr.read() == ''
+    for word in ('/watched/nobody', 'ROS_DOMAIN_ID', '--namespace', '--node'):
+        assert word in advice
+
+
+@pytest.mark.parametrize(
+    'arguments', [('--count', '0'), ('--namespace', 'no/1bad'), ('--node', 'a b')]
+)
+def test_what_cannot_be_watched_is_refused_in_one_line(capsys, arguments):
+    assert main(['watch', *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith('llm-astar: error: ')
+    assert error.count('\n') == 1
+
+
+def test_a_line_has_what_a_person_looks_for():
+    line = to_line(PLAN)
+    for words in (
+        'NONE',
+        'guided by replay:x',
+        '49 ops',
+        '43.70 m',
+        'ratio 1.000',
+        'search 0.0 ms',
+        'source 0.0 ms OK',
+        '2 accepted, 1 out of order',
+    ):
+        assert words in line
+    assert '\033' not in line
+    assert json.loads(to_json(PLAN))['operation'] == 49
+
+
+@pytest.mark.parametrize(
+    ('change', 'code'),
+    [
+        ({}, 32),
+        ({'warnings': ('the goal was shifted by 0.30 m',)}, 33),
+        ({'source_status': 'TIMEOUT'}, 33),
+        ({'code': 208, 'code_name': 'NO_VALID_PATH', 'length': None, 'ratio': None}, 31),
+    ],
+)
+def test_the_colour_says_how_well_it_went(change, code):
+    line = to_line(PLAN._replace(values={**PLAN.values, **change}), colour=True)
+    assert line.startswith(f'\033[{code}m')
+    for warning in change.get('warnings', ()):
+        assert f'! {warning}' in line
+
+
+def test_what_a_model_wrote_cannot_steer_the_terminal():
+    hostile = {**PLAN.values, 'code': 200, 'message': 'gone\n\033[2Jwrong\x07'}
+    line = to_line(PLAN._replace(values=hostile))
+    assert line.isprintable()
+    assert 'wrong' in line

@@ -1,0 +1,19 @@
+"""Write weights as the numpy file that the package reads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from llm_astar_planner.waypoint_source.embedded_network import FORMAT
+from numpy.typing import NDArray
+
+
+def export(arrays: Mapping[str, NDArray[Any]], shape: Mapping[str, int], path: Path) -> None:
+    """Write weights as float16 by their torch names, and the network's sizes, into one .npz."""
+    halves: dict[str, Any] = {name: array.astype(np.float16) for name, array in arrays.items()}
+    header = json.dumps({'format': FORMAT, **shape}, sort_keys=True)
+    np.savez_compressed(path, header=np.frombuffer(header.encode(), np.uint8), **halves)
