@@ -49,7 +49,13 @@ class Decoder:
             name = _own_name(channel.msgtype, types)
             known = self._embedded.fielddefs
             self._embedded.register({n: type_ for n, type_ in types.items() if n not in known})
+            # Compiled now, so that a type of unknown parts counts as unknown.
+            self._embedded.get_msgdef(name)
             self._names[channel.msgtype] = name
+
+    def knows(self, msgtype: str) -> bool:
+        """Tell whether messages of a type can be decoded."""
+        return msgtype in self._names or msgtype in bag_types().types
 
     def decode(self, msgtype: str, data: bytes) -> Any:  # noqa: ANN401 - of the message's type
         """Return a message, its fields as attributes, arrays as numpy's.

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator
 from contextlib import suppress
 from heapq import heapify, heappop, heappush
 from io import BytesIO
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -28,6 +29,11 @@ from llm_astar_msgs_adapter.bag_file import BagError, Channel, Record
 MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')
 MESSAGE = struct.Struct('<HIQQ')
+# What reading bytes that are not as they were written may raise.
+DAMAGE = (
+    McapError, ValueError, RuntimeError, OverflowError, MemoryError, OSError, struct.error,
+    zstandard.ZstdError,
+)  # fmt: skip
 
 
 class _Written(NamedTuple):
@@ -84,7 +90,7 @@ class McapFile:
 
     def _read_index(self) -> None:
         """Take the summary at the end of the file, where it is there and whole."""
-        with suppress(McapError, OSError, ValueError, struct.error):
+        with suppress(*DAMAGE):
             summary = SeekingReader(self._file).get_summary() if self._rewind() else None
             if summary is not None:
                 self._schemas, self._channels = dict(summary.schemas), dict(summary.channels)
@@ -96,15 +102,22 @@ class McapFile:
     def _indexed(self) -> Iterator[tuple[int, int]]:
         """Yield channel and time of every message from the index behind each chunk."""
         for chunk in self._chunks:
-            if not chunk.message_index_offsets:
-                yield from ((m.channel, m.time) for m in self._chunk_at(chunk.chunk_start_offset))
-                continue
-            found: list[tuple[int, int, int]] = []
-            for place in chunk.message_index_offsets.values():
-                self._file.seek(place + RECORD.size)
-                index = MessageIndex.read(ReadDataStream(self._file))
-                found += [(offset, index.channel_id, time) for time, offset in index.records]
-            yield from ((channel, time) for _, channel, time in sorted(found))
+            try:
+                found = self._index_of(chunk)
+            except DAMAGE:
+                found = []
+            if not found:
+                found = [(m.channel, m.time) for m in self._chunk_at(chunk.chunk_start_offset)]
+            yield from found
+
+    def _index_of(self, chunk: ChunkIndex) -> list[tuple[int, int]]:
+        """Return channel and time of a chunk's messages in their order, none without an index."""
+        found: list[tuple[int, int, int]] = []
+        for place in chunk.message_index_offsets.values():
+            self._file.seek(place + RECORD.size)
+            index = MessageIndex.read(ReadDataStream(self._file))
+            found += [(offset, index.channel_id, time) for time, offset in index.records]
+        return [(channel, time) for _, channel, time in sorted(found)]
 
     def _scanned(self) -> Iterator[tuple[int, int]]:
         for message in self._as_recorded():
@@ -129,10 +142,12 @@ class McapFile:
                     heappush(waiting, (inside.time, offset, place, inside))
 
     def _chunk_at(self, offset: int) -> Iterator[_Written]:
-        self._file.seek(offset)
-        for opcode, payload, whole in _walk(self._file, self._size):
-            yield from self._messages(opcode, payload, offset, whole=whole)
+        if not 0 <= offset < self._size:
+            self._complain(f'its index names a chunk at byte {offset}, where there is none')
             return
+        self._file.seek(offset)
+        for opcode, payload, whole in islice(_walk(self._file, self._size), 1):
+            yield from self._messages(opcode, payload, offset, whole=whole)
 
     def _as_recorded(self) -> Iterator[_Written]:
         """Yield messages as they stand in the file, as far as it goes."""
@@ -149,26 +164,33 @@ class McapFile:
     def _messages(
         self, opcode: int, payload: bytes, place: int, *, whole: bool
     ) -> Iterator[_Written]:
-        """Yield the messages in one record of the file."""
-        if opcode == Opcode.CHUNK:
-            try:
-                data = _contents(payload, whole=whole)
-            except (McapError, ValueError, RuntimeError, struct.error, zstandard.ZstdError) as why:
-                self._complain(f'the chunk at byte {place} is left out: {why or "it is cut off"}')
-                return
-            stream = BytesIO(data)
-            for inner, content, complete in _walk(stream, len(data)):
-                if complete:
-                    yield from self._messages(inner, content, place, whole=True)
-        elif whole and opcode == Opcode.MESSAGE and len(payload) >= MESSAGE.size:
-            channel, _, time, _ = MESSAGE.unpack_from(payload)
-            yield _Written(channel, time, payload[MESSAGE.size :])
-        elif whole and opcode == Opcode.SCHEMA:
-            schema = Schema.read(ReadDataStream(BytesIO(payload)))
-            self._schemas[schema.id] = schema
-        elif whole and opcode == Opcode.CHANNEL:
-            channel_record = McapChannel.read(ReadDataStream(BytesIO(payload)))
-            self._channels[channel_record.id] = channel_record
+        """Yield the messages in one record of the file, of an unfinished chunk those before."""
+        if opcode != Opcode.CHUNK:
+            yield from self._read_record(opcode, payload, place) if whole else ()
+            return
+        try:
+            data = _contents(payload, whole=whole)
+        except DAMAGE as why:
+            self._complain(f'the chunk at byte {place} is left out: {why or "it is cut off"}')
+            return
+        for inner, content, complete in _walk(BytesIO(data), len(data)):
+            yield from self._read_record(inner, content, place) if complete else ()
+
+    def _read_record(self, opcode: int, payload: bytes, place: int) -> Iterator[_Written]:
+        """Yield the message a record is, if it is one; keep what a schema or a channel tells."""
+        stream = ReadDataStream(BytesIO(payload))
+        try:
+            if opcode == Opcode.MESSAGE:
+                channel, _, time, _ = MESSAGE.unpack_from(payload)
+                yield _Written(channel, time, payload[MESSAGE.size :])
+            elif opcode == Opcode.SCHEMA:
+                schema = Schema.read(stream)
+                self._schemas[schema.id] = schema
+            elif opcode == Opcode.CHANNEL:
+                told = McapChannel.read(stream)
+                self._channels[told.id] = told
+        except DAMAGE as why:
+            self._complain(f'a record at byte {place} is left out: {why or "it is cut off"}')
 
     def _channel(self, channel: McapChannel) -> Channel:
         schema = self._schemas.get(channel.schema_id)

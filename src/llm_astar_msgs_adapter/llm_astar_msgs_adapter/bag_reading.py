@@ -71,6 +71,7 @@ class Bag:
                 self._open(file)
             if not self._files:
                 raise BagError('\n'.join(self.problems.left_out) or f'{path}: holds no messages')
+            self._note_unknown_types()
         except BaseException:
             self.close()
             raise
@@ -172,6 +173,18 @@ class Bag:
     def seconds(self, time: int) -> float:
         """Return a time as seconds since the first message."""
         return (time - self.start) / 1e9
+
+    def _note_unknown_types(self) -> None:
+        strange = [
+            f'{topic.name} ({topic.msgtype})'
+            for topic in self.topics.values()
+            if topic.name not in self._refused and not self._decoder.knows(topic.msgtype)
+        ]
+        if strange:
+            self.problems.note(
+                f'{self.path}: of types that are unknown here and that the bag does not define, '
+                f'so not readable: {", ".join(strange)}'
+            )
 
     def _note_damage(self, storage: Storage) -> None:
         if storage.damage:

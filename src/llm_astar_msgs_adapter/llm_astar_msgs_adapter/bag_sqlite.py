@@ -41,7 +41,7 @@ class SqliteFile:
     def stamps(self) -> Iterator[tuple[str, int]]:
         """Yield topic and time of every message, in the order they were recorded."""
         for number, time in self._rows('SELECT topic_id, timestamp FROM messages ORDER BY id'):
-            if number in self._channels:
+            if number in self._channels and isinstance(time, int):
                 yield self._channels[number].topic, time
 
     def records(self, topics: Collection[str], *, as_recorded: bool) -> Iterator[Record]:
@@ -54,7 +54,8 @@ class SqliteFile:
             f'WHERE topic_id IN ({chosen}) ORDER BY {order}'
         )
         for number, time, data in self._rows(query):
-            yield Record(wanted[number], time, data)
+            if isinstance(time, int) and isinstance(data, bytes):
+                yield Record(wanted[number], time, data)
 
     def _rows(self, query: str) -> Iterator[tuple[Any, ...]]:
         """Yield what a query finds, up to where the file is damaged."""
@@ -73,6 +74,10 @@ class SqliteFile:
         query = 'SELECT id, name, type, serialization_format FROM topics'
         for number, topic, msgtype, encoding in self._connection.execute(query):
             text, written = definitions.get(msgtype, ('', ''))
+            if not all(
+                isinstance(item, str) for item in (topic, msgtype, encoding, text, written)
+            ):
+                continue
             yield number, Channel(topic, msgtype, text, written, encoding)
 
     def _read_definitions(self) -> dict[str, tuple[str, str]]:

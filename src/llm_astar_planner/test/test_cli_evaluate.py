@@ -19,6 +19,7 @@ from bag_makers import (
     write_bag,
 )
 from llm_astar_msgs_adapter.barrier_map import load_barrier_maps, save_barrier_maps
+from llm_astar_planner.benchmark.bag_tasks import Numbers
 from llm_astar_planner.benchmark.generate import generate
 from llm_astar_planner.cli import main
 from rosbags.highlevel import AnyReader
@@ -212,6 +213,20 @@ def test_the_same_map_in_two_bags_is_one_map_with_all_its_requests(drive, tmp_pa
     assert [(row['map'], row['pair'], row['bag'], row['request']) for row in rows] == [
         ('0', '0', 'drive', '0'), ('0', '1', 'drive', '1'), ('0', '2', 'again', '0'),
     ]  # fmt: skip
+
+
+def test_samples_keep_their_places_and_what_comes_again_is_numbered_behind_them():
+    numbers = Numbers()
+    assert [numbers.map(digest, 7) for digest in ('a', 'b', 'a')] == [7, 8, 7]
+    assert [numbers.pair(7, wanted, 3) for wanted in (1, None, 0, 1, 2, None)] == [
+        1,
+        3,
+        0,
+        4,
+        2,
+        5,
+    ]
+    assert [numbers.pair(8, wanted, 0) for wanted in (None, None)] == [0, 1]
 
 
 def test_a_list_of_what_bags_offer_is_for_people_and_for_programs(drive, capsys):

@@ -90,6 +90,18 @@ def test_a_live_run_is_found_by_digest_and_cells(tmp_path):
         assert word in missing.detail
 
 
+def test_a_sample_asked_about_live_is_found_by_its_cells_too(tmp_path):
+    live = replace(
+        EXCHANGE,
+        map=MAP.to_grid().digest,
+        pair='2,2->7,7',
+        response='[[2, 2], [14, 4], [7, 7]]',
+    )
+    source = ReplaySource(write(tmp_path / 't.jsonl', live))
+    assert source.waypoints(ask(sample=SampleKey(7, 1))).waypoints == CELLS
+    assert source.waypoints(ask(sample=SampleKey(7, 0), pair=0)).status is SourceStatus.MISSING
+
+
 def test_a_coarse_lattice_is_mapped_back_to_free_cells(tmp_path):
     grid_map = MAP.to_grid()
     live = replace(EXCHANGE, map=grid_map.digest, pair='2,2->7,7', response='[[1, 2]]', unit=4)

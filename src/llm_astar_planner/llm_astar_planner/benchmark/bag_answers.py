@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 # A recorded plan is a request's if it ends this near to the goal, in metres.
 GOAL_REACH = 0.5
+# Metres from the origin that no robot's map spans.
+FARTHEST = 1e8
 # Requests whose answers are waited for at once; the oldest goes on without when more come.
 MAX_WAITING = 16
 
@@ -88,9 +90,10 @@ class Answers:
 
     def take_response(self, call: Call, plan: Any) -> None:  # noqa: ANN401 - a decoded Path
         """Take a call's own answer, which counts more than what was published meanwhile."""
+        points = path_from_message(plan)
         for item in self._waiting:
-            if item.call == call:
-                item.request.recorded.points = path_from_message(plan)
+            if item.call == call and _on_earth(points):
+                item.request.recorded.points = points
                 item.stamp = stamp_of(plan)
                 item.done = not self._reports or bool(item.request.recorded.code)
 
@@ -109,22 +112,31 @@ class Answers:
     def take_report(self, report: Any) -> None:  # noqa: ANN401 - a decoded DiagnosticArray
         """Take a report of ours: it is the last that comes under its plan's stamp."""
         values = values_of_report(report)
-        if 'code_name' not in values:
+        try:
+            code = str(values['code_name'])
+            waypoints = tuple((float(x), float(y)) for x, y, *_ in values['waypoints'])
+        except (KeyError, TypeError, ValueError):
             return
         stamp = stamp_of(report)
         named = [item for item in self._waiting if item.stamp == stamp]
         unanswered = [item for item in self._waiting if item.stamp is None]
         for item in (*named, *unanswered)[:1]:
             recorded = item.request.recorded
-            recorded.code = str(values['code_name'])
-            recorded.waypoints = tuple((float(x), float(y)) for x, y, *_ in values['waypoints'])
+            recorded.code = code
+            recorded.waypoints = waypoints if _on_earth(np.array(waypoints)) else ()
             item.stamp = stamp
             item.done = item.call is None or recorded.points is not None
 
 
+def _on_earth(points: NDArray[np.float64]) -> bool:
+    """Tell whether points are places at all."""
+    return bool((np.abs(points) < FARTHEST).all())
+
+
 def _reaches(points: NDArray[np.float64], frame: str, request: BagRequest) -> bool:
     """Tell whether a path in the map's frame ends at a request's goal."""
-    if not len(points) or frame not in ('', request.grid_map.frame_id):
+    known = frame in ('', request.grid_map.frame_id)
+    if not (len(points) and known and _on_earth(points)):
         return False
     reach = max(GOAL_REACH, 2 * request.grid_map.resolution)
     return bool(np.hypot(*(points[-1] - request.goal[:2])) <= reach)
