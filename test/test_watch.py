@@ -16,7 +16,7 @@ from llm_astar_planner.cli import main
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner_node import PlannerNode
-from llm_astar_planner.nodes.reports import failure_report
+from llm_astar_planner.plan_reports import failure_report
 from llm_astar_planner.result_code import ResultCode
 from llm_astar_planner.watch import Kind, Seen, to_json, to_line
 from rclpy.parameter import Parameter
