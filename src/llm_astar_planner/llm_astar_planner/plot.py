@@ -51,10 +51,16 @@ def picture_of(
     waypoints = [(point.x, point.y, point.verdict.value) for point in plan.waypoints]
     if plan.code == 0:
         outcome = f'{plan.operation} expansions, length {plan.length:.2f} cells'
-        title = f'{plan.method}, guided by {plan.guided_by}: {outcome}'
+        title = f'{steered(plan.method, plan.guided_by)}: {outcome}'
     else:
         title = f'{plan.method}: {plan.code.name}, {plan.message}'
     return Picture(grid_map, start, goal, plan.path, plan.expanded, waypoints, title, offset)
+
+
+def steered(method: str, guided_by: str) -> str:
+    """Say by what method a plan was made and whose waypoints it followed, for a title."""
+    guide = 'no waypoints' if guided_by == 'none' else f'guided by {guided_by}'
+    return f'{method}, {guide}'
 
 
 def save_picture(picture: Picture, path: str | Path) -> None:

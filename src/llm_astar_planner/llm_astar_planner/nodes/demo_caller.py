@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from llm_astar_planner.nodes.caller import DISCOVERY_SECONDS, Caller, CallerError
 from llm_astar_planner.nodes.qos import LATCHED, RELIABLE
-from llm_astar_planner.plot import Picture, save_picture
+from llm_astar_planner.plot import Picture, save_picture, steered
 from llm_astar_planner.search.result import Cell
 
 # The explored cells are drawn only while somebody is known to look: ask until they come.
@@ -123,5 +123,5 @@ def _picture(
 ) -> Picture:
     places = grid_map.world_to_grid([(x, y) for x, y, _ in report.waypoints]).tolist()
     waypoints = [(x, y, verdict) for (x, y), (_, _, verdict) in zip(places, report.waypoints)]
-    title = f'{report.method}, guided by {report.guided_by}: {report.operation} expansions'
+    title = f'{steered(report.method, report.guided_by)}: {report.operation} expansions'
     return Picture(grid_map, *ends, cells, expanded, waypoints, title)
