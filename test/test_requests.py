@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.occupancy_grid import quaternion_of
 from llm_astar_msgs_adapter.path import path_to_message, pose_to_message
@@ -15,7 +17,7 @@ from llm_astar_planner.nodes.frames import FrameError, Frames
 from llm_astar_planner.nodes.nav2_actions import PathCheck, fill_result, question_of
 from llm_astar_planner.nodes.planner_parameters import PARAMETERS
 from llm_astar_planner.nodes.requests import Question, Reader, RefusalError
-from llm_astar_planner.planner import Planner
+from llm_astar_planner.planner import GridRules, Planner
 from llm_astar_planner.result_code import ResultCode
 from nav_msgs.msg import Path
 
@@ -245,3 +247,40 @@ def test_a_path_is_checked_pose_by_pose_on_the_latest_map():
 def test_frames_that_are_missing_say_so():
     with pytest.raises(FrameError, match='base_link'):
         Frames(None).robot('base_link', 'map')
+
+
+any_number = st.floats() | st.floats(-5.0, 20.0)
+any_pose = st.builds(
+    pose, any_number, any_number, st.floats(-4.0, 4.0), st.sampled_from(['map', '', 'odom', 'x'])
+)
+
+
+@given(
+    any_pose | st.none(),
+    st.lists(any_pose, max_size=3),
+    any_number,
+    st.sampled_from(['', 'LLMAStar', 'astar', 'guided', 'no such planner']),
+    st.fixed_dictionaries(
+        {'start_tolerance': st.floats(0.0, 5.0), 'max_suboptimality': st.sampled_from([0.0, 1.1])}
+    ),
+    st.sampled_from([0.0, 0.4]),
+)
+@settings(max_examples=80)
+def test_whatever_is_asked_there_is_a_code_and_a_sentence(
+    start, goals, tolerance, planner_id, parameters, robot_radius
+):
+    cells = np.random.default_rng(3).choice([0, 0, 0, 40, 100, -1], (20, 30)).astype(np.int8)
+    grid_map = GridMap(cells, 0.5, Pose2D(-2.0, 1.0, 0.4))
+    asker = reader(Buffer(odom=(1.0, 2.0, 0.5), base_link=(3.0, 3.0, 0.0)), **parameters)
+    question = Question(tuple(goals), start, tolerance, planner_id)
+    try:
+        ends = asker.ends(question, grid_map)
+        request = asker.request(question, ends, grid_map, want_expanded=False)
+    except RefusalError as error:
+        assert error.code is not ResultCode.NONE
+        assert str(error)
+        return
+    planner = Planner(grid_map, GridRules(robot_radius=robot_radius))
+    plan = planner.plan(request)
+    assert plan.message
+    assert (plan.code is ResultCode.NONE) == (len(plan.path) > 0)

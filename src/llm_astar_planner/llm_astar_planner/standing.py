@@ -5,9 +5,10 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.grid_map import GridMap
+from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
 from numpy.typing import NDArray
 
 from llm_astar_planner.plan import Plan, PlanRequest
@@ -34,17 +35,36 @@ def standing_problem(path: NDArray[np.int32], before: GridMap, planner: Planner)
 
     It stands where it is still valid on the planner's map, which must lie where `before` did.
     """
-    if not _lie_alike(before, planner.grid_map):
+    if not _MapName.of(before).lies_as(planner.grid_map):
         return 'the map has another size, resolution, origin or frame'
     start, goal = (_cell(path[0]), _cell(path[-1]))
     return planner.path_problem(path, start, goal)
+
+
+class _MapName(NamedTuple):
+    """Which map it was and where it lay, without its cells: there may be many, and large ones."""
+
+    digest: str
+    shape: tuple[int, ...]
+    resolution: float
+    origin: Pose2D
+    frame_id: str
+
+    @classmethod
+    def of(cls, grid_map: GridMap) -> _MapName:
+        shape, resolution = grid_map.cells.shape, grid_map.resolution
+        return cls(grid_map.digest, shape, resolution, grid_map.origin, grid_map.frame_id)
+
+    def lies_as(self, grid_map: GridMap) -> bool:
+        """Tell whether a cell is the same place on both."""
+        return self[1:] == _MapName.of(grid_map)[1:]
 
 
 @dataclass(frozen=True)
 class _Kept:
     """What led to a goal: the waypoints as the source gave them, and the path they led to."""
 
-    grid_map: GridMap
+    grid_map: _MapName
     reply: WaypointReply
     path: NDArray[np.int32]
 
@@ -75,7 +95,7 @@ class WaypointMemory:
         if request.via or not (good and plan.waypoints and accepted):
             return
         with self._lock:
-            self._kept[_key(request)] = _Kept(grid_map, plan.reply, plan.path)
+            self._kept[_key(request)] = _Kept(_MapName.of(grid_map), plan.reply, plan.path)
             self._kept.move_to_end(_key(request))
             while len(self._kept) > KEPT_GOALS:
                 self._kept.popitem(last=False)
@@ -87,8 +107,11 @@ class WaypointMemory:
         if request.source is None or request.via or kept is None:
             return request.source
         waypoints = _ahead(kept, request.start)
-        is_the_same = _is_on(kept.grid_map, planner) and waypoints == kept.reply.waypoints
-        if is_the_same or not (waypoints and _hold(waypoints, kept.grid_map, planner, request)):
+        is_same_map = kept.grid_map.digest == planner.grid_map.digest
+        is_same = is_same_map and waypoints == kept.reply.waypoints
+        if waypoints is None or is_same:
+            return request.source
+        if not _hold(waypoints, kept.grid_map, planner, request):
             return request.source
         return KeptWaypoints(request.source.name, kept, waypoints)
 
@@ -122,25 +145,14 @@ def _cell(point: NDArray[np.int32]) -> Cell:
     return int(point[0]), int(point[1])
 
 
-def _lie_alike(before: GridMap, now: GridMap) -> bool:
-    """Tell whether a cell of one map is the same place on the other."""
-    return (before.cells.shape, before.resolution, before.origin, before.frame_id) == (
-        now.cells.shape,
-        now.resolution,
-        now.origin,
-        now.frame_id,
-    )
-
-
-def _ahead(kept: _Kept, start: Cell) -> tuple[Waypoint, ...]:
-    """Return the waypoints that a robot at `start` has still before it; none if off the path."""
+def _ahead(kept: _Kept, start: Cell) -> tuple[Waypoint, ...] | None:
+    """Return the waypoints a robot at `start` has not passed yet; None where it is off the way."""
     place, distance = _nearest(kept.path, start)
     if distance > ON_THE_WAY:
-        return ()
-    waypoints = kept.reply.waypoints
-    return tuple(
-        point for point in waypoints if not place or _nearest(kept.path, point)[0] > place
-    )
+        return None
+    if place == 0:
+        return kept.reply.waypoints
+    return tuple(point for point in kept.reply.waypoints if _nearest(kept.path, point)[0] > place)
 
 
 def _nearest(path: NDArray[np.int32], point: tuple[float, float]) -> tuple[int, float]:
@@ -149,16 +161,12 @@ def _nearest(path: NDArray[np.int32], point: tuple[float, float]) -> tuple[int, 
     return index, float(distances[index])
 
 
-def _is_on(grid_map: GridMap, planner: Planner) -> bool:
-    return grid_map.digest == planner.grid_map.digest
-
-
 def _hold(
-    waypoints: tuple[Waypoint, ...], before: GridMap, planner: Planner, request: PlanRequest
+    waypoints: tuple[Waypoint, ...], before: _MapName, planner: Planner, request: PlanRequest
 ) -> bool:
     """Tell whether each can still be stood on, and reached from the start."""
     components, grid_map = planner.components, planner.grid_map
-    if not (_lie_alike(before, grid_map) and grid_map.contains(request.start)):
+    if not (before.lies_as(grid_map) and grid_map.contains(request.start)):
         return False
     cells = [(round(x), round(y)) for x, y in waypoints]
     here = components[request.start[1], request.start[0]]

@@ -125,6 +125,13 @@ def test_a_robot_on_its_way_keeps_the_waypoints_that_are_still_ahead():
     assert [(point.x, point.y) for point in plans[1].waypoints] == list(CORNER)
 
 
+def test_a_robot_that_has_passed_them_all_asks_for_no_more():
+    near = {'start': (34, 7)}
+    counts, plans = asked(Source(*CORNER), (BEFORE, {}), (BEFORE, near), (changed((2, 28)), near))
+    assert counts == [1, 1, 1]
+    assert [(plan.code, plan.waypoints) for plan in plans[1:]] == [(0, ())] * 2
+
+
 def test_a_memory_of_nothing_asks_each_time():
     recall, source = Recall(0), Source(*CORNER)
     for planner in (BEFORE, changed((2, 28))):

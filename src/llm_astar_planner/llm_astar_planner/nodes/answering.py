@@ -68,6 +68,11 @@ class _Job:
     on_better: Callable[[], None]
     published: Path | None = None
 
+    def refuse_if_canceled(self) -> None:
+        """Raise RefusalError where the question was given up."""
+        if self.cancel.reason:
+            raise RefusalError(ResultCode.TIMEOUT, f'canceled: {self.cancel.reason}')
+
 
 class Answering:
     """The work of the planner node: any number of questions at a time, from any thread."""
@@ -164,13 +169,13 @@ class Answering:
         ends = self._reader.ends(job.question, planner.grid_map)
         paths = self._paths(job, ends, planner.grid_map)
         plan, how = self._searched(job, ends, planner, paths)
+        job.refuse_if_canceled()
         if plan is None:
             message = "out of time waiting for another caller's search of the same"
-            raise RefusalError(ResultCode.TIMEOUT, job.cancel.message or message)
+            raise RefusalError(ResultCode.TIMEOUT, message)
         path = paths.final(plan)
-        # Only now: what was given up must not be published after what came instead.
-        if job.cancel.message:
-            raise RefusalError(ResultCode.TIMEOUT, job.cancel.message)
+        # A long path takes its time to write, and nothing is published after what came instead.
+        job.refuse_if_canceled()
         if plan.code is ResultCode.NONE:
             self._publish(job, plan, path, paths)
             self._keep(job, plan, planner)
@@ -203,8 +208,8 @@ class Answering:
         spent = time.monotonic() - job.begin + min(FINISH_SECONDS, FINISH_SHARE * limit)
 
         def publish_better(better: Improvement) -> None:
-            path = paths.message(better.path)
-            if not job.cancel.reason:
+            path = None if job.cancel.reason else paths.message(better.path)
+            if path is not None and not job.cancel.reason:
                 job.published = path
                 self._announcer.publish(path)
                 job.on_better()

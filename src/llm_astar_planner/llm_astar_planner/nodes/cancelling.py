@@ -15,11 +15,6 @@ class Cancel:
         self.stop = no_stop()
         self.reason = ''
 
-    @property
-    def message(self) -> str:
-        """What a canceled caller is told, '' as long as nothing is canceled."""
-        return f'canceled: {self.reason}' if self.reason else ''
-
     def __call__(self, reason: str) -> None:
         """Cancel, once and for all; the first reason counts."""
         self.reason = self.reason or reason

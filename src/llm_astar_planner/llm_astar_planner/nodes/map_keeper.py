@@ -120,4 +120,5 @@ class MapKeeper:
 
 
 def _is_made_of(planner: Planner, grid_map: GridMap, rules: GridRules) -> bool:
-    return planner.rules == rules and planner.grid_map.digest == grid_map.digest
+    # The digest first: it is worked out here, aside, and not while a caller waits.
+    return planner.grid_map.digest == grid_map.digest and planner.rules == rules
