@@ -25,7 +25,7 @@ ROS_REQUIREMENTS := 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo bench train test lint clean check-python
+.PHONY: help install demo bench train test soak lint clean check-python
 
 help: ## Show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -45,6 +45,9 @@ train: install ## Train the embedded waypoint model from nothing or go on: out/t
 
 test: lint ## Install, lint, and run every test
 	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest $(PYTEST_ARGS)
+
+soak: $(VENV)/.tools $(VENV)/.installed ## 100,000 calls while maps change and the client dies
+	$(BIN)/python -m pytest -s -m slow test/test_soak.py
 
 lint: $(VENV)/.tools $(VENV)/.installed ## ruff and strict mypy
 	$(BIN)/ruff check .
