@@ -202,7 +202,7 @@ def _rate(step: int, progress: float) -> float:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser('llm_astar_training.train', description=__doc__)
     parser.add_argument('--out', default='out/training', help='folder of the checkpoint')
-    parser.add_argument('--minutes', type=float, default=75, help='how long to train')
+    parser.add_argument('--minutes', type=float, default=60, help='how long to train')
     parser.add_argument('--steps', type=int, default=0, help='train so many steps instead')
     parser.add_argument('--seed', type=int, default=0, help='of weights and maps')
     parser.add_argument('--threads', type=int, default=os.cpu_count() or 1)

@@ -52,6 +52,10 @@ ROS = {
     ),
 }
 OPTIONAL = {
+    'threadpoolctl': (
+        'the embedded model at its speed on a busy machine',
+        'pip install threadpoolctl, or apt install python3-threadpoolctl',
+    ),
     'launch_ros': ('ros2 launch', 'apt install ros-jazzy-launch-ros; there is no wheel'),
     'nav2_msgs.action': ("Nav2's actions", 'apt install ros-jazzy-nav2-msgs; there is no wheel'),
     'tf2_ros': ('poses of other frames', 'apt install ros-jazzy-tf2-ros-py; there is no wheel'),
@@ -101,6 +105,7 @@ def _findings() -> Iterator[Finding]:
     for folder, name in (('maps', 'demo.json'), ('config', 'planner.yaml')):
         yield _file(folder, name)
     yield _kernels()
+    yield _weights()
 
 
 def _module(name: str, use: str, remedy: str, *, required: bool) -> Finding:
@@ -152,3 +157,16 @@ def _kernels() -> Finding:
     except Exception as error:  # noqa: BLE001 - whatever numba raises is the finding
         return Finding('searches', False, True, f'do not compile: {type(error).__name__}: {error}')
     return Finding('searches', True, True, 'compiled')
+
+
+def _weights() -> Finding:
+    """Read the embedded model's weights, which are a file that an install may miss."""
+    from llm_astar_planner.waypoint_source.embedded_network import (  # noqa: PLC0415
+        packaged_weights,
+    )
+
+    try:
+        digest = packaged_weights().digest
+    except (OSError, ValueError) as error:
+        return Finding('embedded', False, True, f'{error}; install the package again')
+    return Finding('embedded', True, True, f'learned waypoint model {digest}, not an LLM')

@@ -34,9 +34,10 @@ MAX_BARRIERS = 30
 class EmbeddedSource:
     """Answers with the network's route: the cells beyond barrier ends that it turns at.
 
-    One of `candidates` is the greedy route alone, which no line of sight is looked at for. Of
-    several, the others are drawn by their probabilities, and the shortest is returned whose legs
-    are lines of sight. The same question has the same answer. Thread-safe; needs no network.
+    With one of `candidates` it answers with the greedy route, for which no line of sight is looked
+    at. With several, the others are drawn by their probabilities, and the answer is the shortest
+    whose legs are lines of sight, or none: a route known to be barred misleads more than silence.
+    The same question has the same answer. Thread-safe; needs no network.
     """
 
     candidates: int = 1
@@ -48,18 +49,23 @@ class EmbeddedSource:
         return f'embedded:learned waypoint model {packaged_weights().digest}, not an LLM'
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Return free cells to turn at, none where the way is straight."""
-        cells, route = self._route(query)
-        points = tuple((float(x), float(y)) for x, y in cells[list(route[1:-1])])
+        """Return free cells to turn at, none where the way is straight or no route is in sight."""
+        cells, routes = self._routes(query)
+        route: Route | None = routes[0]
+        if self.candidates > 1:
+            route = best_route(routes, cells, walls_of(query.grid_map))
+        turns = () if route is None else route[1:-1]
+        points = tuple((float(x), float(y)) for x, y in cells[list(turns)])
         return WaypointReply(
             points,
             label=self.label,
             status=SourceStatus.OK if points else SourceStatus.NO_WAYPOINTS,
+            detail='' if route else f'none of {len(routes)} routes drawn is in sight',
             model=packaged_weights().digest,
         )
 
-    def _route(self, query: WaypointQuery) -> tuple[NDArray[np.int32], Route]:
-        """Return the cells [N, 2] of the nodes and the route over them."""
+    def _routes(self, query: WaypointQuery) -> tuple[NDArray[np.int32], list[Route]]:
+        """Return the cells [N, 2] of the nodes and the routes over them, the greedy one first."""
         grid_map = query.grid_map
         barriers = _barriers_of(grid_map)[None]
         size = np.array([[grid_map.width, grid_map.height]], np.int32)
@@ -67,10 +73,7 @@ class EmbeddedSource:
         cells = place_nodes(barriers, ends)[0]
         logits = hop_logits(packaged_weights(), featurise(barriers, size, ends))[0]
         usable = usable_nodes(cells, _blocked_of(grid_map))
-        routes = draw_routes(logits, usable, self.candidates, _generator(query))
-        if len(routes) == 1:
-            return cells, routes[0]
-        return cells, best_route(routes, cells, walls_of(grid_map))
+        return cells, draw_routes(logits, usable, self.candidates, _generator(query))
 
 
 @lru_cache(maxsize=32)

@@ -51,18 +51,15 @@ def draw_routes(
     return routes
 
 
-def best_route(routes: Iterable[Route], cells: NDArray[np.int32], walls: Walls) -> Route:
-    """Return the shortest route whose every leg is a line of sight.
+def best_route(routes: Iterable[Route], cells: NDArray[np.int32], walls: Walls) -> Route | None:
+    """Return the shortest route whose every leg is a line of sight, None where there is none."""
+    points = {route: cells[list(route)] for route in routes}
+    clear = [route for route in points if walls.clear_along(points[route])]
 
-    Where there is none, the first of those with the fewest legs that are not.
-    """
+    def length(route: Route) -> float:
+        return float(np.hypot(*np.diff(points[route], axis=0).T).sum())
 
-    def badness(route: Route) -> tuple[int, float]:
-        points = cells[list(route)]
-        hit = int((~walls.clear(points[:-1], points[1:])).sum())
-        return hit, 0.0 if hit else float(np.hypot(*np.diff(points, axis=0).T).sum())
-
-    return min(routes, key=badness)
+    return min(clear, key=length, default=None)
 
 
 def _follow(masked: Floats, random: np.random.Generator | None) -> Route:

@@ -30,8 +30,8 @@ class SourceSettings:
       `model` and `prompt` in its transcript, any if they are empty.
     - `prompt`: a shipped template's name or one's own file; '' is `few_shot` to an endpoint.
     - `response_format`: `text`, `json_object` or `json_schema`.
-    - `candidates`: how many routes the `embedded` model draws and the best of which it answers
-      with; 1 is its greedy route, judged by nothing.
+    - `candidates`: how many routes the `embedded` model draws, to answer with the best in sight;
+      1 is its greedy route, judged by nothing.
     - `timeout_s`: for a whole question, retries and repairs included; an answer that comes later
       is kept for the next time.
     - `max_retries`, `max_concurrent`: of requests to the endpoint.
