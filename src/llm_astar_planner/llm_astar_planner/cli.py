@@ -44,7 +44,8 @@ COMMANDS = (
 USER_ERRORS = (BarrierMapError, GridMapError, OSError, ValueError)
 
 EPILOG = """\
-exit codes: 0 done, 1 no plan or something missing, 2 bad usage or input, 130 interrupted
+exit codes: 0 done, 1 no plan or something missing, 2 bad usage or input, 3 something was left out,
+130 interrupted
 """
 
 
