@@ -284,3 +284,12 @@ def test_whatever_is_asked_there_is_a_code_and_a_sentence(
     plan = planner.plan(request)
     assert plan.message
     assert (plan.code is ResultCode.NONE) == (len(plan.path) > 0)
+
+
+def test_a_number_a_hair_out_of_its_range_is_refused_as_the_planner_refuses_it():
+    ranged = [one for one in PARAMETERS if isinstance(one.default, float)]
+    assert 'robot_radius' in {one.name for one in ranged}
+    for one in ranged:
+        assert one.problem(one.maximum) == ''
+        assert one.name in one.problem(one.maximum * (1.0 + 5e-7))
+        assert one.name in one.problem(math.nan)
