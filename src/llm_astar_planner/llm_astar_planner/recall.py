@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -47,10 +48,13 @@ class Recall:
         Requests are the same where map, rules and all their fields are, whatever time is left.
         No plan: a caller that waited for another's search was stopped, or out of time.
         """
+        deadline = time.monotonic() + seconds
 
         def make() -> Plan:
             source = self._waypoints.source_for(request, planner) if self._size else request.source
-            asked = replace(request, source=source, time_limit=seconds)
+            # Another's search may have been waited for before.
+            time_left = deadline - time.monotonic()
+            asked = replace(request, source=source, time_limit=time_left)
             plan = planner.plan(asked, stop, on_improvement)
             self._waypoints.keep(request, plan, planner.grid_map)
             return plan
