@@ -42,25 +42,36 @@ BEFORE = Planner(GridMap(WALL))
 REQUEST = PlanRequest((5, 5), (35, 5), method='guided')
 
 
-@pytest.fixture
-def path():
-    return BEFORE.plan(REQUEST).path
+@pytest.fixture(scope='module')
+def plan():
+    return BEFORE.plan(REQUEST)
 
 
-def test_a_path_stands_on_a_map_that_changed_elsewhere(path):
-    assert standing_problem(path, BEFORE.grid_map, changed((2, 28))) is None
+def test_a_path_stands_on_a_map_that_changed_elsewhere(plan):
+    assert standing_problem(plan, BEFORE.grid_map, changed((2, 28))) is None
 
 
-def test_a_path_that_the_new_map_blocks_does_not_stand(path):
-    blocked = tuple(path[len(path) // 2].tolist())
-    problem = standing_problem(path, BEFORE.grid_map, changed(blocked))
+def test_a_path_that_the_new_map_blocks_does_not_stand(plan):
+    blocked = tuple(plan.path[len(plan.path) // 2].tolist())
+    problem = standing_problem(plan, BEFORE.grid_map, changed(blocked))
     assert 'obstacle' in problem
     assert str(blocked) in problem
 
 
-def test_rules_that_changed_may_break_a_path_too(path):
+def test_a_shortened_path_is_broken_where_it_leaves_its_cells_too():
+    before = Planner(GridMap(np.zeros((30, 40), dtype=np.int8)))
+    plan = before.plan(replace(REQUEST, goal=(35, 12), any_angle=True))
+    cells = np.rint(np.linspace(plan.any_angle.points[0], plan.any_angle.points[-1], 31))
+    aside = next(cell for cell in cells.astype(int).tolist() if cell not in plan.path.tolist())
+    after = before.grid_map.cells.copy()
+    after[aside[1], aside[0]] = 100
+    problem = standing_problem(plan, before.grid_map, Planner(GridMap(after)))
+    assert str(tuple(aside)) in problem
+
+
+def test_rules_that_changed_may_break_a_path_too(plan):
     wide = Planner(BEFORE.grid_map, GridRules(robot_radius=2.0))
-    assert standing_problem(path, BEFORE.grid_map, wide) is not None
+    assert standing_problem(plan, BEFORE.grid_map, wide) is not None
 
 
 @pytest.mark.parametrize(
@@ -72,8 +83,8 @@ def test_rules_that_changed_may_break_a_path_too(path):
         GridMap(WALL, frame_id='odom'),
     ],
 )
-def test_a_path_does_not_stand_on_a_map_that_lies_elsewhere(path, other):
-    assert 'another' in standing_problem(path, BEFORE.grid_map, Planner(other))
+def test_a_path_does_not_stand_on_a_map_that_lies_elsewhere(plan, other):
+    assert 'another' in standing_problem(plan, BEFORE.grid_map, Planner(other))
 
 
 def asked(source, *steps):
