@@ -61,8 +61,10 @@ def test_a_path_that_the_new_map_blocks_does_not_stand(plan):
 def test_a_shortened_path_is_broken_where_it_leaves_its_cells_too():
     before = Planner(GridMap(np.zeros((30, 40), dtype=np.int8)))
     plan = before.plan(replace(REQUEST, goal=(35, 12), any_angle=True))
-    cells = np.rint(np.linspace(plan.any_angle.points[0], plan.any_angle.points[-1], 31))
-    aside = next(cell for cell in cells.astype(int).tolist() if cell not in plan.path.tolist())
+    middles = np.rint(np.linspace(plan.any_angle.points[0], plan.any_angle.points[-1], 31))
+    aside = max(
+        middles.astype(int).tolist(), key=lambda cell: np.abs(plan.path - cell).sum(axis=1).min()
+    )
     after = before.grid_map.cells.copy()
     after[aside[1], aside[0]] = 100
     problem = standing_problem(plan, before.grid_map, Planner(GridMap(after)))
