@@ -24,6 +24,7 @@ class Recall:
         self._plans = PlanMemory(size)
         self._waypoints = WaypointMemory()
         self._size = size
+        self._forgotten = 0
 
     def resize(self, size: int) -> None:
         """Remember at most so many plans from now on."""
@@ -32,6 +33,7 @@ class Recall:
 
     def forget(self) -> None:
         """Forget all: the source may answer otherwise now."""
+        self._forgotten += 1
         self._plans.forget()
         self._waypoints.forget()
 
@@ -48,7 +50,7 @@ class Recall:
         Requests are the same where map, rules and all their fields are, whatever time is left.
         No plan: a caller that waited for another's search was stopped, or out of time.
         """
-        deadline = time.monotonic() + seconds
+        deadline, forgotten = time.monotonic() + seconds, self._forgotten
 
         def make() -> Plan:
             source = self._waypoints.source_for(request, planner) if self._size else request.source
@@ -56,7 +58,9 @@ class Recall:
             time_left = deadline - time.monotonic()
             asked = replace(request, source=source, time_limit=time_left)
             plan = planner.plan(asked, stop, on_improvement)
-            self._waypoints.keep(request, plan, planner.grid_map)
+            # What was under way when all was forgotten is of the time before.
+            if forgotten == self._forgotten:
+                self._waypoints.keep(request, plan, planner.grid_map)
             return plan
 
         key = (planner.grid_map.digest, planner.rules, request)

@@ -145,6 +145,20 @@ def test_a_robot_that_has_passed_them_all_asks_for_no_more():
     assert [(plan.code, plan.waypoints) for plan in plans[1:]] == [(0, ())] * 2
 
 
+def test_waypoints_that_were_under_way_when_all_was_forgotten_are_asked_for_again():
+    recall, source = Recall(8), Source(*CORNER)
+    answer = source.waypoints
+
+    def answer_at_last(query):
+        recall.forget()
+        return answer(query)
+
+    source.waypoints = answer_at_last
+    for planner in (BEFORE, changed((2, 28))):
+        recall.plan(planner, replace(REQUEST, source=source), 60.0, no_stop())
+    assert source.asked == 2
+
+
 def test_a_memory_of_nothing_asks_each_time():
     recall, source = Recall(0), Source(*CORNER)
     for planner in (BEFORE, changed((2, 28))):
