@@ -25,7 +25,7 @@ from rclpy.parameter import Parameter
 
 LONG = 60.0
 # Each node out of the others' sight: a call may still find one that has just left.
-WORLD, MANAGED, APART = '/world', '/managed', '/managed_apart'
+WORLD, MANAGED, AGAIN, APART = '/world', '/managed', '/managed_again', '/managed_apart'
 START, GOAL, OTHER_GOAL = Pose2D(5.5, 5.5), Pose2D(35.5, 5.5, 1.0), Pose2D(5.5, 20.5)
 CELLS = np.zeros((30, 40), dtype=np.int8)
 CELLS[:25, 20] = 100
@@ -359,6 +359,27 @@ def test_a_managed_node_answers_while_it_is_active_and_says_why_not_otherwise():
             caller._health.clear()
         assert change_state(caller, Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
         assert state(caller) == 'finalized'
+
+
+def test_a_path_of_before_a_deactivation_is_not_replanned_after_it():
+    node = node_of(ManagedPlannerNode, AGAIN, lifecycle=True, llm_client='')
+    with running(node), calling(AGAIN) as caller:
+        maps = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        maps.publish(grid_to_message(GridMap(CELLS), Time()))
+        node.trigger_configure()
+        node.trigger_activate()
+        caller.wait_until_ready(GridMap(CELLS).digest)
+        path, _, _ = caller.call(START, GOAL)
+        node.trigger_deactivate()
+        node.trigger_activate()
+        broken = CELLS.copy()
+        x, y = map(int, path_from_message(path)[8])
+        broken[y, x] = 100
+        maps.publish(grid_to_message(GridMap(broken), Time()))
+        caller.wait_until_ready(GridMap(broken).digest)
+        # The replanning would have come before this answer, or cut it short.
+        caller.call(START, OTHER_GOAL)
+        assert [one.message for one in caller._reports.values() if 'replan' in one.message] == []
 
 
 def test_the_parameter_makes_it_a_managed_node():

@@ -80,6 +80,8 @@ class PlannerServer:
         self._answering.is_active = value
         if not value:
             self._answering.give_up('the node was deactivated')
+            # Nobody follows it any more: it must not be replanned once the node is active again.
+            self._answering.standing = None
 
     def close(self) -> None:
         """Give up what is being planned, and leave the graph."""
