@@ -323,6 +323,17 @@ def test_map_updates_change_the_map_and_malformed_ones_do_not(world):
     publisher.publish(messages.OccupancyGridUpdate(x=0, y=0, width=1, height=1, data=[100]))
     cells[0, 0] = 100
     world.caller.wait_until_ready(GridMap(cells).digest)
+    # The whole map overtakes an update that it holds already; the next one counts.
+    whole = grid_to_message(GridMap(CELLS), Time(sec=7))
+    world.maps.publish(whole)
+    world.caller.wait_until_ready(GridMap(CELLS).digest)
+    for sec, x in ((6, 1), (8, 2)):
+        late = messages.OccupancyGridUpdate(x=x, y=0, width=1, height=1, data=[100])
+        late.header.stamp.sec = sec
+        publisher.publish(late)
+    after = CELLS.copy()
+    after[0, 2] = 100
+    world.caller.wait_until_ready(GridMap(after).digest)
     world.show()
 
 
