@@ -252,6 +252,21 @@ def test_the_last_path_is_looked_at_on_a_new_map_and_replanned_only_if_broken(wo
     world.show()
 
 
+def test_a_question_that_fails_does_not_stop_the_replanning_of_a_broken_path(world):
+    forget(world)
+    path, _, _ = world.caller.call(START, GOAL)
+    world.client.go.clear()
+    world.client.asked.clear()
+    # The first corner is lost too, so the client is asked, and keeps the replanning waiting.
+    broken = world.show((19, 26), tuple(map(int, path_from_message(path)[8])))
+    wait_for(lambda: world.client.asked, 'the question to the client')
+    assert world.caller.call(START, Pose2D(-50.0, 0.0))[1].code_name == 'GOAL_OUTSIDE_MAP'
+    world.client.go.set()
+    report = world.wait_for_report(lambda report: 'replanned' in report.message, 'a new path')
+    assert (report.code, report.map_digest) == (0, broken.digest)
+    world.show()
+
+
 def test_replan_on_map_replans_a_path_that_stands(world):
     forget(world)
     world.set(replan_on_map=True)

@@ -334,7 +334,7 @@ def test_a_goal_canceled_before_it_is_taken_up_ends_at_once_and_as_canceled(monk
     monkeypatch.setattr(nav2_actions, 'ActionServer', Mock())
     goal = Goal()
     kind = SimpleNamespace(Result=ToPose, Feedback=object)
-    goal.action = PathAction(Mock(), kind, 'plan', LateAnswering(goal), lambda: None)
+    goal.action = PathAction(Mock(), kind, 'plan', LateAnswering(goal))
     goal.action._on_cancel(goal)
     goal.action._on_accepted(goal)
     assert goal.ended == 'c'

@@ -74,12 +74,10 @@ class PathAction:
         kind: Any,  # noqa: ANN401 - an action type
         name: str,
         answering: Answering,
-        on_goal: Callable[[], None],
     ) -> None:
-        """Serve the action; `on_goal` is called when a new goal comes."""
+        """Serve the action."""
         self._kind = kind
         self._answering = answering
-        self._on_goal = on_goal
         self._newest = Newest()
         self._cancels: dict[bytes, Cancel] = {}
         server = ActionServer(
@@ -101,7 +99,6 @@ class PathAction:
 
     def _on_accepted(self, handle: Any) -> None:  # noqa: ANN401 - rclpy's own
         self._newest.begin('a newer goal came', self._cancel_of(handle))
-        self._on_goal()
         handle.execute()
 
     def _on_cancel(self, handle: Any) -> CancelResponse:  # noqa: ANN401 - rclpy's own
@@ -185,16 +182,15 @@ def serve_nav2(
     answering: Answering,
     check: PathCheck,
     planner: Callable[[], Planner | None],
-    on_goal: Callable[[], None],
 ) -> bool:
     """Serve what Nav2 calls a planner by; tell whether nav2_msgs is there to do so.
 
-    `planner` returns the planner of the latest map, `on_goal` is called when a goal comes.
+    `planner` returns the planner of the latest map.
     """
     if not HAS_NAV2:
         return False
-    PathAction(entities, ComputePathToPose, 'compute_path_to_pose', answering, on_goal)
-    PathAction(entities, ComputePathThroughPoses, 'compute_path_through_poses', answering, on_goal)
+    PathAction(entities, ComputePathToPose, 'compute_path_to_pose', answering)
+    PathAction(entities, ComputePathThroughPoses, 'compute_path_through_poses', answering)
     entities.service(
         IsPathValid,
         'is_path_valid',
