@@ -27,9 +27,11 @@ class Recall:
         self._forgotten = 0
 
     def resize(self, size: int) -> None:
-        """Remember at most so many plans from now on."""
+        """Remember at most so many plans from now on; 0 forgets the waypoints too."""
         self._size = size
         self._plans.resize(size)
+        if size == 0:
+            self._waypoints.forget()
 
     def forget(self) -> None:
         """Forget all: the source may answer otherwise now."""

@@ -159,6 +159,16 @@ def test_waypoints_that_were_under_way_when_all_was_forgotten_are_asked_for_agai
     assert source.asked == 2
 
 
+def test_what_was_kept_is_lost_where_nothing_is_to_be_kept():
+    recall, source = Recall(8), Source(*CORNER)
+    request = replace(REQUEST, source=source)
+    recall.plan(BEFORE, request, 60.0, no_stop())
+    recall.resize(0)
+    recall.resize(8)
+    recall.plan(changed((2, 28)), request, 60.0, no_stop())
+    assert source.asked == 2
+
+
 def test_a_memory_of_nothing_asks_each_time():
     recall, source = Recall(0), Source(*CORNER)
     for planner in (BEFORE, changed((2, 28))):
