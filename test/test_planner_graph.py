@@ -25,7 +25,7 @@ from rclpy.parameter import Parameter
 
 LONG = 60.0
 # Each node out of the others' sight: a call may still find one that has just left.
-WORLD, MANAGED, APART = '/world', '/managed', '/managed_apart'
+WORLD, MANAGED, AGAIN, APART = '/world', '/managed', '/managed_again', '/managed_apart'
 START, GOAL, OTHER_GOAL = Pose2D(5.5, 5.5), Pose2D(35.5, 5.5, 1.0), Pose2D(5.5, 20.5)
 CELLS = np.zeros((30, 40), dtype=np.int8)
 CELLS[:25, 20] = 100
@@ -252,6 +252,21 @@ def test_the_last_path_is_looked_at_on_a_new_map_and_replanned_only_if_broken(wo
     world.show()
 
 
+def test_a_question_that_fails_does_not_stop_the_replanning_of_a_broken_path(world):
+    forget(world)
+    path, _, _ = world.caller.call(START, GOAL)
+    world.client.go.clear()
+    world.client.asked.clear()
+    # The first corner is lost too, so the client is asked, and keeps the replanning waiting.
+    broken = world.show((19, 26), tuple(map(int, path_from_message(path)[8])))
+    wait_for(lambda: world.client.asked, 'the question to the client')
+    assert world.caller.call(START, Pose2D(-50.0, 0.0))[1].code_name == 'GOAL_OUTSIDE_MAP'
+    world.client.go.set()
+    report = world.wait_for_report(lambda report: 'replanned' in report.message, 'a new path')
+    assert (report.code, report.map_digest) == (0, broken.digest)
+    world.show()
+
+
 def test_replan_on_map_replans_a_path_that_stands(world):
     forget(world)
     world.set(replan_on_map=True)
@@ -323,6 +338,17 @@ def test_map_updates_change_the_map_and_malformed_ones_do_not(world):
     publisher.publish(messages.OccupancyGridUpdate(x=0, y=0, width=1, height=1, data=[100]))
     cells[0, 0] = 100
     world.caller.wait_until_ready(GridMap(cells).digest)
+    # The whole map overtakes an update that it holds already; the next one counts.
+    whole = grid_to_message(GridMap(CELLS), Time(sec=7))
+    world.maps.publish(whole)
+    world.caller.wait_until_ready(GridMap(CELLS).digest)
+    for sec, x in ((6, 1), (8, 2)):
+        late = messages.OccupancyGridUpdate(x=x, y=0, width=1, height=1, data=[100])
+        late.header.stamp.sec = sec
+        publisher.publish(late)
+    after = CELLS.copy()
+    after[0, 2] = 100
+    world.caller.wait_until_ready(GridMap(after).digest)
     world.show()
 
 
@@ -359,6 +385,27 @@ def test_a_managed_node_answers_while_it_is_active_and_says_why_not_otherwise():
             caller._health.clear()
         assert change_state(caller, Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
         assert state(caller) == 'finalized'
+
+
+def test_a_path_of_before_a_deactivation_is_not_replanned_after_it():
+    node = node_of(ManagedPlannerNode, AGAIN, lifecycle=True, llm_client='')
+    with running(node), calling(AGAIN) as caller:
+        maps = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        maps.publish(grid_to_message(GridMap(CELLS), Time()))
+        node.trigger_configure()
+        node.trigger_activate()
+        caller.wait_until_ready(GridMap(CELLS).digest)
+        path, _, _ = caller.call(START, GOAL)
+        node.trigger_deactivate()
+        node.trigger_activate()
+        broken = CELLS.copy()
+        x, y = map(int, path_from_message(path)[8])
+        broken[y, x] = 100
+        maps.publish(grid_to_message(GridMap(broken), Time()))
+        caller.wait_until_ready(GridMap(broken).digest)
+        # The replanning would have come before this answer, or cut it short.
+        caller.call(START, OTHER_GOAL)
+        assert [one.message for one in caller._reports.values() if 'replan' in one.message] == []
 
 
 def test_the_parameter_makes_it_a_managed_node():

@@ -1,7 +1,10 @@
 """From callers' poses to requests of the core, with tf2 played by a table."""
 
 import math
+from functools import partial
+from threading import Timer
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -12,9 +15,10 @@ from hypothesis import strategies as st
 from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.occupancy_grid import quaternion_of
 from llm_astar_msgs_adapter.path import path_to_message, pose_to_message
+from llm_astar_planner.nodes import nav2_actions
 from llm_astar_planner.nodes.answering import Answer
 from llm_astar_planner.nodes.frames import FrameError, Frames
-from llm_astar_planner.nodes.nav2_actions import PathCheck, fill_result, question_of
+from llm_astar_planner.nodes.nav2_actions import PathAction, PathCheck, fill_result, question_of
 from llm_astar_planner.nodes.planner_parameters import PARAMETERS
 from llm_astar_planner.nodes.requests import Question, Reader, RefusalError
 from llm_astar_planner.planner import GridRules, Planner
@@ -284,3 +288,54 @@ def test_whatever_is_asked_there_is_a_code_and_a_sentence(
     plan = planner.plan(request)
     assert plan.message
     assert (plan.code is ResultCode.NONE) == (len(plan.path) > 0)
+
+
+def test_a_number_a_hair_out_of_its_range_is_refused_as_the_planner_refuses_it():
+    ranged = [one for one in PARAMETERS if isinstance(one.default, float)]
+    assert 'robot_radius' in {one.name for one in ranged}
+    for one in ranged:
+        assert one.problem(one.maximum) == ''
+        assert one.name in one.problem(one.maximum * (1.0 + 5e-7))
+        assert one.name in one.problem(math.nan)
+
+
+class Goal:
+    """A goal of an action, which rclpy notes the cancel of only after it has told of it."""
+
+    def __init__(self):
+        self.goal_id = SimpleNamespace(uuid=bytes(16))
+        self.request = SimpleNamespace(
+            goal=pose(1.0, 1.0), start=pose(2.0, 1.0), use_start=True, planner_id=''
+        )
+        self.is_cancel_requested = False
+        self.action = None
+        self.ended = ''
+        self.canceled, self.abort = (partial(setattr, self, 'ended', end) for end in 'ca')
+
+    def execute(self):
+        self.action._execute(self)
+
+
+class LateAnswering:
+    """Waits until it is canceled; rclpy notes that a moment later."""
+
+    is_active = True
+
+    def __init__(self, goal):
+        self.goal = goal
+
+    def answer(self, _, cancel, on_better):
+        assert cancel.stop[0]
+        Timer(0.05, setattr, (self.goal, 'is_cancel_requested', True)).start()
+        return answer(ResultCode.UNKNOWN)
+
+
+def test_a_goal_canceled_before_it_is_taken_up_ends_at_once_and_as_canceled(monkeypatch):
+    monkeypatch.setattr(nav2_actions, 'ActionServer', Mock())
+    goal = Goal()
+    kind = SimpleNamespace(Result=ToPose, Feedback=object)
+    goal.action = PathAction(Mock(), kind, 'plan', LateAnswering(goal))
+    goal.action._on_cancel(goal)
+    goal.action._on_accepted(goal)
+    assert goal.ended == 'c'
+    assert goal.action._cancels == {}

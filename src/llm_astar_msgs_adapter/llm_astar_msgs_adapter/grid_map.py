@@ -67,6 +67,8 @@ class GridMap:
             raise GridMapError('resolution', f'{self.resolution} is not above {MIN_RESOLUTION} m')
         if not all(math.isfinite(value) for value in self.origin):
             raise GridMapError('origin', f'{tuple(self.origin)} is not finite')
+        if max(abs(self.origin.x), abs(self.origin.y)) > FAR:
+            raise GridMapError('origin', f'{tuple(self.origin)} is over {FAR:g} m away')
         if not self.frame_id:
             raise GridMapError('frame_id', 'is empty')
         cells = np.ascontiguousarray(cells, dtype=np.int8)

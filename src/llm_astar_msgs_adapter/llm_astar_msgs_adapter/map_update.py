@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_msgs_adapter.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap, GridMapError
+from llm_astar_msgs_adapter.message_values import stamp_of
 
 
 class GridUpdate(Protocol):
@@ -23,6 +24,14 @@ class GridUpdate(Protocol):
     width: int
     height: int
     data: Sequence[int]
+
+
+def is_outdated(update: GridUpdate, map_time: int) -> bool:
+    """Tell whether an update was sent before a whole map stamped `map_time` (ns), which has it.
+
+    The two come on topics of their own and may cross on the way. Stamps of 0 tell nothing.
+    """
+    return 0 < stamp_of(update) < map_time
 
 
 def updated(grid_map: GridMap, update: GridUpdate) -> GridMap:

@@ -60,7 +60,7 @@ class PlanReport:
     @property
     def summary(self) -> str:
         """One line for a person."""
-        return f'{self.code_name}: {self.message}'
+        return _sayable(f'{self.code_name}: {self.message}')
 
 
 @dataclass(frozen=True)
@@ -99,4 +99,10 @@ class ExchangeReport:
     @property
     def summary(self) -> str:
         """One line for a person."""
-        return self.detail or f'{self.status}: {len(self.waypoints)} waypoints by {self.label}'
+        count = f'{self.status}: {len(self.waypoints)} waypoints by {self.label}'
+        return _sayable(self.detail or count)
+
+
+def _sayable(words: str) -> str:
+    """Return words as a message and a log can hold them: a model's may have half a character."""
+    return words.encode(errors='replace').decode()

@@ -88,6 +88,7 @@ def test_the_digest_tells_maps_apart():
         ('resolution', {'resolution': 1e-7}),
         ('resolution', {'resolution': math.nan}),
         ('origin', {'origin': Pose2D(math.inf, 0.0)}),
+        ('origin', {'origin': Pose2D(0.0, -1e300)}),
         ('frame_id', {'frame_id': ''}),
     ],
 )

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError, Pose2D
-from llm_astar_msgs_adapter.map_update import updated
+from llm_astar_msgs_adapter.map_update import is_outdated, updated
 
 MAP = GridMap(np.zeros((4, 6), dtype=np.int8), 0.05, Pose2D(1.0, -2.0, 0.3), 'map')
 
@@ -27,6 +27,15 @@ def test_an_update_changes_its_rectangle_and_nothing_else():
     assert (after.resolution, after.origin, after.frame_id) == (0.05, MAP.origin, 'map')
     assert after.digest != MAP.digest
     assert not after.cells.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ('sent', 'map_time', 'outdated'),
+    [((5, 1), 5_000_000_002, True), ((5, 2), 5_000_000_002, False), ((0, 0), 5, False)],
+)
+def test_an_update_from_before_a_whole_map_is_outdated(sent, map_time, outdated):
+    stamp = SimpleNamespace(sec=sent[0], nanosec=sent[1])
+    assert is_outdated(SimpleNamespace(header=SimpleNamespace(stamp=stamp)), map_time) == outdated
 
 
 def test_an_empty_frame_means_the_maps():

@@ -29,6 +29,7 @@ from llm_astar_msgs_adapter.waypoints import (
     expanded_to_message,
     waypoints_to_markers,
 )
+from rclpy.serialization import serialize_message
 
 STAMP = Time(sec=5, nanosec=7)
 GRID = GridMap(
@@ -179,6 +180,14 @@ def test_reports_come_back_as_they_went(report):
     message = report_to_message(report, 'planner_node', STAMP)
     assert message.header.stamp == STAMP
     assert report_from_message(message, type(report)) == report
+
+
+def test_words_that_are_no_unicode_do_not_break_a_report():
+    report = replace(REPORT, message='half \ud800')
+    message = report_to_message(report, 'planner_node', STAMP)
+    serialize_message(message)
+    assert report.summary.endswith('half ?')
+    assert report_from_message(message, PlanReport) == report
 
 
 @pytest.mark.parametrize(

@@ -155,6 +155,11 @@ class Planner:
         ground, corner_cutting = self._prepared.ground, self.rules.corner_cutting
         return path_problem(path, ground, start, goal, corner_cutting=corner_cutting)
 
+    def legs_problem(self, points: NDArray[np.int32]) -> str | None:
+        """Say what is wrong with straight legs between cells [n, 2], as `path_problem` does."""
+        ground, corner_cutting = self._prepared.ground, self.rules.corner_cutting
+        return legs_problem(points, ground, corner_cutting=corner_cutting)
+
     def _find_ends(self, draft: _Draft) -> Refusal | None:
         """Settle where to plan from and to, or say why a request cannot be searched at all."""
         request = draft.request
@@ -264,8 +269,7 @@ class Planner:
         """Pull each leg taut, or return None where the check does not let the result pass."""
         legs = [shorten(self.fast_grid, result.path) for result in draft.results]
         points = np.concatenate([legs[0].points, *(leg.points[1:] for leg in legs[1:])])
-        ground, corner_cutting = self._prepared.ground, self.rules.corner_cutting
-        if legs_problem(points, ground, corner_cutting=corner_cutting) is not None:
+        if self.legs_problem(points) is not None:
             return None
         return AnyAnglePath(points, sum(leg.length for leg in legs), sum(leg.cost for leg in legs))
 

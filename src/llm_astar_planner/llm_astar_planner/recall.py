@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -23,14 +24,18 @@ class Recall:
         self._plans = PlanMemory(size)
         self._waypoints = WaypointMemory()
         self._size = size
+        self._forgotten = 0
 
     def resize(self, size: int) -> None:
-        """Remember at most so many plans from now on."""
+        """Remember at most so many plans from now on; 0 forgets the waypoints too."""
         self._size = size
         self._plans.resize(size)
+        if size == 0:
+            self._waypoints.forget()
 
     def forget(self) -> None:
         """Forget all: the source may answer otherwise now."""
+        self._forgotten += 1
         self._plans.forget()
         self._waypoints.forget()
 
@@ -47,12 +52,17 @@ class Recall:
         Requests are the same where map, rules and all their fields are, whatever time is left.
         No plan: a caller that waited for another's search was stopped, or out of time.
         """
+        deadline, forgotten = time.monotonic() + seconds, self._forgotten
 
         def make() -> Plan:
             source = self._waypoints.source_for(request, planner) if self._size else request.source
-            asked = replace(request, source=source, time_limit=seconds)
+            # Another's search may have been waited for before.
+            time_left = deadline - time.monotonic()
+            asked = replace(request, source=source, time_limit=time_left)
             plan = planner.plan(asked, stop, on_improvement)
-            self._waypoints.keep(request, plan, planner.grid_map)
+            # What was under way when all was forgotten is of the time before.
+            if forgotten == self._forgotten:
+                self._waypoints.keep(request, plan, planner.grid_map)
             return plan
 
         key = (planner.grid_map.digest, planner.rules, request)

@@ -30,15 +30,18 @@ ON_THE_WAY = 3.0
 KEPT_GOALS = 64
 
 
-def standing_problem(path: NDArray[np.int32], before: GridMap, planner: Planner) -> str | None:
-    """Say why a path of cells [n, 2], planned on the map `before`, cannot stand, or None.
+def standing_problem(plan: Plan, before: GridMap, planner: Planner) -> str | None:
+    """Say why the path of a plan made on the map `before` cannot stand, or None.
 
-    It stands where it is still valid on the planner's map, which must lie where `before` did.
+    It stands where it is still valid on the planner's map, which must lie where `before` did; a
+    path at any angle where its cells and its straight legs are.
     """
     if not _MapName.of(before).lies_as(planner.grid_map):
         return 'the map has another size, resolution, origin or frame'
-    start, goal = (_cell(path[0]), _cell(path[-1]))
-    return planner.path_problem(path, start, goal)
+    problem = planner.path_problem(plan.path, plan.start, plan.goal)
+    if problem is None and plan.any_angle is not None:
+        return planner.legs_problem(plan.any_angle.points)
+    return problem
 
 
 class _MapName(NamedTuple):
@@ -139,10 +142,6 @@ class KeptWaypoints:
 
 def _key(request: PlanRequest) -> tuple[Cell, str]:
     return request.goal, request.instruction
-
-
-def _cell(point: NDArray[np.int32]) -> Cell:
-    return int(point[0]), int(point[1])
 
 
 def _ahead(kept: _Kept, start: Cell) -> tuple[Waypoint, ...] | None:

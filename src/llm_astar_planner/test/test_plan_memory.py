@@ -185,3 +185,40 @@ def test_a_planner_with_a_memory_tells_maps_rules_and_settings_apart():
     assert how(planner=Planner(GridMap(FREE.grid_map.cells.copy()))) == REMEMBERED
     recall.forget()
     assert how() == ''
+
+
+class Slow:
+    """A planner whose first search lasts until it is let go; keeps the time each search had."""
+
+    def __init__(self, plan):
+        self.grid_map, self.rules = FREE.grid_map, FREE.rules
+        self.result = plan
+        self.limits = []
+        self.began, self.go = threading.Event(), threading.Event()
+
+    def plan(self, request, *_):
+        self.limits.append(request.time_limit)
+        self.began.set()
+        assert self.go.wait(LONG)
+        return self.result
+
+
+def test_time_spent_waiting_for_anothers_search_is_not_had_again(plan):
+    recall, planner, stop, asked = Recall(4), Slow(plan), no_stop(), threading.Event()
+
+    def follow():
+        asked.set()
+        recall.plan(planner, REQUEST, LONG, no_stop())
+
+    leader = threading.Thread(target=lambda: recall.plan(planner, REQUEST, LONG, stop))
+    follower = threading.Thread(target=follow)
+    leader.start()
+    planner.began.wait(LONG)
+    follower.start()
+    asked.wait(LONG)
+    time.sleep(0.3)
+    stop[0] = 1
+    planner.go.set()
+    leader.join(LONG)
+    follower.join(LONG)
+    assert planner.limits[1] < LONG - 0.05

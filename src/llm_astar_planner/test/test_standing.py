@@ -42,25 +42,38 @@ BEFORE = Planner(GridMap(WALL))
 REQUEST = PlanRequest((5, 5), (35, 5), method='guided')
 
 
-@pytest.fixture
-def path():
-    return BEFORE.plan(REQUEST).path
+@pytest.fixture(scope='module')
+def plan():
+    return BEFORE.plan(REQUEST)
 
 
-def test_a_path_stands_on_a_map_that_changed_elsewhere(path):
-    assert standing_problem(path, BEFORE.grid_map, changed((2, 28))) is None
+def test_a_path_stands_on_a_map_that_changed_elsewhere(plan):
+    assert standing_problem(plan, BEFORE.grid_map, changed((2, 28))) is None
 
 
-def test_a_path_that_the_new_map_blocks_does_not_stand(path):
-    blocked = tuple(path[len(path) // 2].tolist())
-    problem = standing_problem(path, BEFORE.grid_map, changed(blocked))
+def test_a_path_that_the_new_map_blocks_does_not_stand(plan):
+    blocked = tuple(plan.path[len(plan.path) // 2].tolist())
+    problem = standing_problem(plan, BEFORE.grid_map, changed(blocked))
     assert 'obstacle' in problem
     assert str(blocked) in problem
 
 
-def test_rules_that_changed_may_break_a_path_too(path):
+def test_a_shortened_path_is_broken_where_it_leaves_its_cells_too():
+    before = Planner(GridMap(np.zeros((30, 40), dtype=np.int8)))
+    plan = before.plan(replace(REQUEST, goal=(35, 12), any_angle=True))
+    middles = np.rint(np.linspace(plan.any_angle.points[0], plan.any_angle.points[-1], 31))
+    aside = max(
+        middles.astype(int).tolist(), key=lambda cell: np.abs(plan.path - cell).sum(axis=1).min()
+    )
+    after = before.grid_map.cells.copy()
+    after[aside[1], aside[0]] = 100
+    problem = standing_problem(plan, before.grid_map, Planner(GridMap(after)))
+    assert str(tuple(aside)) in problem
+
+
+def test_rules_that_changed_may_break_a_path_too(plan):
     wide = Planner(BEFORE.grid_map, GridRules(robot_radius=2.0))
-    assert standing_problem(path, BEFORE.grid_map, wide) is not None
+    assert standing_problem(plan, BEFORE.grid_map, wide) is not None
 
 
 @pytest.mark.parametrize(
@@ -72,8 +85,8 @@ def test_rules_that_changed_may_break_a_path_too(path):
         GridMap(WALL, frame_id='odom'),
     ],
 )
-def test_a_path_does_not_stand_on_a_map_that_lies_elsewhere(path, other):
-    assert 'another' in standing_problem(path, BEFORE.grid_map, Planner(other))
+def test_a_path_does_not_stand_on_a_map_that_lies_elsewhere(plan, other):
+    assert 'another' in standing_problem(plan, BEFORE.grid_map, Planner(other))
 
 
 def asked(source, *steps):
@@ -130,6 +143,30 @@ def test_a_robot_that_has_passed_them_all_asks_for_no_more():
     counts, plans = asked(Source(*CORNER), (BEFORE, {}), (BEFORE, near), (changed((2, 28)), near))
     assert counts == [1, 1, 1]
     assert [(plan.code, plan.waypoints) for plan in plans[1:]] == [(0, ())] * 2
+
+
+def test_waypoints_that_were_under_way_when_all_was_forgotten_are_asked_for_again():
+    recall, source = Recall(8), Source(*CORNER)
+    answer = source.waypoints
+
+    def answer_at_last(query):
+        recall.forget()
+        return answer(query)
+
+    source.waypoints = answer_at_last
+    for planner in (BEFORE, changed((2, 28))):
+        recall.plan(planner, replace(REQUEST, source=source), 60.0, no_stop())
+    assert source.asked == 2
+
+
+def test_what_was_kept_is_lost_where_nothing_is_to_be_kept():
+    recall, source = Recall(8), Source(*CORNER)
+    request = replace(REQUEST, source=source)
+    recall.plan(BEFORE, request, 60.0, no_stop())
+    recall.resize(0)
+    recall.resize(8)
+    recall.plan(changed((2, 28)), request, 60.0, no_stop())
+    assert source.asked == 2
 
 
 def test_a_memory_of_nothing_asks_each_time():

@@ -66,7 +66,7 @@ class _Job:
     begin: float
     cancel: Cancel
     on_better: Callable[[], None]
-    published: Path | None = None
+    why: str
 
     def refuse_if_canceled(self) -> None:
         """Raise RefusalError where the question was given up."""
@@ -91,7 +91,10 @@ class Answering:
         self.is_active = False
         # Called where the map changed while a path was planned on the one before.
         self.on_outdated: Callable[[], None] = lambda: None
+        # Called before a path is published that somebody has just asked for.
+        self.on_publish: Callable[[], None] = lambda: None
         self.standing: Standing | None = None
+        self._published: Path | None = None
         self.tally = Tally()
         self._running: set[Cancel] = set()
         self._ended = threading.Condition()
@@ -116,11 +119,11 @@ class Answering:
         question is asked at all, where nobody has just asked it.
         """
         stamp = self._node.get_clock().now().to_msg()
-        job = _Job(question, stamp, time.monotonic(), cancel or Cancel(), on_better)
+        job = _Job(question, stamp, time.monotonic(), cancel or Cancel(), on_better, why)
         with self._running_until_told(job.cancel):
-            return self._told(job, why)
+            return self._told(job)
 
-    def _told(self, job: _Job, why: str) -> Answer:
+    def _told(self, job: _Job) -> Answer:
         try:
             path, report = self._plan(job)
         except RefusalError as error:
@@ -129,8 +132,8 @@ class Answering:
             self._node.get_logger().error(traceback.format_exc())
             message = f'{type(error).__name__} while planning: see the log'
             path, report = self._nothing(job, ResultCode.UNKNOWN, message)
-        if why:
-            report = replace(report, message=f'{why}; {report.message}')
+        if job.why:
+            report = replace(report, message=f'{job.why}; {report.message}')
         self._announcer.tell(report, job.stamp)
         self.tally.count(report)
         seconds = time.monotonic() - job.begin
@@ -177,7 +180,9 @@ class Answering:
         # A long path takes its time to write, and nothing is published after what came instead.
         job.refuse_if_canceled()
         if plan.code is ResultCode.NONE:
-            self._publish(job, plan, path, paths)
+            self._publish(job, path)
+            if self._announcer.wants_raw:
+                self._announcer.publish_raw(paths.message(plan.path))
             self._keep(job, plan, planner)
         self._announcer.show(plan, planner.grid_map, job.stamp)
         report = plan_report(plan, planner.grid_map)
@@ -210,17 +215,17 @@ class Answering:
         def publish_better(better: Improvement) -> None:
             path = None if job.cancel.reason else paths.message(better.path)
             if path is not None and not job.cancel.reason:
-                job.published = path
-                self._announcer.publish(path)
+                self._publish(job, path)
                 job.on_better()
 
         return self._recall.plan(
             planner, request, max(LEAST_SECONDS, limit - spent), job.cancel.stop, publish_better
         )
 
-    def _publish(self, job: _Job, plan: Plan, path: Path, paths: Paths) -> None:
-        """Publish a path, unless it was the last to be published as a better one."""
-        if path is not job.published:
+    def _publish(self, job: _Job, path: Path) -> None:
+        """Publish a path, unless it was the last to be published, as a better one."""
+        if not job.why:
+            self.on_publish()
+        if path is not self._published:
+            self._published = path
             self._announcer.publish(path)
-        if self._announcer.wants_raw:
-            self._announcer.publish_raw(paths.message(plan.path))

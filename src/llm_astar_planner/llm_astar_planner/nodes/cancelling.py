@@ -29,10 +29,10 @@ class Newest:
         self._lock = threading.Lock()
         self._current = Cancel()
 
-    def begin(self, reason: str) -> Cancel:
-        """Cancel the one before for that reason, and return the new one's way out."""
+    def begin(self, reason: str, cancel: Cancel | None = None) -> Cancel:
+        """Cancel the one before for that reason, and return the new one's way out, or take it."""
         with self._lock:
-            before, self._current = self._current, Cancel()
+            before, self._current = self._current, cancel or Cancel()
             before(reason)
             return self._current
 

@@ -108,10 +108,11 @@ class MapKeeper:
 
     def _prepared(self, grid_map: GridMap | None) -> Planner | None:
         """Return a planner ready to plan, None where the one there is serves already."""
-        rules, current = self._rules(), self.planner
-        if grid_map is None or (current and _is_made_of(current, grid_map, rules)):
-            return None
+        current = self.planner
         try:
+            rules = self._rules()
+            if grid_map is None or (current and _is_made_of(current, grid_map, rules)):
+                return None
             return Planner(grid_map, rules, keeper=self._landmarks).prepare(wait=False)
         except Exception as error:  # noqa: BLE001 - no map may end the keeping of maps
             problem = f'{type(error).__name__}: {error}'

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError
-from llm_astar_msgs_adapter.map_update import updated
+from llm_astar_msgs_adapter.map_update import is_outdated, updated
+from llm_astar_msgs_adapter.message_values import stamp_of
 from llm_astar_msgs_adapter.occupancy_grid import grid_from_message
 from nav_msgs.msg import OccupancyGrid
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -28,6 +29,7 @@ class MapListener:
         self._logger = entities.node.get_logger()
         self._on_map = on_map
         self._grid_map: GridMap | None = None
+        self._time = 0
         # Updates build on their map and on each other, so all are taken in turn.
         group = MutuallyExclusiveCallbackGroup()
         entities.subscription(OccupancyGrid, 'map', self._on_whole, LATCHED, group)
@@ -37,23 +39,25 @@ class MapListener:
             )
 
     def _on_whole(self, message: OccupancyGrid) -> None:
-        self._take('map', lambda: grid_from_message(message))
+        if self._take('map', lambda: grid_from_message(message)):
+            self._time = stamp_of(message)
 
     def _on_part(self, message: Any) -> None:  # noqa: ANN401 - map_msgs may not be there
         before = self._grid_map
         if before is None:
             self._logger.error('map update refused: it came before its map')
-        else:
+        elif not is_outdated(message, self._time):
             self._take('map update', lambda: updated(before, message))
 
-    def _take(self, what: str, read: Callable[[], GridMap]) -> None:
-        """Take what is read, if it is a map; the last good one stays otherwise."""
+    def _take(self, what: str, read: Callable[[], GridMap]) -> bool:
+        """Take what is read, if it is a map; tell so, the last good one stays otherwise."""
         try:
             grid_map = read()
         except GridMapError as error:
             before = self._grid_map
             stays = 'there is none' if before is None else f'map {before.digest} stays'
             self._logger.error(f'{what} refused, {stays}: {error}')
-            return
+            return False
         self._grid_map = grid_map
         self._on_map(grid_map)
+        return True

@@ -6,6 +6,7 @@ without them.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -35,6 +36,9 @@ else:
 
 # A result of a thousand poses is no small thing: kept as long as Nav2's own planner keeps it.
 RESULT_SECONDS = 10
+CANCELED = 'the caller canceled'
+# Seconds to wait for rclpy to note a cancel of which it has told.
+NOTING_SECONDS = 1.0
 
 
 def question_of(goal: Any) -> Question:  # noqa: ANN401 - a goal of either action
@@ -70,12 +74,10 @@ class PathAction:
         kind: Any,  # noqa: ANN401 - an action type
         name: str,
         answering: Answering,
-        on_goal: Callable[[], None],
     ) -> None:
-        """Serve the action; `on_goal` is called when a new goal comes."""
+        """Serve the action."""
         self._kind = kind
         self._answering = answering
-        self._on_goal = on_goal
         self._newest = Newest()
         self._cancels: dict[bytes, Cancel] = {}
         server = ActionServer(
@@ -96,30 +98,34 @@ class PathAction:
         return GoalResponse.ACCEPT if self._answering.is_active else GoalResponse.REJECT
 
     def _on_accepted(self, handle: Any) -> None:  # noqa: ANN401 - rclpy's own
-        self._cancels[_id(handle)] = self._newest.begin('a newer goal came')
-        self._on_goal()
+        self._newest.begin('a newer goal came', self._cancel_of(handle))
         handle.execute()
 
     def _on_cancel(self, handle: Any) -> CancelResponse:  # noqa: ANN401 - rclpy's own
-        cancel = self._cancels.get(_id(handle))
-        if cancel is not None:
-            cancel('the caller canceled')
+        self._cancel_of(handle)(CANCELED)
         return CancelResponse.ACCEPT
 
+    def _cancel_of(self, handle: Any) -> Cancel:  # noqa: ANN401 - rclpy's own
+        """Return a goal's way out, which may be asked for before the goal is taken up."""
+        return self._cancels.setdefault(_id(handle), Cancel())
+
     def _execute(self, handle: Any) -> Any:  # noqa: ANN401 - rclpy's own
-        question = question_of(handle.request)
+        question, cancel = question_of(handle.request), self._cancel_of(handle)
         answer = self._answering.answer(
             question,
-            self._cancels[_id(handle)],
+            cancel,
             lambda: handle.publish_feedback(self._kind.Feedback()),
         )
-        del self._cancels[_id(handle)]
+        if cancel.reason == CANCELED:
+            _wait_for_cancel(handle)
         if handle.is_cancel_requested:
             handle.canceled()
         elif answer.code is ResultCode.NONE:
             handle.succeed()
         else:
             handle.abort()
+        # Not before the end, which is when no cancel can come any more.
+        del self._cancels[_id(handle)]
         return fill_result(self._kind.Result(), question, answer)
 
 
@@ -176,16 +182,15 @@ def serve_nav2(
     answering: Answering,
     check: PathCheck,
     planner: Callable[[], Planner | None],
-    on_goal: Callable[[], None],
 ) -> bool:
     """Serve what Nav2 calls a planner by; tell whether nav2_msgs is there to do so.
 
-    `planner` returns the planner of the latest map, `on_goal` is called when a goal comes.
+    `planner` returns the planner of the latest map.
     """
     if not HAS_NAV2:
         return False
-    PathAction(entities, ComputePathToPose, 'compute_path_to_pose', answering, on_goal)
-    PathAction(entities, ComputePathThroughPoses, 'compute_path_through_poses', answering, on_goal)
+    PathAction(entities, ComputePathToPose, 'compute_path_to_pose', answering)
+    PathAction(entities, ComputePathThroughPoses, 'compute_path_through_poses', answering)
     entities.service(
         IsPathValid,
         'is_path_valid',
@@ -193,6 +198,13 @@ def serve_nav2(
         ReentrantCallbackGroup(),
     )
     return True
+
+
+def _wait_for_cancel(handle: Any) -> None:  # noqa: ANN401 - rclpy's own
+    """Wait until a goal counts as canceled, which may be a moment after the cancel was told of."""
+    deadline = time.monotonic() + NOTING_SECONDS
+    while not handle.is_cancel_requested and time.monotonic() < deadline:
+        time.sleep(0.001)
 
 
 def _id(handle: Any) -> bytes:  # noqa: ANN401 - rclpy's own

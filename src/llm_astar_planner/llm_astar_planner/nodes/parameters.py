@@ -51,9 +51,14 @@ class Parameter:
         return descriptor
 
     def problem(self, value: Scalar) -> str:
-        """Say why a value is no choice, or ''."""
+        """Say why a value is no choice or out of the range, or ''."""
         if self.choices and value not in self.choices:
             return f'{self.name}: {value!r} is not one of {", ".join(self.choices)}'
+        if self.minimum is None or self.maximum is None:
+            return ''
+        # rclpy lets pass what is beyond a bound by less than a millionth of it.
+        if not self.minimum <= float(value) <= self.maximum:
+            return f'{self.name}: {value} is not in {self.minimum:g} to {self.maximum:g}'
         return ''
 
 

@@ -64,6 +64,8 @@ class PlannerServer:
         )
         self._answering.on_outdated = self._look_again
         self._revalidation = Revalidation(node, settings, self._answering)
+        # What a look at the last path would publish is out of date then.
+        self._answering.on_publish = lambda: self._revalidation.give_up('a newer path came')
         self._health = Health(entities, self._state)
         # Last of all: whoever spins the node may call back at once.
         self._listen(PathCheck(frames, lambda: str(settings['robot_base_frame'])))
@@ -80,6 +82,8 @@ class PlannerServer:
         self._answering.is_active = value
         if not value:
             self._answering.give_up('the node was deactivated')
+            # Nobody follows it any more: it must not be replanned once the node is active again.
+            self._answering.standing = None
 
     def close(self) -> None:
         """Give up what is being planned, and leave the graph."""
@@ -123,9 +127,7 @@ class PlannerServer:
         self._entities.on_close(
             lambda: self._node.remove_post_set_parameters_callback(self._on_parameters)
         )
-        has_nav2 = serve_nav2(
-            self._entities, self._answering, check, lambda: self._maps.planner, self._supersede
-        )
+        has_nav2 = serve_nav2(self._entities, self._answering, check, lambda: self._maps.planner)
         served = 'with' if has_nav2 else 'without nav2_msgs, so without'
         self._node.get_logger().info(f"{served} Nav2's planner actions")
 
@@ -142,14 +144,9 @@ class PlannerServer:
         if self._maps.planner is not None:
             self._revalidation.look(self._maps.planner)
 
-    def _supersede(self) -> None:
-        """Make way for a new question: the last path need not be kept true any more."""
-        self._revalidation.give_up('a newer question came')
-
     def _on_get_plan(
         self, request: GetPlan.Request, response: GetPlan.Response
     ) -> GetPlan.Response:
-        self._supersede()
         question = Question((request.goal,), request.start, float(request.tolerance))
         response.plan = self._answering.answer(question).path
         return response
@@ -159,7 +156,6 @@ class PlannerServer:
 
     def _on_goal_pose(self, message: PoseStamped) -> None:
         cancel = self._goals.begin(NEWER_GOAL)
-        self._supersede()
         self._answering.answer(Question((message,), fallback_start=self._initial), cancel)
 
     def _state(self) -> tuple[bool, str, dict[str, Any]]:

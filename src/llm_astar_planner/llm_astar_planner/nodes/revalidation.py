@@ -46,7 +46,7 @@ class Revalidation:
         if standing is None or not self._answering.is_active or cancel.reason:
             return
         digest = planner.grid_map.digest
-        problem = standing_problem(standing.plan.path, standing.grid_map, planner)
+        problem = standing_problem(standing.plan, standing.grid_map, planner)
         if problem is None and not self._settings['replan_on_map']:
             self._settle(standing, replace(standing, grid_map=planner.grid_map))
             self.last = f'the path stands on map {digest}'

@@ -40,14 +40,19 @@ LONGEST_WAIT = 0.5
 
 def spin(executor: Executor, context: Context, stopped: threading.Event | None = None) -> None:
     """Spin until the context is shut down or `stopped` is set, and return quietly then."""
+    while context.ok() and not (stopped and stopped.is_set()):
+        _spin_once(executor, context)
+
+
+def _spin_once(executor: Executor, context: Context) -> None:
     try:
-        while context.ok() and not (stopped and stopped.is_set()):
-            executor.spin_once(timeout_sec=LONGEST_WAIT)
+        executor.spin_once(timeout_sec=LONGEST_WAIT)
     except ExternalShutdownException:
         pass
-    except RCLError:
-        # A signal may end the context between two steps of the executor.
-        if context.ok():
+    except RCLError as error:
+        # A signal may end the context between two steps of the executor; and an action server that
+        # a managed node takes back may still be on the list of what to wait for.
+        if context.ok() and 'wait set' not in str(error):
             raise
 
 

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 EUCLIDEAN, OCTILE, CHEBYSHEV, MANHATTAN = range(4)
 FOUND, EXHAUSTED, STOPPED = range(3)
 SQRT2 = math.sqrt(2.0)
-NOT_SEEN = -1.0
-POLL_EVERY = 1024
 
 # The published order of neighbours; it decides ties among parents.
 _DX = np.array([-1, -1, 0, 1, 1, 1, 0, -1], dtype=np.int64)
@@ -117,18 +115,21 @@ def paper_search(
     decay: float,
     corner_cutting: bool,
     stop: NDArray[np.uint8],
-) -> tuple[int, int, int, NDArray[np.uint8], NDArray[np.int8]]:
+    seen: NDArray[np.bool_],
+    closed: NDArray[np.bool_],
+) -> tuple[int, int, int, NDArray[np.int8]]:
     """Search from start to goal, cells (x, y), on `blocked` [height, width].
 
     `targets` [n, 2] is the paper's target list without its start: the search is drawn to each in
     turn; empty means no target term. The weight of h(goal) at the k-th pop is
-    max(1, weight * decay^k). Returns (status, operation, storage, closed [width * height],
-    parent move [width * height], -1 where there is none).
+    max(1, weight * decay^k). `seen` and `closed`, [width * height] and all False at first, are
+    filled in. Returns (status, operation, storage, parent move [width * height], of cells with a
+    parent only).
     """
     height, width = blocked.shape
-    g = np.full(width * height, NOT_SEEN)
-    move_to = np.full(width * height, -1, dtype=np.int8)
-    closed = np.zeros(width * height, dtype=np.uint8)
+    # Not filled, and `seen` tells what counts: on a large map that alone would outlast a cancel.
+    g = np.empty(width * height)
+    move_to = np.empty(width * height, dtype=np.int8)
     keys: NDArray[np.float64] = np.empty(1024)
     nodes: NDArray[np.int64] = np.empty(1024, dtype=np.int64)
 
@@ -142,6 +143,7 @@ def paper_search(
     raw_weight = weight
     stale = False
     g[start_node] = 0.0
+    seen[start_node] = True
     keys[0] = _estimate(start_node, height, kind, w, goal, target, guided)
     nodes[0] = start_node
     size = 1
@@ -150,7 +152,7 @@ def paper_search(
     status = EXHAUSTED
 
     while size > 0:
-        if operation % POLL_EVERY == 0 and stop[0]:
+        if stop[0]:
             status = STOPPED
             break
         if decay != 1.0:
@@ -168,7 +170,7 @@ def paper_search(
         keys[0], nodes[0] = keys[size], nodes[size]
         _sift_down(keys, nodes, 0, size)
         operation += 1
-        closed[node] = 1
+        closed[node] = True
         if node == goal_node:
             status = FOUND
             break
@@ -191,7 +193,8 @@ def paper_search(
             neighbour = nx * height + ny
             if closed[neighbour]:
                 continue
-            if g[neighbour] == NOT_SEEN:
+            if not seen[neighbour]:
+                seen[neighbour] = True
                 g[neighbour] = np.inf
                 storage += 1
             # Only a start on a barrier can be a blocked node here: none of its moves is legal.
@@ -212,7 +215,7 @@ def paper_search(
                 nodes[size] = neighbour
                 _sift_up(keys, nodes, size)
                 size += 1
-    return status, operation, storage, closed, move_to
+    return status, operation, storage, move_to
 
 
 @njit(cache=True, nogil=True)

@@ -140,7 +140,10 @@ def _search(
     decay: float = 1.0,
 ) -> SearchResult:
     start_cell, goal_cell = np.array(start, dtype=np.int64), np.array(goal, dtype=np.int64)
-    code, operation, storage, closed, move_to = kernels.paper_search(
+    height, width = blocked.shape
+    # Zeros that the system hands out as they are touched: a small search of a large map is cheap.
+    seen, closed = (np.zeros(width * height, dtype=np.bool_) for _ in range(2))
+    code, operation, storage, move_to = kernels.paper_search(
         np.ascontiguousarray(blocked, dtype=np.bool_),
         start_cell,
         goal_cell,
@@ -150,9 +153,10 @@ def _search(
         float(decay),
         bool(options.corner_cutting),
         options.stop,
+        seen,
+        closed,
     )
-    height, width = blocked.shape
-    expanded = closed.reshape(width, height).T.astype(np.bool_)
+    expanded = closed.reshape(width, height).T
     status = _STATUS[code]
     if status is not SearchStatus.FOUND:
         return SearchResult(status, operation, storage, expanded)
