@@ -53,7 +53,7 @@ def summarise_barriers(
     while max(occupied.shape) > MAX_SIDE * factor:
         factor *= 2
     while True:
-        coarse = _coarsen(occupied, factor)
+        coarse = coarsen(occupied, factor)
         runs, complete = _cover(coarse, limit)
         if complete or min(coarse.shape) < 2 * COARSEST_SIDE:
             break
@@ -72,7 +72,8 @@ def summarise_barriers(
     )
 
 
-def _coarsen(occupied: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
+def coarsen(occupied: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
+    """Return which blocks of `factor` x `factor` cells hold any that is set, the last ones cut."""
     if factor == 1:
         return occupied
     height, width = (-(-side // factor) for side in occupied.shape)

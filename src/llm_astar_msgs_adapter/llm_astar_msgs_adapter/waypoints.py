@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from llm_astar_msgs_adapter.barrier_summary import coarsen
 from llm_astar_msgs_adapter.grid_map import GridMap
 
+# A message of a million cells takes ten seconds to write, and no screen shows them all.
+MAX_DRAWN = 10_000
 Place = tuple[float, float]
 Colour = tuple[float, float, float]
 
@@ -142,13 +145,21 @@ def _marker(number: int, shape: _Shape, place: Point, frame_id: str, stamp: Time
 
 
 def expanded_to_message(expanded: NDArray[np.bool_], grid_map: GridMap, stamp: Time) -> GridCells:
-    """Draw the expanded cells (bool [height, width]) as grid cells."""
+    """Draw the expanded cells (bool [height, width]) as grid cells.
+
+    More than MAX_DRAWN are drawn as larger cells: 2 x 2, 4 x 4, ... of the map's.
+    """
+    factor, blocks = 1, expanded
+    while np.count_nonzero(blocks) > MAX_DRAWN:
+        factor *= 2
+        blocks = coarsen(expanded, factor)
     message = GridCells()
     message.header.frame_id = grid_map.frame_id
     message.header.stamp = stamp
-    message.cell_width = message.cell_height = float(grid_map.resolution)
-    rows, columns = np.nonzero(expanded)
-    points = grid_map.grid_to_world(np.column_stack((columns, rows)))
+    message.cell_width = message.cell_height = float(grid_map.resolution * factor)
+    rows, columns = np.nonzero(blocks)
+    centres = np.column_stack((columns, rows)) * factor + (factor - 1) / 2
+    points = grid_map.grid_to_world(centres)
     message.cells = [Point(x=x, y=y, z=0.0) for x, y in points.tolist()]
     return message
 
@@ -156,8 +167,12 @@ def expanded_to_message(expanded: NDArray[np.bool_], grid_map: GridMap, stamp: T
 def expanded_from_message(message: GridCells, grid_map: GridMap) -> NDArray[np.bool_]:
     """Read the cells of a message on the map they were drawn for: bool [height, width]."""
     expanded = np.zeros(grid_map.cells.shape, dtype=np.bool_)
+    factor = round(message.cell_width / grid_map.resolution)
     if message.cells:
         places = grid_map.world_to_grid([(point.x, point.y) for point in message.cells])
-        columns, rows = np.rint(places).astype(int).T
-        expanded[rows, columns] = True
+        columns, rows = np.rint(places - (factor - 1) / 2).astype(int).T
+        within = np.arange(factor)
+        y = (rows[:, None, None] + within[:, None]).clip(max=grid_map.height - 1)
+        x = (columns[:, None, None] + within).clip(max=grid_map.width - 1)
+        expanded[y, x] = True
     return expanded

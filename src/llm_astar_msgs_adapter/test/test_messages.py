@@ -25,6 +25,7 @@ from llm_astar_msgs_adapter.report import (
     report_to_message,
 )
 from llm_astar_msgs_adapter.waypoints import (
+    MAX_DRAWN,
     expanded_from_message,
     expanded_to_message,
     waypoints_to_markers,
@@ -253,6 +254,20 @@ def test_markers_can_be_seen_on_a_large_map():
 def test_a_plan_without_waypoints_clears_those_of_the_one_before():
     (clear,) = waypoints_to_markers([], GRID, STAMP).markers
     assert clear.action == clear.DELETEALL
+
+
+def test_many_expanded_cells_are_drawn_larger_and_none_is_lost():
+    grid_map = GridMap(np.zeros((301, 503), dtype=np.int8), 0.1, GRID.origin, 'map')
+    expanded = np.random.default_rng(0).random(grid_map.cells.shape) < 0.5
+    message = expanded_to_message(expanded, grid_map, STAMP)
+    assert message.cell_width == pytest.approx(0.4)
+    assert len(message.cells) <= MAX_DRAWN
+    drawn = expanded_from_message(message, grid_map)
+    assert drawn[expanded].all()
+    alone = np.zeros_like(expanded)
+    alone[300, 502] = True
+    back = expanded_from_message(expanded_to_message(alone, grid_map, STAMP), grid_map)
+    np.testing.assert_array_equal(back, alone)
 
 
 def test_expanded_cells_come_back():

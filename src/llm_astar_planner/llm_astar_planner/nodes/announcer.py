@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import threading
+import traceback
+from concurrent.futures import ThreadPoolExecutor
+
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.grid_map import GridMap
@@ -26,6 +30,10 @@ class Announcer:
         self._report = entities.publisher(DiagnosticArray, '~/report', REPORTS)
         self._markers = entities.publisher(MarkerArray, '~/markers', RELIABLE)
         self._explored = entities.publisher(GridCells, '~/explored', RELIABLE)
+        self._change = threading.Lock()
+        self._latest: tuple[Plan, GridMap, Time] | None = None
+        self._painter = ThreadPoolExecutor(1, 'painter')
+        entities.on_close(self._painter.shutdown)
 
     @property
     def wants_expanded(self) -> bool:
@@ -46,14 +54,33 @@ class Announcer:
         self._raw_plan.publish(path)
 
     def show(self, plan: Plan, grid_map: GridMap, stamp: Time) -> None:
-        """Draw the plan for RViz, if anyone looks."""
-        if self._markers.get_subscription_count():
+        """Draw the plan for RViz, if anyone looks.
+
+        That is done aside, so no caller waits for it; a plan that a newer one overtakes meanwhile
+        is not drawn.
+        """
+        if not (self._markers.get_subscription_count() or self.wants_expanded):
+            return
+        with self._change:
+            is_waiting = self._latest is not None
+            self._latest = (plan, grid_map, stamp)
+        if not is_waiting:
+            self._painter.submit(self._draw)
+
+    def _draw(self) -> None:
+        with self._change:
+            latest, self._latest = self._latest, None
+        if latest is None:
+            return
+        plan, grid_map, stamp = latest
+        try:
             waypoints = [(point.x, point.y, point.verdict.value) for point in plan.waypoints]
             ends = (plan.start, plan.goal)
-            markers = waypoints_to_markers(waypoints, grid_map, stamp, ends, plan.via)
-            self._markers.publish(markers)
-        if self.wants_expanded and plan.expanded.size:
-            self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
+            self._markers.publish(waypoints_to_markers(waypoints, grid_map, stamp, ends, plan.via))
+            if plan.expanded.size:
+                self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
+        except Exception:  # noqa: BLE001 - a picture that fails must not go unnoticed
+            self._node.get_logger().error(traceback.format_exc())
 
     def tell(self, report: PlanReport, stamp: Time) -> None:
         """Publish and log a report."""
