@@ -49,7 +49,6 @@ PLAIN = {
         'message_values',
         'movingai',
         'report_values',
-        'transform',
         'transforms',
     )
 }

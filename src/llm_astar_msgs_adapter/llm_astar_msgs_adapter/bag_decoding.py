@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
 import zstandard
+from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import (
     Stores,
@@ -16,12 +18,16 @@ from rosbags.typesys import (
 )
 from rosbags.typesys.store import Typestore
 
-from llm_astar_msgs_adapter.bag_file import Channel
+from llm_astar_msgs_adapter.bag_file import Channel, unzstd
 from llm_astar_msgs_adapter.bag_types import bag_types
 
 ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 # What parsing a definition that somebody else wrote may raise.
-DEFINITION_ERRORS = (TypesysError, KeyError, ValueError, TypeError, AssertionError, IndexError)
+DEFINITION_ERRORS = (
+    TypesysError, KeyError, ValueError, TypeError, AssertionError, IndexError, RecursionError,
+)  # fmt: skip
+# Code is made for every element of such an array.
+MAX_ELEMENTS = 10_000
 
 
 class DecodeError(ValueError):
@@ -62,12 +68,11 @@ class Decoder:
 
         Raises DecodeError for data that does not fit the type, UnknownTypeError for the type.
         """
+        data = _unpacked(data)
         try:
-            if data[:4] == ZSTD_MAGIC:
-                data = zstandard.ZstdDecompressor().decompressobj().decompress(data)
             name, store = self._type(msgtype)
             return store.deserialize_cdr(data, name)
-        except (SerdeError, zstandard.ZstdError) as error:
+        except SerdeError as error:
             raise DecodeError(str(error)) from None
         except DEFINITION_ERRORS as error:
             message = f'its type {msgtype} is unknown here and the bag does not define it'
@@ -82,14 +87,40 @@ class Decoder:
 def _parse(channel: Channel) -> dict[str, Any]:
     """Return the types in a definition by name."""
     if channel.format != 'ros2idl':
-        return dict(get_types_from_msg(channel.definition, channel.msgtype))
+        return _bounded(get_types_from_msg(channel.definition, channel.msgtype))
     types: dict[str, Any] = {}
     bar = '=' * 80 + '\n'
     for part in channel.definition.split(bar):
         text = part.split('\n', 1)[1] if part.startswith('IDL: ') else part
         if text.strip():
             types.update(get_types_from_idl(text))
-    return types
+    return _bounded(types)
+
+
+def _bounded(types: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the types of a definition. Raises ValueError for arrays that no message has."""
+    for name, (_, fields) in types.items():
+        for field, (kind, detail) in fields:
+            if kind is Nodetype.ARRAY and detail[1] > MAX_ELEMENTS and not _is_plain(detail[0]):
+                message = f'{name}: {field}: {detail[1]} elements'
+                raise ValueError(message)
+    return dict(types)
+
+
+def _is_plain(element: Any) -> bool:  # noqa: ANN401 - a parse tree of rosbags
+    """Tell whether an element is a number, of which arrays are read at once."""
+    kind, detail = element
+    return kind is Nodetype.BASE and detail[0] not in ('string', 'wstring')
+
+
+def _unpacked(data: bytes) -> bytes:
+    """Return a message as it was before it was compressed. Raises DecodeError."""
+    if data[:4] != ZSTD_MAGIC:
+        return data
+    try:
+        return unzstd(data)
+    except (ValueError, zstandard.ZstdError) as error:
+        raise DecodeError(str(error)) from None
 
 
 def _own_name(msgtype: str, types: dict[str, Any]) -> str:

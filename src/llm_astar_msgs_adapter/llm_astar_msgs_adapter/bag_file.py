@@ -6,8 +6,13 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
+import zstandard
+
 # Time stamps of one topic that go back by more than this (ns) are a jump of the clock.
 JUMP = 1_000_000_000
+# Bytes that no message and no chunk of messages has; what claims more is damaged, or a trap.
+LARGEST = 512 * 1024 * 1024
+BLOCK = 1024 * 1024
 
 
 class BagError(ValueError):
@@ -56,3 +61,19 @@ class Storage(Protocol):
 
     def close(self) -> None:
         """Let go of the file."""
+
+
+def unzstd(data: bytes, limit: int = LARGEST) -> bytes:
+    """Return what was compressed, of data that were cut off what comes before the cut.
+
+    Raises ZstdError for other damage, ValueError where it is over `limit` bytes.
+    """
+    blocks, size = [], 0
+    with zstandard.ZstdDecompressor().stream_reader(data) as stream:
+        while block := stream.read(BLOCK):
+            blocks.append(block)
+            size += len(block)
+            if size > limit:
+                message = f'it is compressed from more than {limit} bytes'
+                raise ValueError(message)
+    return b''.join(blocks)

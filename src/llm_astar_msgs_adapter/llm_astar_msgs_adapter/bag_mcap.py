@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from heapq import heapify, heappop, heappush
-from io import BytesIO
+from io import SEEK_CUR, BytesIO
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -24,11 +24,13 @@ from mcap.reader import SeekingReader
 from mcap.records import Channel as McapChannel
 from mcap.records import Chunk, ChunkIndex, MessageIndex, Schema
 
-from llm_astar_msgs_adapter.bag_file import BagError, Channel, Record
+from llm_astar_msgs_adapter.bag_file import LARGEST, BagError, Channel, Record, unzstd
 
 MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')
 MESSAGE = struct.Struct('<HIQQ')
+# The records that are read; others, attachments of any size among them, are passed over.
+READ = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
 # What reading bytes that are not as they were written may raise.
 DAMAGE = (
     McapError, ValueError, RuntimeError, OverflowError, MemoryError, OSError, struct.error,
@@ -171,7 +173,7 @@ class McapFile:
         try:
             data = _contents(payload, whole=whole)
         except DAMAGE as why:
-            self._complain(f'the chunk at byte {place} is left out: {why or "it is cut off"}')
+            self._complain(f'the chunk at byte {place} is left out: {str(why) or "it is cut off"}')
             return
         for inner, content, complete in _walk(BytesIO(data), len(data)):
             yield from self._read_record(inner, content, place) if complete else ()
@@ -190,7 +192,7 @@ class McapFile:
                 told = McapChannel.read(stream)
                 self._channels[told.id] = told
         except DAMAGE as why:
-            self._complain(f'a record at byte {place} is left out: {why or "it is cut off"}')
+            self._complain(f'a record at byte {place} is left out: {str(why) or "it is cut off"}')
 
     def _channel(self, channel: McapChannel) -> Channel:
         schema = self._schemas.get(channel.schema_id)
@@ -204,11 +206,20 @@ class McapFile:
 
 
 def _walk(stream: BinaryIO, size: int) -> Iterator[tuple[int, bytes, bool]]:
-    """Yield opcode and payload of each record from here on, and whether it is all there."""
-    while len(head := stream.read(RECORD.size)) == RECORD.size:
+    """Yield opcode and payload of each record from here on, and whether it is all there.
+
+    Payloads that nobody reads, and those too large to be any, come empty. Zeros, as a power cut
+    leaves them at the end of a file, are no record.
+    """
+    while len(head := stream.read(RECORD.size)) == RECORD.size and head[0]:
         opcode, length = RECORD.unpack(head)
-        payload = stream.read(min(length, size - stream.tell()))
-        yield opcode, payload, len(payload) == length
+        left = size - stream.tell()
+        if opcode in READ and min(length, left) <= LARGEST:
+            payload = stream.read(min(length, left))
+            yield opcode, payload, len(payload) == length
+        else:
+            stream.seek(min(length, left), SEEK_CUR)
+            yield opcode, b'', False
 
 
 def _contents(payload: bytes, *, whole: bool) -> bytes:
@@ -224,11 +235,15 @@ def _contents(payload: bytes, *, whole: bool) -> bytes:
 
 
 def _decompress(chunk: Chunk) -> bytes:
+    """Return what a chunk holds, and no more than it says it does."""
     if chunk.compression == '':
         return chunk.data
+    if chunk.uncompressed_size > LARGEST:
+        raise ValueError(f'it would fill {chunk.uncompressed_size} bytes')
     if chunk.compression == 'zstd':
-        return zstandard.ZstdDecompressor().decompressobj().decompress(chunk.data)
+        return unzstd(chunk.data, chunk.uncompressed_size)
     if chunk.compression == 'lz4':
-        data: bytes = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data)
+        decompress = lz4.frame.LZ4FrameDecompressor().decompress
+        data: bytes = decompress(chunk.data, max_length=chunk.uncompressed_size)
         return data
     raise ValueError(f'compression {chunk.compression!r} is unknown')

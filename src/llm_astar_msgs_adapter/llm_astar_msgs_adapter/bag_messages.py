@@ -16,6 +16,8 @@ from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.headings import headings
 
 NANOSECONDS = 1_000_000_000
+# A Time has no later one; the clock of a broken bag may.
+LAST_SECOND = 2**31 - 1
 # service_msgs/ServiceEventInfo's, and visualization_msgs/Marker's.
 REQUEST_RECEIVED = 1
 SPHERE_LIST, ADD, DELETE = 7, 0, 2
@@ -136,7 +138,7 @@ def _make(msgtype: str, **fields: Any) -> object:  # noqa: ANN401 - of the messa
 
 def _time(stamp: int) -> object:
     seconds, rest = divmod(stamp, NANOSECONDS)
-    return _make('builtin_interfaces/msg/Time', sec=seconds, nanosec=rest)
+    return _make('builtin_interfaces/msg/Time', sec=min(seconds, LAST_SECOND), nanosec=rest)
 
 
 def _header(frame_id: str, stamp: int) -> object:

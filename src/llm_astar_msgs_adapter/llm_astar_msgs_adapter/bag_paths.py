@@ -52,8 +52,8 @@ def _named_files(path: Path, problems: Problems) -> list[str] | None:
     try:
         content = yaml.safe_load(file.read_text(encoding='utf-8'))
         names = content['rosbag2_bagfile_information']['relative_file_paths']
-        return [PurePath(str(name)).name for name in names]
-    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError) as error:
+        return list(dict.fromkeys(PurePath(name).name for name in names))
+    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError, RecursionError) as error:
         problems.note(f'{file}: cannot be used ({type(error).__name__}: {error}); the files '
                       'beside it are read in order of their names')  # fmt: skip
         return None

@@ -53,25 +53,17 @@ def path_from_message(message: Any) -> NDArray[np.float64]:  # noqa: ANN401 - of
     return np.array(points, dtype=np.float64).reshape(-1, 2)
 
 
-def matrix_of(translation: Any, rotation: Any) -> NDArray[np.float64]:  # noqa: ANN401
-    """Return the transform [4, 4] of a position and a quaternion, as of a Pose or Transform.
+def pose_from_message(pose: Any, field: str = 'pose') -> Pose2D:  # noqa: ANN401
+    """Read a geometry_msgs/Pose in the plane, its heading projected on it; of either world.
 
-    Raises GridMapError where they hold no transform.
+    Raises GridMapError naming `field` where a number is not finite.
     """
-    quaternion = np.array([rotation.x, rotation.y, rotation.z, rotation.w], dtype=float)
-    place = np.array([translation.x, translation.y, translation.z], dtype=float)
-    norm = float(np.linalg.norm(quaternion))
-    if not (np.isfinite(place).all() and math.isfinite(norm) and norm > QUATERNION_TOLERANCE):
-        raise GridMapError('pose', 'holds a number that is not finite, or no rotation')
-    x, y, z, w = quaternion / norm
-    matrix = np.eye(4)
-    matrix[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    matrix[:3, 3] = place
-    return matrix
+    position, quaternion = pose.position, pose.orientation
+    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
+    if not all(map(math.isfinite, (position.x, position.y, x, y, z, w))):
+        raise GridMapError(field, 'holds a number that is not finite')
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return Pose2D(position.x, position.y, yaw)
 
 
 def stamp_of(message: Any) -> int:  # noqa: ANN401 - of either world
@@ -89,5 +81,5 @@ def values_of_report(message: Any) -> dict[str, Any]:  # noqa: ANN401 - of eithe
         return {}
     try:
         return {item.key: json.loads(item.value) for item in message.status[0].values}
-    except ValueError:
+    except (ValueError, RecursionError):
         return {}

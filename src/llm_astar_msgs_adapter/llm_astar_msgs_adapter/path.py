@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from numpy.typing import ArrayLike
 
-from llm_astar_msgs_adapter.grid_map import GridMapError, Pose2D
+from llm_astar_msgs_adapter.grid_map import Pose2D
 from llm_astar_msgs_adapter.headings import headings
 from llm_astar_msgs_adapter.message_values import path_from_message
+from llm_astar_msgs_adapter.message_values import pose_from_message as plain_pose
 from llm_astar_msgs_adapter.occupancy_grid import quaternion_of
 
 __all__ = ['path_from_message', 'path_to_message', 'pose_from_message', 'pose_to_message']
@@ -53,9 +52,4 @@ def pose_from_message(message: PoseStamped, field: str = 'pose') -> Pose2D:
 
     Raises GridMapError naming `field` where a number is not finite.
     """
-    position, quaternion = message.pose.position, message.pose.orientation
-    x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
-    if not all(map(math.isfinite, (position.x, position.y, x, y, z, w))):
-        raise GridMapError(field, 'holds a number that is not finite')
-    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return Pose2D(position.x, position.y, yaw)
+    return plain_pose(message.pose, field)

@@ -105,8 +105,8 @@ def run(args: argparse.Namespace) -> int:
         if 'replay' in args.source and not args.transcript:
             args.transcript = str(_take_exchanges(args, wanted, folder))
         sweep = _sweep(args, wanted, listed, options)
-        files = [*deciding_files(args), *([Path(args.requests)] if listed else [])]
-        metadata = describe_run(args.bags, _parameters(args, sweep), files)
+        asked = [*args.bags, *([args.requests] if listed else [])]
+        metadata = describe_run(asked, _parameters(args, sweep), deciding_files(args))
         done = open_folder(folder, metadata, resume=args.resume)
     except ResultsError as error:
         return complain(args, str(error), BAD_INPUT)
@@ -198,8 +198,15 @@ def _offer(path: str, wanted: Wanted) -> dict[str, Any] | str:
 
 
 def _take_exchanges(args: argparse.Namespace, wanted: Wanted, folder: ResultsFolder) -> Path:
-    """Write the traffic the bags hold into the folder, as the transcript to replay."""
+    """Write the traffic the bags hold into the folder, as the transcript to replay.
+
+    A folder that is gone on with has it. Raises ResultsError where results are in the way.
+    """
     transcript = folder.path / EXCHANGES
+    if args.resume and folder.results.exists() and transcript.exists():
+        return transcript
+    if not args.resume:
+        folder.refuse_old()
     paths = [Path(path) for path in args.bags]
     if not write_exchanges(paths, wanted, transcript):
         message = (

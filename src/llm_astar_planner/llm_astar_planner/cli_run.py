@@ -19,7 +19,7 @@ from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsError, Results
 from llm_astar_planner.benchmark.run import unanswered
 from llm_astar_planner.benchmark.samples import load_kept_maps
 from llm_astar_planner.benchmark.summary import summarise
-from llm_astar_planner.benchmark.thresholds import missed, parse_threshold
+from llm_astar_planner.benchmark.thresholds import Threshold, missed, parse_threshold
 from llm_astar_planner.prompts.template import TEMPLATES, template_path
 from llm_astar_planner.search.methods import HEURISTICS
 from llm_astar_planner.waypoint_source.ablation import ablation_sources
@@ -103,7 +103,7 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
     )
     group.add_argument(
         '--fail-under',
-        type=parse_threshold,
+        type=threshold,
         action='append',
         default=[],
         metavar='LIMIT',
@@ -212,6 +212,14 @@ def complain(args: argparse.Namespace, message: str, code: int) -> int:
 def names(text: str) -> list[str]:
     """Read names with commas between them."""
     return [name for name in text.split(',') if name]
+
+
+def threshold(text: str) -> Threshold:
+    """Read CASE:METRIC=LIMIT."""
+    try:
+        return parse_threshold(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def count(text: str) -> int:

@@ -2,11 +2,13 @@
 
 import random
 import sqlite3
+import struct
+import tracemalloc
 
 import pytest
 import zstandard
 from bag_makers import TYPES, call_at, list_at, map_at, room, write_bag
-from llm_astar_msgs_adapter.bag_file import BagError
+from llm_astar_msgs_adapter.bag_file import LARGEST, BagError, unzstd
 from llm_astar_msgs_adapter.bag_reading import Bag
 from llm_astar_msgs_adapter.bag_types import bag_types, define
 from mcap.writer import CompressionType
@@ -21,6 +23,7 @@ DAY = [
     map_at(3, room(30, 12)),
     call_at(4, (3, 3), (9, 9), 2),
 ]
+NAMES = 'rosbag2_bagfile_information: {{relative_file_paths: {}}}'
 SEEN = [('/map', 1.0), (DAY[1][0], 2.0), ('/map', 3.0), (DAY[3][0], 4.0)]
 
 
@@ -90,7 +93,9 @@ def test_without_its_metadata_a_bag_is_read_in_order_of_names_and_says_so(tmp_pa
     assert 'metadata.yaml: is missing' in problems.notes[0]
 
 
-@pytest.mark.parametrize('text', ['rosbag2: [', 'a: 1', '[]', '\x00'])
+@pytest.mark.parametrize(
+    'text', ['rosbag2: [', 'a: 1', '[]', '\x00', '[' * 3000, NAMES.format('[[a]]')]
+)
 def test_metadata_that_is_none_costs_nothing(tmp_path, text):
     folder = write_bag(tmp_path / 'bag', DAY)
     (folder / 'metadata.yaml').write_text(text)
@@ -151,6 +156,41 @@ def test_a_cut_chunk_gives_the_messages_before_the_cut(tmp_path):
     last = whole.index(bytes(bag_types().serialize_cdr(DAY[3][2], TYPES[DAY[3][0]])))
     file.write_bytes(whole[: last + 10])
     assert read(file)[0] == SEEN[:3]
+
+
+def test_zeros_that_a_power_cut_leaves_behind_are_no_messages(tmp_path):
+    file = mcap_of(tmp_path / 'bag', DAY, CompressionType.NONE, chunk_size=100)
+    whole = file.read_bytes()
+    file.write_bytes(whole[: whole.index(struct.pack('<BQ', 15, 4))])
+    with file.open('r+b') as stream:
+        stream.truncate(LARGEST)
+    found, problems = read(file)
+    assert found == SEEN
+    assert 'was cut off' in problems.left_out[0]
+
+
+@pytest.mark.parametrize(('opcode', 'length'), [(9, LARGEST), (6, 1 << 62), (5, LARGEST + 1)])
+def test_what_is_larger_than_any_message_is_not_taken_into_memory(tmp_path, opcode, length):
+    file = tmp_path / 'large.mcap'
+    with file.open('wb') as stream:
+        stream.write(b'\x89MCAP0\r\n' + struct.pack('<BQ', opcode, length))
+        stream.truncate(LARGEST + 1000)
+    tracemalloc.start()
+    try:
+        assert read(file)[1].left_out
+        assert tracemalloc.get_traced_memory()[1] < 1e7
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_chunk_holds_no_more_than_it_says(tmp_path):
+    data = zstandard.ZstdCompressor().compress(bytes(1_000_000))
+    chunk = struct.pack('<QQQII', 0, 1, 1000, 0, 4) + b'zstd' + struct.pack('<Q', len(data)) + data
+    file = tmp_path / 'bomb.mcap'
+    file.write_bytes(b'\x89MCAP0\r\n' + struct.pack('<BQ', 6, len(chunk)) + chunk)
+    assert 'compressed from more than 1000 bytes' in read(file)[1].left_out[0]
+    with pytest.raises(ValueError, match='more than 1000 bytes'):
+        unzstd(data, 1000)
 
 
 def test_messages_by_mcaps_ros2_writer_are_read(tmp_path):
@@ -215,6 +255,21 @@ def test_a_topic_of_unknown_type_is_left_out_and_the_rest_is_read(tmp_path):
         assert 'odd_msgs/msg/Odd is unknown here' in line
         assert "'protobuf', not as ROS 2" in bag.problems.notes[0]
         assert 'not readable: /odd (odd_msgs/msg/Odd)' in bag.problems.notes[1]
+
+
+@pytest.mark.parametrize(
+    'definition',
+    ['x_msgs/A a', f'x_msgs/B[1000000000] b\n{"=" * 80}\nMSG: x_msgs/B\nuint8 c'],
+)
+def test_a_definition_that_has_no_end_counts_as_none(tmp_path, definition):
+    file = tmp_path / 'odd.mcap'
+    with file.open('wb') as stream:
+        writer = McapWriter(stream)
+        writer.start(profile='ros2')
+        odd = writer.register_schema('x_msgs/msg/A', 'ros2msg', definition.encode())
+        writer.add_message(writer.register_channel('/odd', 'cdr', odd), 1, b'\0\1\0\0', 1)
+        writer.finish()
+    assert 'x_msgs/msg/A is unknown here' in read(file)[1].left_out[0]
 
 
 def test_a_type_the_bag_defines_is_read_as_the_bag_defines_it(tmp_path):

@@ -138,6 +138,14 @@ def test_of_a_planner_of_ours_the_last_plan_under_one_stamp_counts_and_its_repor
     assert requests[0].recorded.waypoints == ((5.0, 5.0),)
 
 
+@pytest.mark.parametrize('waypoints', [f'[[1{"0" * 400}, 1]]', '[' * 100_000])
+def test_a_report_whose_values_are_no_numbers_tells_nothing(ask, waypoints):
+    report = report_at(3, 'NONE', [], 3)
+    report[2].status[0].values[1].value = waypoints
+    (request,), _ = ask([map_at(1, room()), call_at(2, (2, 2), (8, 8)), report])
+    assert request.recorded.code == ''
+
+
 def test_a_clock_that_jumps_back_forgets_where_the_robot_was(ask):
     requests, problems = ask([
         map_at(100, room()), start_at(101, (2, 2)), goal_at(102, (8, 8)),

@@ -20,7 +20,7 @@ from bag_makers import (
 )
 from llm_astar_msgs_adapter.barrier_map import load_barrier_maps, save_barrier_maps
 from llm_astar_planner.benchmark.bag_tasks import Numbers
-from llm_astar_planner.benchmark.generate import generate
+from llm_astar_planner.benchmark.generate import MapRules, generate
 from llm_astar_planner.cli import main
 from rosbags.highlevel import AnyReader
 
@@ -80,7 +80,7 @@ def drive(tmp_path):
 
 def test_a_datasets_bag_gives_the_figures_of_the_benchmark_row_for_row(tmp_path):
     dataset = tmp_path / 'maps.json'
-    save_barrier_maps(list(generate(9, 2)), dataset)
+    save_barrier_maps(list(generate(9, 2, MapRules(pairs=4))), dataset)
     methods = ('--methods', 'exact_astar,llm_only,llm_astar,guided')
     assert llm_astar('bench', '--dataset', dataset, '--out', tmp_path / 'bench', *methods) == 0
     for storage in ('mcap', 'sqlite3'):
@@ -96,7 +96,7 @@ def test_a_datasets_bag_gives_the_figures_of_the_benchmark_row_for_row(tmp_path)
 def test_plans_are_held_against_what_the_robot_did(drive, out, capsys):
     limits = ('--fail-under', 'guided:valid=100', '--fail-under', 'guided:recorded=90')
     assert llm_astar('evaluate', drive, '--out', out, *CASES, *limits) == 1
-    assert 'guided: recorded' in capsys.readouterr().err
+    assert 'guided/none: recorded' in capsys.readouterr().err
     first, second = by_method(out, 'guided')
     length = sum(math.dist(a, b) for a, b in pairwise(WAY))
     assert float(first['recorded_length']) == pytest.approx(length)
@@ -269,3 +269,46 @@ def test_bad_usage_is_one_line_and_exit_code_2(drive, out, capsys, options, expe
     assert llm_astar('evaluate', drive, '--out', out, *options) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert expected in line
+
+
+def test_a_list_that_changed_since_is_not_gone_on_with(tmp_path, out, capsys):
+    bag, goals = write_bag(tmp_path / 'bag', [map_at(1, ROOM)]), tmp_path / 'goals.csv'
+    words = ('evaluate', bag, '--out', out, *CASES, '--requests', goals)
+    goals.write_text('start_x,start_y,goal_x,goal_y\n2,2,8,2\n')
+    assert llm_astar(*words) == 0
+    assert llm_astar(*words, '--resume') == 0
+    goals.write_text('start_x,start_y,goal_x,goal_y\n3,2,8,2\n')
+    assert llm_astar(*words, '--resume') == 2
+    assert 'dataset differ' in capsys.readouterr().err
+
+
+def test_results_in_the_way_keep_their_exchanges(drive, out):
+    assert llm_astar('evaluate', drive, '--out', out, *CASES) == 0
+    (out / 'exchanges.jsonl').write_text('of before')
+    assert llm_astar('evaluate', drive, '--out', out, '--source', 'replay') == 2
+    assert (out / 'exchanges.jsonl').read_text() == 'of before'
+
+
+@pytest.mark.parametrize('seconds', [0, 9e9])
+def test_a_clock_of_any_time_makes_a_bag_of_results(tmp_path, out, seconds):
+    topic, _, call = call_at(0, (2, 2), (8, 2))
+    bag = write_bag(tmp_path / 'bag', [map_at(0, ROOM), (topic, seconds, call)])
+    plans = tmp_path / 'plans'
+    assert llm_astar('evaluate', bag, '--out', out, *CASES, '--results-bag', plans) == 0
+    with AnyReader([plans]) as reader:
+        assert reader.message_count > 1
+
+
+def test_a_recorded_path_of_no_end_is_not_walked(tmp_path, out):
+    far = answer_at(2.5, [(2, 2), (9e7, 9e7), (8, 2)])
+    bag = write_bag(tmp_path / 'bag', [map_at(1, ROOM), call_at(2, (2, 2), (8, 2)), far])
+    assert llm_astar('evaluate', bag, '--out', out, *CASES) == 0
+    assert 'cells long' in by_method(out, 'guided')[0]['recorded_problem']
+
+
+def test_a_goal_without_a_heading_is_planned_as_the_node_plans_it(tmp_path, out):
+    goal = goal_at(3, (8, 2))
+    goal[2].pose.orientation.w = 0.0
+    bag = write_bag(tmp_path / 'bag', [map_at(1, ROOM), start_at(2, (2, 2)), goal])
+    assert llm_astar('evaluate', bag, '--out', out, *CASES) == 0
+    assert by_method(out, 'guided')[0]['code'] == 'NONE'

@@ -122,7 +122,7 @@ def test_growth_is_over_the_samples_solved_at_every_scale():
     assert area.slope == pytest.approx(2.0)
     assert linear.slope == pytest.approx(1.0)
     assert growth_sentence(growth(rows)).endswith(
-        'over 1 samples: near linear in the scale, which would be slope 1.'
+        'over 1 sample: near linear in the scale, which would be slope 1.'
     )
     assert growth(rows_with(1.0)) == []
 
@@ -138,11 +138,19 @@ def test_thresholds_know_which_way_is_worse():
     assert 'nobody: was not run; there is astar/none' in lines[2]
 
 
+def test_a_threshold_for_the_beginning_of_names_is_for_all_of_them():
+    rows = rows_with(0.8, case=Case('llm_astar', 'replay', model='m1'))
+    limit = [parse_threshold('llm_astar/replay:operation=1')]
+    assert [line.split(':')[0] for line in missed(summarise(rows), limit)] == [
+        'llm_astar/replay/m1'
+    ]
+
+
 @pytest.mark.parametrize(
     'text', ['', 'a', 'a:operation', 'a:speed=3', 'a:length=fast', ':valid=1']
 )
 def test_bad_thresholds_are_named(text):
-    with pytest.raises(ValueError, match='--fail-under'):
+    with pytest.raises(ValueError, match=r'is expected|is not a number'):
         parse_threshold(text)
 
 

@@ -50,5 +50,6 @@ def test_one_map_says_nothing_of_others_and_none_says_nothing():
     assert alone.value == 2.0
     assert math.isnan(alone.low)
     assert math.isnan(alone.high)
+    assert math.isnan(mean_interval([1.0], [7]).low)
     assert mean_interval([1.0, 1.0], [7, 7]) == (1.0, 1.0, 1.0)
     assert all(math.isnan(value) for value in mean_interval([], []))

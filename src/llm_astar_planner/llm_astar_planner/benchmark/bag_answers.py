@@ -115,7 +115,7 @@ class Answers:
         try:
             code = str(values['code_name'])
             waypoints = tuple((float(x), float(y)) for x, y, *_ in values['waypoints'])
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             return
         stamp = stamp_of(report)
         named = [item for item in self._waiting if item.stamp == stamp]

@@ -66,7 +66,7 @@ def _exchange(values: Mapping[str, Any]) -> Exchange | None:
             unit=unit,
             instruction=str(values.get('instruction', '')),
         )
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         return None
 
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from llm_astar_msgs_adapter.bag_reading import Message
 from llm_astar_msgs_adapter.grid_map import GridMapError, Pose2D
-from llm_astar_msgs_adapter.message_values import matrix_of
-from llm_astar_msgs_adapter.transforms import Transforms, flat_pose
+from llm_astar_msgs_adapter.message_values import pose_from_message
+from llm_astar_msgs_adapter.transforms import Transforms, flat_pose, moved
 
 
 class Places:
@@ -35,16 +35,16 @@ class Places:
     def on_map(self, pose: Any, frame: str, target: str, now: int) -> Pose2D | str:  # noqa: ANN401
         """Return a decoded pose in the frame `target`, or say why that cannot be."""
         try:
-            matrix = matrix_of(pose.position, pose.orientation)
+            place = pose_from_message(pose)
         except GridMapError as error:
             return str(error)
         # Callers that leave the frame empty mean the map's.
         if frame in ('', target):
-            return flat_pose(matrix)
+            return place
         known = self._transforms.lookup(target, frame, now)
         if known is None:
             return f'is in frame {frame!r}, the map in {target!r}, and no tf joins them'
-        return flat_pose(known @ matrix)
+        return moved(place, known)
 
     def robot(self, target: str, now: int) -> Pose2D | str:
         """Return the robot's place by tf, else by odometry, else as it was last told."""

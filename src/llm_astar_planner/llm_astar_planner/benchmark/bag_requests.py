@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 from llm_astar_msgs_adapter.bag_file import JUMP
@@ -184,10 +184,9 @@ class RequestReader:
 
     def _fitting_barriers(self, grid_map: GridMap) -> BarrierMap | None:
         """Return the barriers told last, if they are those of the map."""
-        if self._barriers is None:
+        if self._barriers is None or not _are_of(self._barriers, grid_map):
             return None
-        own = self._barriers.to_grid(frame_id=grid_map.frame_id)
-        return self._barriers if own.digest == grid_map.digest else None
+        return self._barriers
 
     @property
     def _frame(self) -> str:
@@ -207,3 +206,9 @@ class RequestReader:
 
     def _leave_out(self, what: str, kind: str) -> None:
         self._problems.leave_out(f'{self.bag.path}: {what}', f'{self.bag.path}: {kind} left out')
+
+
+@lru_cache(maxsize=1)
+def _are_of(barriers: BarrierMap, grid_map: GridMap) -> bool:
+    """Tell whether barriers are those of a map; asked once a map, not once a request."""
+    return barriers.to_grid(frame_id=grid_map.frame_id).digest == grid_map.digest

@@ -34,6 +34,11 @@ def label(method: str) -> str:
     return LABELS.get(method, method.replace('_', ' '))
 
 
+def counted(number: int, thing: str) -> str:
+    """Write so many things, in the plural but for one."""
+    return f'{number} {thing}' if number == 1 else f'{number} {thing}s'
+
+
 def headline(contrasts: Sequence[Contrast]) -> str:
     """Say in one sentence what waypoints added: a model's for LLM-A*, or else the oracle's."""
     searched = [contrast for contrast in contrasts if contrast.samples]
@@ -56,7 +61,7 @@ def sentence(contrast: Contrast) -> str:
         f'({_interval(work, "more", "fewer")}), on paths '
         f'{_change(contrast.length.value, "longer", "shorter")} '
         f'({_interval(contrast.length, "longer", "shorter")}), '
-        f'over {contrast.samples} samples of {contrast.maps} maps.'
+        f'over {counted(contrast.samples, "sample")} of {counted(contrast.maps, "map")}.'
     )
 
 
@@ -72,7 +77,8 @@ def growth_sentence(growths: Sequence[Growth]) -> str:
     return (
         f'From scale 1 to {chosen.scales[-1]} the work of LLM-A* with `{chosen.case.source}` '
         f'waypoints grew {chosen.factors[-1]:.1f} times (slope {chosen.slope:.2f}) and that of A* '
-        f'{plain.factors[-1]:.1f} times (slope {plain.slope:.2f}), over {chosen.samples} samples: '
+        f'{plain.factors[-1]:.1f} times (slope {plain.slope:.2f}), over '
+        f'{counted(chosen.samples, "sample")}: '
         f'{near} linear in the scale, which would be slope 1.'
     )
 

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from llm_astar_planner.benchmark.points import cells_along, format_points, turning_points
 from llm_astar_planner.planner import Planner
 
+# Cells of a path beyond which it is no robot's, and not looked at cell by cell.
+LONGEST = 10_000_000
+
 
 @dataclass(frozen=True, eq=False)
 class Occasion:
@@ -42,10 +45,14 @@ class Occasion:
             return columns
         if len(self.points) == 0:
             return columns | {'recorded_problem': 'it is empty'}
+        length = float(np.hypot(*np.diff(self.points, axis=0).T).sum())
+        if length > LONGEST:
+            too_long = f'it is over {LONGEST} cells long'
+            return columns | {'recorded_length': length, 'recorded_problem': too_long}
         cells = cells_along(self.points)
         start, goal = ((int(x), int(y)) for x, y in (cells[0], cells[-1]))
         return columns | {
-            'recorded_length': float(np.hypot(*np.diff(self.points, axis=0).T).sum()),
+            'recorded_length': length,
             'recorded_problem': planner.path_problem(cells, start, goal) or '',
             'recorded_path': format_points(turning_points(cells)),
         }

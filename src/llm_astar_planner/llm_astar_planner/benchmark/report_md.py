@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from llm_astar_planner.benchmark.findings import (
+    counted,
     growth_sentence,
     headline,
     label,
@@ -218,7 +219,9 @@ def provenance(metadata: Mapping[str, Any], summaries: Sequence[CaseSummary]) ->
     dataset, machine = metadata.get('dataset', {}), metadata.get('machine', {})
     parameters = metadata.get('parameters', {})
     most = max(summaries, key=lambda summary: summary.samples, default=None)
-    size = '' if most is None else f'{most.samples} samples of {most.maps} maps from '
+    size = ''
+    if most is not None:
+        size = f'{counted(most.samples, "sample")} of {counted(most.maps, "map")} from '
     return (
         f'{size}`{dataset.get("file")}` (sha256 {str(dataset.get("sha256"))[:12]}), '
         f'seed {parameters.get("seed")}, heuristic {parameters.get("heuristic")}, '

@@ -26,7 +26,7 @@ import llm_astar_planner
 # The parameters that decide rows, whatever else a run is made with.
 DECIDING = (
     'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
-    'start_tolerance', 'requests', 'topics',
+    'start_tolerance', 'requests', 'plan_window', 'topics',
 )  # fmt: skip
 # The maps of the rows, kept beside them so that a folder can be reported on by itself.
 MAPS_FILE = 'maps.json'
@@ -134,11 +134,15 @@ class ResultsFolder:
         self.results = self.path / 'results.csv'
         self.transcript = self.path / 'transcript.jsonl'
 
-    def start(self) -> None:
-        """Begin a new results.csv. Raises ResultsError where there is one already."""
+    def refuse_old(self) -> None:
+        """Raise ResultsError where there are results already."""
         if self.results.exists():
             message = f'{self.results}: exists; go on with --resume or name another --out'
             raise ResultsError(message)
+
+    def start(self) -> None:
+        """Begin a new results.csv. Raises ResultsError where there is one already."""
+        self.refuse_old()
         self._write('results.csv', _csv_line(list(FIELDS)))
 
     def append(self, rows: Iterable[Row]) -> None:

@@ -74,7 +74,8 @@ class ResultsBag:
         `points` [n, 2] are the plan's in metres, none where there is no plan; `source` is `none`
         where none was asked. Raises OSError where the disk refuses it.
         """
-        self._write_map(grid_map, stamp - LEAD)
+        stamp = max(stamp, 0)
+        self._write_map(grid_map, max(stamp - LEAD, 0))
         frame, size = grid_map.frame_id, MARKER_CELLS * grid_map.resolution
         level, name = report.level[0], f'{method} {source}'
         messages = {

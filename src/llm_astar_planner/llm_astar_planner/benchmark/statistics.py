@@ -29,14 +29,14 @@ NOTHING = Interval(float('nan'), float('nan'), float('nan'))
 def mean_interval(values: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interval:
     """Return the mean of `values` [n] with its interval; `groups` [n] names each value's map.
 
-    One map says nothing of others: its interval is NaN, unless all values are alike.
+    One map says nothing of others: its interval is NaN, unless it has values that are all alike.
     """
     numbers = np.asarray(values, dtype=float)
     if numbers.size == 0:
         return NOTHING
     _, group = np.unique(np.asarray(groups), return_inverse=True)
     sums, counts = np.bincount(group, weights=numbers), np.bincount(group)
-    if len(sums) == 1 and np.ptp(numbers) > 0:
+    if len(sums) == 1 and (len(numbers) == 1 or np.ptp(numbers) > 0):
         return Interval(float(numbers.mean()), float('nan'), float('nan'))
     # The same seed draws the same maps, so methods run on the same maps stay paired.
     random = np.random.default_rng(seed)

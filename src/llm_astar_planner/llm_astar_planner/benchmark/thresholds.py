@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 from llm_astar_planner.benchmark.summary import CaseSummary
@@ -14,7 +14,11 @@ SHARES = ('valid', 'optimal')
 
 
 class Threshold(NamedTuple):
-    """A limit on one metric of the cases named `case`, as `method/source/prompt/model`."""
+    """A limit on one metric of a case, as `method/source/prompt/model`.
+
+    `method` alone is the one without waypoints, if there is one; any other beginning of a name
+    stands for all cases that begin so.
+    """
 
     case: str
     metric: str
@@ -27,12 +31,12 @@ def parse_threshold(text: str) -> Threshold:
     case, colon, metric = name.rpartition(':')
     if not (equals and colon and case) or metric not in RATIOS + SHARES:
         known = ', '.join(RATIOS + SHARES)
-        message = f'--fail-under {text}: CASE:METRIC=LIMIT is expected, METRIC one of {known}'
+        message = f'{text!r}: CASE:METRIC=LIMIT is expected, METRIC one of {known}'
         raise ValueError(message)
     try:
         return Threshold(case, metric, float(limit))
     except ValueError:
-        message = f'--fail-under {text}: {limit!r} is not a number'
+        message = f'{text!r}: {limit!r} is not a number'
         raise ValueError(message) from None
 
 
@@ -41,19 +45,32 @@ def missed(summaries: Sequence[CaseSummary], thresholds: Sequence[Threshold]) ->
     lines = []
     by_name = {str(summary.case): summary for summary in summaries}
     for threshold in thresholds:
-        summary = by_name.get(threshold.case) or by_name.get(f'{threshold.case}/none')
-        if summary is None:
+        names = _meant(threshold.case, by_name)
+        if not names:
             lines.append(f'{threshold.case}: was not run; there is {", ".join(by_name)}')
-            continue
-        value = _value(summary, threshold.metric)
-        worse = 'above' if threshold.metric in RATIOS else 'below'
-        kept = value <= threshold.limit if worse == 'above' else value >= threshold.limit
-        if not kept:
-            what = f'{threshold.metric} {value:.2f} %'
-            if math.isnan(value):
-                what, worse = f'{threshold.metric} is unknown, which', 'no match for'
-            lines.append(f'{threshold.case}: {what} is {worse} {threshold.limit:g}')
+        for name in names:
+            what = _missed(_value(by_name[name], threshold.metric), threshold)
+            if what:
+                lines.append(f'{name}: {what}')
     return lines
+
+
+def _meant(case: str, names: Collection[str]) -> list[str]:
+    """Return the names of the cases a threshold is for."""
+    for name in (case, f'{case}/none'):
+        if name in names:
+            return [name]
+    return [name for name in names if name.startswith(f'{case}/')]
+
+
+def _missed(value: float, threshold: Threshold) -> str:
+    """Say how a value misses a threshold, '' where it keeps it."""
+    metric, limit = threshold.metric, threshold.limit
+    if math.isnan(value):
+        return f'{metric} is unknown, which is no match for {limit:g}'
+    if metric in RATIOS:
+        return '' if value <= limit else f'{metric} {value:.2f} % is above {limit:g}'
+    return '' if value >= limit else f'{metric} {value:.2f} % is below {limit:g}'
 
 
 def _value(summary: CaseSummary, metric: str) -> float:

@@ -8,7 +8,7 @@ import rclpy
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.grid_map import Pose2D
 from llm_astar_msgs_adapter.path import pose_from_message
-from llm_astar_msgs_adapter.transform import pose_of, transformed
+from llm_astar_msgs_adapter.transforms import flat_pose, matrix_of, moved
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time
@@ -58,12 +58,14 @@ class Frames:
             return place
         what = f'the {name} is in frame {frame!r}, the map in {frame_id!r}'
         stamp = Time.from_msg(pose.header.stamp)
-        return transformed(place, self._look_up(frame_id, frame, stamp, PATIENCE, what))
+        found = self._look_up(frame_id, frame, stamp, PATIENCE, what)
+        return moved(place, matrix_of(found.transform))
 
     def robot(self, base_frame: str, frame_id: str, patience: float = PATIENCE) -> Pose2D:
         """Return the robot's latest pose in `frame_id`. Raises FrameError."""
         what = f'the pose of the robot ({base_frame!r} in {frame_id!r}) is needed'
-        return pose_of(self._look_up(frame_id, base_frame, Time(), patience, what))
+        found = self._look_up(frame_id, base_frame, Time(), patience, what)
+        return flat_pose(matrix_of(found.transform))
 
     def _look_up(self, target: str, source: str, stamp: Time, patience: float, what: str) -> Any:  # noqa: ANN401 - a TransformStamped
         if self._buffer is None:
