@@ -115,8 +115,10 @@ def _module(name: str, use: str, remedy: str, *, required: bool) -> Finding:
         importlib.import_module(name)
     except ImportError:
         return Finding(package, False, required, f'needed for {use}: {remedy}')
-    folder = Path(next(iter(sys.modules[package].__path__))).parent
-    return Finding(package, True, required, f'{_version(package)} in {folder}')
+    module = sys.modules[package]
+    # A folder, or a single file as threadpoolctl is.
+    place = next(iter(getattr(module, '__path__', [module.__file__])))
+    return Finding(package, True, required, f'{_version(package)} in {Path(place).parent}')
 
 
 def _version(package: str) -> str:
