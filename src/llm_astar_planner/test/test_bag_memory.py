@@ -61,7 +61,8 @@ def write_big_bag(folder):
 def test_a_bag_of_2_gb_is_evaluated_within_1_gb_of_memory(tmp_path):
     size = write_big_bag(tmp_path / 'big')
     assert size >= GOAL_BYTES
-    command = [sys.executable, '-c', MEASURE, 'llm-astar', 'evaluate', str(tmp_path / 'big')]
+    module = [sys.executable, '-m', 'llm_astar_planner.cli']
+    command = [sys.executable, '-c', MEASURE, *module, 'evaluate', str(tmp_path / 'big')]
     options = ['--methods', 'guided', '--source', 'straight', '--out', str(tmp_path / 'out')]
     done = subprocess.run([*command, *options], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
