@@ -74,10 +74,12 @@ class Announcer:
             return
         plan, grid_map, stamp = latest
         try:
-            waypoints = [(point.x, point.y, point.verdict.value) for point in plan.waypoints]
-            ends = (plan.start, plan.goal)
-            self._markers.publish(waypoints_to_markers(waypoints, grid_map, stamp, ends, plan.via))
-            if plan.expanded.size:
+            if self._markers.get_subscription_count():
+                waypoints = [(point.x, point.y, point.verdict.value) for point in plan.waypoints]
+                ends = (plan.start, plan.goal)
+                markers = waypoints_to_markers(waypoints, grid_map, stamp, ends, plan.via)
+                self._markers.publish(markers)
+            if self.wants_expanded and plan.expanded.size:
                 self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
         except Exception:  # noqa: BLE001 - a picture that fails must not go unnoticed
             self._node.get_logger().error(traceback.format_exc())
