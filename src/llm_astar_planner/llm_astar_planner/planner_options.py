@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from llm_astar_planner.plan import GridRules
+from llm_astar_planner.plan import MAX_RADIUS, GridRules
 from llm_astar_planner.search.methods import HEURISTICS, METHODS
 
 NODE = 'planner_node'
@@ -36,8 +36,8 @@ RULES = (
     Option('allow_unknown', True),
     Option('corner_cutting', False),
     Option('cost_travel_multiplier', 2.0, 0.0, 100.0),
-    Option('robot_radius', 0.0, 0.0, 100.0),
-    Option('inflation_radius', 0.0, 0.0, 100.0),
+    Option('robot_radius', 0.0, 0.0, MAX_RADIUS),
+    Option('inflation_radius', 0.0, 0.0, MAX_RADIUS),
     Option('cost_scaling_factor', 10.0, 0.0, 1000.0),
 )
 # How a request is taken.

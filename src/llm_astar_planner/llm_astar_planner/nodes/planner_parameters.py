@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from llm_astar_planner import planner_options
 from llm_astar_planner.nodes.instruction import instruction_problem
 from llm_astar_planner.nodes.introspection import INTROSPECTION_MODE
 from llm_astar_planner.nodes.parameters import Parameter, Parameters
@@ -124,12 +125,6 @@ def problem(values: dict[str, Any]) -> str:
 
 def grid_rules(settings: Parameters) -> GridRules:
     """Return the rules of the ground that the parameters state."""
-    return GridRules(
-        occupied_threshold=settings['occupied_threshold'],
-        allow_unknown=settings['allow_unknown'],
-        corner_cutting=settings['corner_cutting'],
-        cost_multiplier=settings['cost_travel_multiplier'],
-        robot_radius=settings['robot_radius'],
-        inflation_radius=settings['inflation_radius'],
-        cost_scaling_factor=settings['cost_scaling_factor'],
+    return planner_options.grid_rules(
+        {option.name: settings[option.name] for option in planner_options.RULES}
     )
