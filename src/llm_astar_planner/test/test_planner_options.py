@@ -39,7 +39,7 @@ def test_what_is_meant_for_the_node_counts_the_nearest_first(tmp_path, text):
         ('map_node: {ros__parameters: {a: 1}}', 'has no ros__parameters for planner_node'),
         ('/**: {ros__parameters: {allow_unknown: 1}}', 'allow_unknown: bool is expected, not 1'),
         ('/**: {ros__parameters: {occupied_threshold: 65.0}}', 'occupied_threshold: int is exp'),
-        ('/**: {ros__parameters: {robot_radius: -1}}', 'robot_radius: -1.0 is not in 0 to 100'),
+        ('/**: {ros__parameters: {robot_radius: -1}}', 'robot_radius: -1.0 is not in 0 to 10'),
         ('/**: {ros__parameters: {robot_radius: .nan}}', 'robot_radius: nan is not in'),
         ('/**: {ros__parameters: {method: magic}}', "method: 'magic' is none of guided"),
         ('/**: {ros__parameters: {max_suboptimality: 0.5}}', '0.5 is neither 0'),
