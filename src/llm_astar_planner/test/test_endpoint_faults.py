@@ -1,5 +1,6 @@
 """Every row of the failure table, with the fault injected over real HTTP."""
 
+import gzip
 import json
 import logging
 import socket
@@ -48,6 +49,7 @@ def ends_early(handler):
     handler.connection.shutdown(socket.SHUT_RDWR)
 
 
+TWICE = gzip.compress(gzip.compress(b' ' * 2**22))
 OK = (SourceStatus.OK, '')
 # name: (the script, given the server; status, a word of the detail; requests made)
 ROWS = {
@@ -117,6 +119,9 @@ ROWS = {
     'a list on the second try': (
         lambda s: [s.completion('Go east.'), s.completion(GOOD)], *OK, 2,
     ),
+    'half a character first': (
+        lambda s: [(200, {}, s.completion('Go \ud800.')[2]), s.completion(GOOD)], *OK, 2,
+    ),
     'an error on the second try': (
         lambda s: [s.completion('Go east.'), s.error(401)], SourceStatus.MALFORMED, 'no list', 2,
     ),
@@ -138,6 +143,10 @@ ROWS = {
     ),
     'no gzip': (
         lambda s: [(200, {'Content-Encoding': 'gzip'}, b'no')],
+        SourceStatus.MALFORMED, 'decoded', 1,
+    ),
+    'packed twice': (
+        lambda s: [(200, {'Content-Encoding': 'gzip, gzip'}, TWICE)],
         SourceStatus.MALFORMED, 'decoded', 1,
     ),
     'closes at once': (lambda s: [closes_at_once], SourceStatus.UNREACHABLE, 'unreachable', 3),
@@ -442,3 +451,21 @@ def test_a_key_shows_up_nowhere(chat_server, monkeypatch, tmp_path, caplog, capf
     for text in seen:
         assert KEY[:12] not in text
     assert any('***' in text for text in seen)
+
+
+@pytest.mark.parametrize(
+    'before',
+    ['', 'HTTP/1.1 200 OK\r\n', 'HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n'],
+)
+def test_a_key_in_what_is_no_http_shows_up_nowhere(chat_server, monkeypatch, before):
+    monkeypatch.setenv('ROBOT_KEY', KEY)
+    chat_server.script = [
+        lambda handler: handler.wfile.write(
+            f'{before}{handler.headers["Authorization"]}\r\n\r\n'.encode()
+        )
+    ]
+    source = source_for(chat_server, api_key_env='ROBOT_KEY', max_retries=0)
+    reply = source.waypoints(QUERY)
+    assert reply.status is SourceStatus.UNREACHABLE
+    assert 'illegal' in reply.detail
+    assert KEY[:12] not in repr(reply) + client_of(source).state()

@@ -77,8 +77,9 @@ def _text(content: Any) -> str:  # noqa: ANN401 - any JSON value
     """Return the text of a message, which some endpoints give in parts."""
     if isinstance(content, list):
         parts = [part.get('text') for part in content if isinstance(part, dict)]
-        return ''.join(part for part in parts if isinstance(part, str))
-    return content if isinstance(content, str) else ''
+        content = ''.join(part for part in parts if isinstance(part, str))
+    # JSON may hold half a character, which could be sent on nowhere.
+    return content.encode(errors='replace').decode() if isinstance(content, str) else ''
 
 
 def _count(usage: Any, name: str) -> int:  # noqa: ANN401 - any JSON value

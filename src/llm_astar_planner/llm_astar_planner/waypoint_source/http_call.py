@@ -74,6 +74,9 @@ async def _post(
             ) as client,
             client.stream('POST', url, json=body, headers=dict(headers)) as response,
         ):
+            if ',' in response.headers.get('content-encoding', ''):
+                # Packed twice, a small body may grow without end in one step.
+                raise httpx.DecodingError('several encodings')
             data = bytearray()
             async for chunk in response.aiter_bytes():
                 data += chunk
@@ -92,15 +95,22 @@ async def _post(
         # Raised for a proxy variable that is malformed, or of a kind that needs another package.
         detail = f'the proxy settings of the environment do not work: {type(error).__name__}'
         raise EndpointFailure(SourceStatus.ERROR, detail) from None
+    except httpx.RemoteProtocolError as error:
+        # Its text quotes what came, which may be the request with its key.
+        raise _unreachable(url, error, str(error).partition(':')[0]) from None
     except (httpx.TransportError, OSError) as error:
-        detail = f'{httpx.URL(url).host} is unreachable: {type(error).__name__}: {error}'
-        raise EndpointFailure(SourceStatus.UNREACHABLE, detail, retryable=True) from None
+        raise _unreachable(url, error, str(error)) from None
 
 
 @functools.lru_cache(maxsize=1)
 def _tls() -> ssl.SSLContext:
     """Return one context for all requests: loading the certificates takes tens of ms."""
     return httpx.create_ssl_context()
+
+
+def _unreachable(url: str, error: Exception, words: str) -> EndpointFailure:
+    detail = f'{httpx.URL(url).host} is unreachable: {type(error).__name__}: {words}'
+    return EndpointFailure(SourceStatus.UNREACHABLE, detail, retryable=True)
 
 
 def _timeout(limit: float) -> EndpointFailure:
