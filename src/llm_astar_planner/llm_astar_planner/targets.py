@@ -7,6 +7,7 @@ published code also drops points within two lattice lines of the map's edge.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -135,16 +136,17 @@ def snap(value: float, tolerance: float = 1e-6) -> float:
 
 
 def _longest_rising(places: list[int]) -> list[int]:
-    """Return the indices of a longest non-decreasing subsequence; lists here are short."""
-    best = [1] * len(places)
-    before = [-1] * len(places)
+    """Return the indices of a longest non-decreasing subsequence, in O(n log n)."""
+    # By the length of the longest run that ends there; along a level places fall.
+    levels: list[list[int]] = []
+    ends: list[int] = []
     for i, place in enumerate(places):
-        for j in range(i):
-            if places[j] <= place and best[j] + 1 > best[i]:
-                best[i], before[i] = best[j] + 1, j
-    i = int(np.argmax(best))
-    run = []
-    while i != -1:
-        run.append(i)
-        i = before[i]
+        level = bisect_right(ends, place)
+        ends[level : level + 1] = [place]
+        if level == len(levels):
+            levels.append([])
+        levels[level].append(i)
+    run = [levels[-1][0]]
+    for before in reversed(levels[:-1]):
+        run.append(next(i for i in before if places[i] <= places[run[-1]]))
     return run[::-1]
