@@ -1,6 +1,7 @@
 """Transcripts: what is written is read back, and what is broken is named."""
 
 import json
+import resource
 import threading
 from dataclasses import replace
 
@@ -115,6 +116,21 @@ def test_what_is_no_transcript(tmp_path):
         read_transcript(path)
     with pytest.raises(TranscriptError, match=str(tmp_path)):
         TranscriptWriter(tmp_path)
+
+
+def test_an_exchange_that_no_longer_fits_the_disk_harms_no_other(tmp_path):
+    path = tmp_path / 'transcript.jsonl'
+    writer = TranscriptWriter(path)
+    writer.write(EXCHANGE)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 50, limits[1]))
+    try:
+        with pytest.raises(OSError, match='No space left'):
+            writer.write(EXCHANGE)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    writer.write(EXCHANGE)
+    assert read_transcript(path) == [EXCHANGE, EXCHANGE]
 
 
 def test_lines_from_many_threads_stay_whole(tmp_path):

@@ -8,8 +8,10 @@ where the question came with a wish in plain language, `instruction` is that wis
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
+import os
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -169,11 +171,15 @@ class TranscriptWriter:
             raise TranscriptError(f'{self.path}: {error.strerror or error}') from None
 
     def write(self, exchange: Exchange) -> None:
-        """Append one exchange. Raises OSError where the disk refuses it."""
-        line = json.dumps(exchange.to_json(), allow_nan=False) + '\n'
+        """Append one exchange, whole or not at all. Raises OSError where the disk refuses it."""
+        line = json.dumps(exchange.to_json(), allow_nan=False).encode() + b'\n'
         # Opened anew for each: answers are rare, and no file is left open by a source replaced.
-        with self._lock, self.path.open('a', encoding='utf-8') as file:
-            file.write(line)
+        # Without a buffer it is one write, which another process's line cannot part.
+        with self._lock, self.path.open('ab', buffering=0) as file:
+            end = file.tell()
+            if file.write(line) != len(line):
+                file.truncate(end)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _end_last_line(path: Path) -> None:
@@ -186,7 +192,7 @@ def _end_last_line(path: Path) -> None:
     start = data.rfind(b'\n') + 1
     try:
         json.loads(data[start:])
-    except ValueError:
+    except (ValueError, RecursionError):
         with path.open('r+b') as file:
             file.truncate(start)
     else:
