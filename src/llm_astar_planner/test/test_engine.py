@@ -218,6 +218,27 @@ def test_rows_of_another_run_are_not_mixed_in(dataset, tmp_path):
         begin(folder, sweep, {'seed': 0}, resume=True)
 
 
+def test_a_run_cut_off_before_its_first_row_is_begun_anew(dataset, tmp_path):
+    folder, sweep = ResultsFolder(tmp_path / 'out'), sweep_of(dataset)
+    tasks, _ = begin(folder, sweep, {'seed': 0}, resume=False)
+    folder.results.unlink()
+    assert len(begin(folder, sweep, {'seed': 0}, resume=True)[0]) == len(tasks)
+
+
+def test_a_damaged_row_is_named_and_of_twins_the_last_counts(dataset, tmp_path):
+    folder = ResultsFolder(tmp_path / 'out')
+    first, *_ = rows_of(tasks_of(load_samples(dataset)[:1])[0])
+    again = replace(first, path='1,1;' * 50_000)  # longer than csv takes by itself
+    folder.start()
+    folder.append([first, again])
+    assert [row.path for row in folder.read()] == [again.path]
+    good = folder.results.read_text()
+    for damaged in ('3,0,1,astar,none,,,NONE,1.0\n', good.splitlines()[1] + ',one more\n'):
+        folder.results.write_text(good + damaged)
+        with pytest.raises(ResultsError, match=r'results\.csv: line 4: \d+ values are expected'):
+            folder.read()
+
+
 def test_a_full_disk_is_said_and_earlier_rows_stay(dataset, tmp_path):
     folder = ResultsFolder(tmp_path / 'out')
     rows = rows_of(tasks_of(load_samples(dataset)[:1])[0])

@@ -32,6 +32,10 @@ DECIDING = (
 MAPS_FILE = 'maps.json'
 
 
+# A long path is a long field: one through a maze has more turning points than csv reads unasked.
+csv.field_size_limit(2**31 - 1)
+
+
 class ResultsError(RuntimeError):
     """A results folder that cannot be used or written; the message names the file."""
 
@@ -161,7 +165,8 @@ class ResultsFolder:
     def read(self) -> list[Row]:
         """Read every whole row in order of samples; figures then do not hang on who came first.
 
-        A row that a crash cut short is left out. Raises ResultsError.
+        A row that a crash cut short is left out, and of rows with one key, which two runs at a
+        time leave, all but the last. Raises ResultsError.
         """
         text = _read(self.results)
         whole = text[: text.rfind('\n') + 1]
@@ -170,10 +175,11 @@ class ResultsFolder:
             message = f'{self.results}: its columns are not those of version {_own_version()}'
             raise ResultsError(message)
         try:
-            return sorted((_row(record) for record in reader), key=lambda row: row.key[:3])
-        except (TypeError, ValueError) as error:
+            rows = {row.key: row for row in map(_row, reader)}
+        except (csv.Error, ValueError) as error:
             message = f'{self.results}: line {reader.line_num}: {error}'
             raise ResultsError(message) from None
+        return sorted(rows.values(), key=lambda row: row.key[:3])
 
     def rewrite(self, rows: Iterable[Row]) -> None:
         """Replace results.csv by these rows, in one step."""
@@ -279,6 +285,9 @@ def _csv_line(values: Sequence[str]) -> str:
 
 
 def _row(record: Mapping[str, str]) -> Row:
+    if None in record or None in record.values():  # where it holds more or fewer
+        message = f'{len(FIELDS)} values are expected'
+        raise ValueError(message)
     values: dict[str, Any] = dict(record)
     for name, kind in FIELDS.items():
         if kind == 'int':

@@ -77,26 +77,12 @@ def open_folder(
 ) -> frozenset[RowKey]:
     """Start a folder, or go on with it; return the keys of the rows done. Raises ResultsError."""
     if resume and folder.results.exists():
-        return go_on(folder, metadata)
-    folder.start()
+        return _go_on(folder, metadata)
+    folder.refuse_old()
+    # First, so that a run cut off between the two is begun anew by --resume.
     folder.write_json('metadata.json', metadata)
+    folder.start()
     return frozenset()
-
-
-def go_on(folder: ResultsFolder, metadata: dict[str, Any]) -> frozenset[RowKey]:
-    """Go on with a folder: drop the rows no source answered, return the keys of the others.
-
-    The seconds spent before go into `metadata`. Raises ResultsError as `begin` does.
-    """
-    before = folder.read_json('metadata.json')
-    changed = differences(before, metadata)
-    if changed:
-        message = f'{folder.path}: cannot go on, another run made it: {", ".join(changed)} differ'
-        raise ResultsError(message)
-    rows = [row for row in folder.read() if row.source_status in ANSWERED]
-    folder.rewrite(rows)
-    metadata['seconds'] = float(before.get('seconds') or 0.0)
-    return frozenset(row.key for row in rows)
 
 
 def carry_out(
@@ -132,3 +118,19 @@ def unanswered(rows: Sequence[Row]) -> list[str]:
         first = f'map {of[0].map}, pair {of[0].pair}, scale {of[0].scale}'
         lines.append(f'{case}: {len(of)} samples without an answer ({how}), the first {first}')
     return lines
+
+
+def _go_on(folder: ResultsFolder, metadata: dict[str, Any]) -> frozenset[RowKey]:
+    """Go on with a folder: drop the rows no source answered, return the keys of the others.
+
+    The seconds spent before go into `metadata`. Raises ResultsError.
+    """
+    before = folder.read_json('metadata.json')
+    changed = differences(before, metadata)
+    if changed:
+        message = f'{folder.path}: cannot go on, another run made it: {", ".join(changed)} differ'
+        raise ResultsError(message)
+    rows = [row for row in folder.read() if row.source_status in ANSWERED]
+    folder.rewrite(rows)
+    metadata['seconds'] = float(before.get('seconds') or 0.0)
+    return frozenset(row.key for row in rows)

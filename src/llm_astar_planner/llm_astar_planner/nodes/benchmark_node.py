@@ -9,7 +9,6 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -32,7 +31,7 @@ from llm_astar_planner.benchmark.results import (
     RowKey,
     describe_run,
 )
-from llm_astar_planner.benchmark.run import go_on
+from llm_astar_planner.benchmark.run import open_folder
 from llm_astar_planner.benchmark.samples import BenchmarkSample, SelectionError, load_samples
 from llm_astar_planner.nodes.caller import Caller, CallerError
 from llm_astar_planner.nodes.live_run import LiveRun
@@ -62,7 +61,8 @@ def main(args: Sequence[str] | None = None) -> int:
         parameters = {'methods': arguments.methods, 'limit': arguments.limit}
         parameters |= {'maps': arguments.maps, 'seed': arguments.seed, 'live': True}
         metadata = describe_run([dataset], parameters)
-        done = _begin(folder, metadata, dataset, resume=arguments.resume)
+        done = open_folder(folder, metadata, resume=arguments.resume)
+        save_barrier_maps(load_barrier_maps(dataset), folder.path / MAPS_FILE)
     except (BarrierMapError, FileNotFoundError, ResultsError, SelectionError) as error:
         return _complain(str(error), BAD_INPUT)
     begun = time.monotonic()
@@ -107,18 +107,6 @@ def _arguments(argv: Sequence[str]) -> argparse.Namespace:
         if name not in METHODS:
             parser.error(f'--methods {name!r} is unknown; there is {", ".join(METHODS)}')
     return arguments
-
-
-def _begin(
-    folder: ResultsFolder, metadata: dict[str, Any], dataset: Path, *, resume: bool
-) -> frozenset[RowKey]:
-    """Start the folder, or go on with it; return the keys of the rows it has."""
-    if not (resume and folder.results.exists()):
-        folder.start()
-        folder.write_json('metadata.json', metadata)
-        save_barrier_maps(load_barrier_maps(dataset), folder.path / MAPS_FILE)
-        return frozenset()
-    return go_on(folder, metadata)
 
 
 def _replay(
