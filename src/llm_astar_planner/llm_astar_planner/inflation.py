@@ -38,7 +38,7 @@ def inflate(grid_map: GridMap, rules: GridRules) -> tuple[NDArray[np.bool_], NDA
         return blocked, grid_map.cells
     cost = grid_map.cells.copy()
     body = squared_cells(rules.robot_radius, grid_map.resolution)
-    prices = _prices(rules, grid_map.resolution)
+    prices = _prices(rules, grid_map)
     halo = math.ceil(radius / grid_map.resolution)
     for top in range(0, grid_map.height, BAND_ROWS):
         rows = slice(top, min(top + BAND_ROWS, grid_map.height))
@@ -65,9 +65,11 @@ def _squared_distances(lethal: NDArray[np.bool_]) -> NDArray[np.int64]:
     return squared
 
 
-def _prices(rules: GridRules, resolution: float) -> NDArray[np.int8]:
+def _prices(rules: GridRules, grid_map: GridMap) -> NDArray[np.int8]:
     """Return what a cell costs by its squared distance in cells; the last is for all beyond."""
-    reach = squared_cells(rules.inflation_radius, resolution)
-    distances = np.sqrt(np.arange(reach + 1)) * resolution
+    # No farther than cells of the map may be apart, however fine it is.
+    across = grid_map.width**2 + grid_map.height**2
+    reach = min(squared_cells(rules.inflation_radius, grid_map.resolution), across)
+    distances = np.sqrt(np.arange(reach + 1)) * grid_map.resolution
     decay = np.exp(-rules.cost_scaling_factor * np.maximum(distances - rules.robot_radius, 0.0))
     return np.append(np.rint(DEAREST * decay), 0.0).astype(np.int8)

@@ -99,6 +99,12 @@ def test_costs_decay_as_nav2s_do_and_stay_below_inscribed():
     assert row == [100, 98, 98, *decay, 0, 0, 0, 0]
 
 
+def test_a_map_however_fine_takes_no_more_than_its_cells():
+    rules = GridRules(inflation_radius=0.55, cost_scaling_factor=0.0)
+    _, cost = inflate(post(resolution=2e-6), rules)
+    assert sorted(set(cost.flat)) == [98, 100]
+
+
 def test_without_radii_a_map_is_taken_as_it_is():
     grid_map = post(value=70)
     blocked, cost = inflate(grid_map, GridRules())

@@ -83,6 +83,7 @@ def test_every_shape_of_the_same_path(text):
         ('{"waypoints": [{"x": 5, "y": 5}, {"x": 26, "y": 9}, {"x": 2', PATH[:2]),
         ('```json\n[[5, 5], [26, 9], ', PATH[:2]),
         ('Generated Path: [[5, 5], [nan, 3], [1e999, 2], [26, 9], [Infinity, 1]]', PATH[:2]),
+        ('Generated Path: [[5, 5], [1e300, 3], [26, 9], [1, -1e13]]', PATH[:2]),
         ('[[5, 5], [NaN, 3], [26, 9], [Infinity, 1]]', PATH[:2]),
         ('Generated Path: [[5, 5], [20 - 7.5, 7], [abc, 9], [26, 9]]', PATH[:2]),
         ('Generated Path: [[12, 7], [abc, 9]]', ((12.0, 7.0),)),

@@ -7,7 +7,6 @@ of points is the answer, since models draft, quote and think before they conclud
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -45,6 +44,8 @@ _FULL_WIDTH = str.maketrans(
     {'\uff0c': ',', '\uff08': '(', '\uff09': ')', '\uff1a': ':', '\u2212': '-'}
 )
 _MAX_DEPTH = 12
+# No map reaches there, and more could not be counted in cells.
+_FARTHEST = 1e12
 
 
 class ReplyStatus(str, Enum):
@@ -236,7 +237,7 @@ def _json_point(value: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
 
 
 def _point(x: Any, y: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
-    """Return a finite point of two numbers, written as numbers or as text."""
+    """Return a point of two numbers that some map may have, written as numbers or as text."""
     if not all(isinstance(value, (int, float, str)) for value in (x, y)):
         return None
     if isinstance(x, bool) or isinstance(y, bool):
@@ -245,4 +246,4 @@ def _point(x: Any, y: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
         point = float(x), float(y)
     except (ValueError, OverflowError):
         return None
-    return point if math.isfinite(point[0]) and math.isfinite(point[1]) else None
+    return point if all(abs(value) <= _FARTHEST for value in point) else None
