@@ -8,12 +8,13 @@ import pytest
 from llm_astar_msgs_adapter.grid_map import GridMap
 from llm_astar_planner.asking import ask
 from llm_astar_planner.planner import Planner, PlanRequest
-from llm_astar_planner.search.methods import no_stop
+from llm_astar_planner.search.methods import compile_kernels, no_stop
 from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery, WaypointReply
 
 LONG = 60.0
 CELLS = np.zeros((40, 60), dtype=np.int8)
 CELLS[:35, 30] = 100
+compile_kernels()  # no plan here has the time
 PLANNER = Planner(GridMap(CELLS)).prepare()
 
 

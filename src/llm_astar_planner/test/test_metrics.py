@@ -4,10 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from llm_astar_planner.benchmark.metrics import (
-    geometric_mean,
     growth_factor,
     log_log_slope,
     optimal,
@@ -15,27 +12,8 @@ from llm_astar_planner.benchmark.metrics import (
     spread,
 )
 
-RATIOS = st.lists(st.floats(1e-3, 1e3), min_size=1, max_size=30)
-
-
-def test_the_geometric_mean_is_the_nth_root_of_the_product():
-    assert geometric_mean([2.0, 8.0]) == pytest.approx(4.0)
-    assert geometric_mean([0.5, 1.0, 4.0]) == pytest.approx(2.0 ** (1 / 3))
-
-
-@given(RATIOS)
-def test_the_geometric_mean_of_inverses_is_the_inverse(ratios):
-    assert geometric_mean(1.0 / np.array(ratios)) == pytest.approx(1.0 / geometric_mean(ratios))
-
-
-@pytest.mark.parametrize('bad', [0.0, -1.0, math.nan])
-def test_a_ratio_that_is_not_above_zero_is_refused(bad):
-    with pytest.raises(ValueError, match='above 0'):
-        geometric_mean([1.0, bad])
-
 
 def test_no_values_give_no_figures():
-    assert math.isnan(geometric_mean([]))
     assert math.isnan(share([]))
     assert math.isnan(growth_factor([], []))
     assert all(math.isnan(value) for value in spread([]))

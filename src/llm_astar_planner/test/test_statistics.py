@@ -43,6 +43,7 @@ def test_ratios_are_averaged_geometrically():
     interval = ratio_interval([0.5, 2.0, 0.5, 2.0], [0, 1, 2, 3])
     assert interval.value == pytest.approx(1.0)
     assert interval.low < 1.0 < interval.high
+    assert ratio_interval([0.5, 1.0, 4.0], [0, 1, 2]).value == pytest.approx(2.0 ** (1 / 3))
 
 
 def test_one_map_says_nothing_of_others_and_none_says_nothing():

@@ -1,7 +1,8 @@
 """The benchmark's figures, each with its formula. Ratios are x / A*'s x on the same sample.
 
 The paper's are the geometric means of the ratios, the valid path ratio and the growth factor
-(sec. 4.3 and its appendix); the spread beside each mean is ours.
+(sec. 4.3 and its appendix); the spread beside each mean is ours. The geometric means are in
+`statistics`, with their intervals.
 """
 
 from __future__ import annotations
@@ -25,20 +26,6 @@ class Spread(NamedTuple):
 
 
 NO_SPREAD = Spread(*[float('nan')] * 4)
-
-
-def geometric_mean(ratios: ArrayLike) -> float:
-    """G = (r_1 r_2 ... r_n)^(1/n), the paper's mean of ratios; NaN for no ratios.
-
-    Raises ValueError where a ratio is not above 0.
-    """
-    values = np.asarray(ratios, dtype=float)
-    if values.size == 0:
-        return float('nan')
-    if not (values > 0).all():
-        message = f'ratios must be above 0; there is {values.min()}'
-        raise ValueError(message)
-    return float(np.exp(np.log(values).mean()))
 
 
 def spread(values: ArrayLike) -> Spread:

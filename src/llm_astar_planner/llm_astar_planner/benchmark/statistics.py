@@ -47,6 +47,6 @@ def mean_interval(values: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interv
 
 
 def ratio_interval(ratios: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interval:
-    """Return the geometric mean of `ratios` [n], all above 0, with its interval."""
+    """Return (r_1 r_2 ... r_n)^(1/n) of `ratios` [n], all above 0, with its interval."""
     logs = mean_interval(np.log(np.asarray(ratios, dtype=float)), groups, seed)
     return Interval(*(float(value) for value in np.exp(logs)))
