@@ -8,13 +8,12 @@ import pytest
 from llm_astar_msgs_adapter.grid_map import GridMap
 from llm_astar_planner.asking import ask
 from llm_astar_planner.planner import Planner, PlanRequest
-from llm_astar_planner.search.methods import compile_kernels, no_stop
+from llm_astar_planner.search.methods import no_stop
 from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery, WaypointReply
 
 LONG = 60.0
 CELLS = np.zeros((40, 60), dtype=np.int8)
 CELLS[:35, 30] = 100
-compile_kernels()  # no plan here has the time
 PLANNER = Planner(GridMap(CELLS)).prepare()
 
 
@@ -68,7 +67,8 @@ def test_whatever_a_source_does_there_is_a_path_in_time(source, method, waiting)
             (55, 3),
             method=method,
             source=source,
-            time_limit=0.5,
+            time_limit=LONG / 6,
+            source_time_limit=0.2,
             max_suboptimality=1.1,
             search_while_waiting=waiting,
         )

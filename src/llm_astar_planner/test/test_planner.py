@@ -180,7 +180,8 @@ def test_a_search_past_its_time_is_a_timeout_not_no_path():
 
 
 def test_another_thread_cancels_a_search():
-    planner = Planner(GridMap(np.zeros((3000, 3000), dtype=np.int8))).prepare()
+    planner = Planner(GridMap(np.zeros((3000, 3000), dtype=np.int8)))
+    assert planner.components.all()  # once a map: it is the search that shall be cancelled
     stop = no_stop()
     plans = []
     request = PlanRequest((1, 1), (2998, 1200), 'dynamic_weighted_astar', time_limit=300.0)
@@ -191,6 +192,8 @@ def test_another_thread_cancels_a_search():
     thread.join(60.0)
     assert not thread.is_alive()
     assert plans[0].code is ResultCode.TIMEOUT
+    assert plans[0].operation > 0
+    assert 'cancelled after' in plans[0].message
 
 
 def test_a_limitless_request_is_fine():
