@@ -13,6 +13,7 @@ from llm_astar_planner.planner import GridRules, Planner, PlanRequest
 from llm_astar_planner.result_code import ResultCode
 from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS, no_stop
 from llm_astar_planner.search.result import SearchResult, SearchStatus
+from llm_astar_planner.targets import Verdict
 from llm_astar_planner.validator import path_problem
 from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointReply
 from llm_astar_planner.waypoint_source.fixed import FixedReply
@@ -62,6 +63,14 @@ def test_a_plan_tells_its_path_its_work_and_what_guided_it():
     assert plan.operation >= plan.expanded.sum() > 0
     assert plan.storage >= plan.expanded.sum()
     assert '1 of 3 waypoints' in plan.message
+
+
+def test_a_waypoint_that_the_robots_body_cannot_take_is_occupied():
+    beside_a_barrier = Source([(8, 6)])
+    request = PlanRequest(START, GOAL, 'llm_astar', beside_a_barrier)
+    assert PLANNER.plan(request).waypoints[0].verdict is Verdict.ACCEPTED
+    planner = Planner(MAP.to_grid(), GridRules(robot_radius=1.0), MAP)
+    assert planner.plan(request).waypoints[0].verdict is Verdict.OCCUPIED
 
 
 def test_a_plan_whose_waypoints_all_fell_is_guided_by_none():

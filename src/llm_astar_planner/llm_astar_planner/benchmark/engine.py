@@ -40,10 +40,6 @@ LLM_ONLY = 'llm_only'
 ALL_METHODS = (*METHODS, LLM_ONLY)
 _planners = PlannerCache()
 NOTHING_EXPANDED = np.zeros((0, 0), dtype=np.bool_)
-# What a source said, or did not, when the blame is not the waypoints'.
-ANSWERED = {status.value for status in (
-    SourceStatus.OK, SourceStatus.NONE, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED,
-)}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import llm_astar_planner
+from llm_astar_planner.waypoint_source.base import SourceStatus
 
 # The parameters that decide rows, whatever else a run is made with.
 DECIDING = (
     'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
     'start_tolerance', 'requests', 'plan_window', 'topics',
 )  # fmt: skip
+# What a source said of a row that asking again would not change.
+_ANSWERED = frozenset(status.value for status in (
+    SourceStatus.OK, SourceStatus.NONE, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED,
+))  # fmt: skip
 # The maps of the rows, kept beside them so that a folder can be reported on by itself.
 MAPS_FILE = 'maps.json'
 
@@ -124,6 +129,11 @@ class Row:
     def found(self) -> bool:
         """Whether there is a valid path."""
         return self.code == 'NONE'
+
+    @property
+    def answered(self) -> bool:
+        """Whether the source answered, if only to no use, or none was to be asked."""
+        return self.source_status in _ANSWERED
 
 
 FIELDS = {field.name: str(field.type) for field in dataclasses.fields(Row)}

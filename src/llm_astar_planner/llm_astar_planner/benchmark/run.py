@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_planner.benchmark.engine import (
-    ANSWERED,
     Asker,
     Outcome,
     Settings,
@@ -109,7 +108,7 @@ def carry_out(
 
 def unanswered(rows: Sequence[Row]) -> list[str]:
     """Say, a line a case, for how many samples its source never answered, and the first one."""
-    missing = [row for row in rows if row.source_status not in ANSWERED]
+    missing = [row for row in rows if not row.answered]
     lines = []
     for case in dict.fromkeys(row.case for row in missing):
         of = [row for row in missing if row.case == case]
@@ -130,7 +129,7 @@ def _go_on(folder: ResultsFolder, metadata: dict[str, Any]) -> frozenset[RowKey]
     if changed:
         message = f'{folder.path}: cannot go on, another run made it: {", ".join(changed)} differ'
         raise ResultsError(message)
-    rows = [row for row in folder.read() if row.source_status in ANSWERED]
+    rows = [row for row in folder.read() if row.answered]
     folder.rewrite(rows)
     metadata['seconds'] = float(before.get('seconds') or 0.0)
     return frozenset(row.key for row in rows)

@@ -23,7 +23,6 @@ SampleId = tuple[int, int]
 BASELINE_METHOD = 'astar'
 # A well-made A* needs about half of the paper's expansions: the harder baseline.
 EXACT_METHOD = 'exact_astar'
-ANSWERS = ('OK', 'NONE', 'NO_WAYPOINTS', 'MALFORMED')
 
 
 @dataclass(frozen=True)
@@ -162,7 +161,7 @@ def _summarise(
         seconds_round_trip=spread([t for row in every if (t := row.seconds_round_trip) >= 0]),
         operation_exact=_ratio(over_exact, 'operation', seed) if over_exact else None,
         proven=spread([row.ratio for row in every if row.ratio >= 1.0]),
-        unanswered=sum(row.source_status not in ANSWERS for row in every),
+        unanswered=sum(not row.answered for row in every),
         clearance=spread(clearances),
         least_clearance=min(clearances, default=float('nan')),
         turns=spread(_known([row.turns for row in found])),
