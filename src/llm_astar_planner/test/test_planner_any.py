@@ -1,6 +1,7 @@
 """Whatever the map, the rules and the request: no crash, always a code, never a bad path."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from hypothesis import given, settings
@@ -9,7 +10,18 @@ from llm_astar_msgs_adapter.grid_map import GridMap
 from llm_astar_planner.planner import GridRules, Planner, PlanRequest
 from llm_astar_planner.result_code import ResultCode
 from llm_astar_planner.search.methods import METHODS
-from llm_astar_planner.waypoint_source.fixed import FixedReply
+from llm_astar_planner.waypoint_source.base import WaypointReply
+
+
+@dataclass(frozen=True)
+class Source:
+    """Answers with any points at all."""
+
+    points: tuple
+    name = 'any'
+
+    def waypoints(self, query):
+        return WaypointReply(self.points)
 
 
 @st.composite
@@ -39,6 +51,7 @@ def rules(draw, radii=(0.0, 0.05, 0.3, 10.0)):
 
 near = st.tuples(st.integers(-2, 25), st.integers(-2, 25))
 far = st.tuples(st.integers(), st.integers())
+waypoints = st.lists(st.tuples(st.floats(), st.floats()) | near, max_size=6)
 anywhere = st.one_of(near, near, near, far)
 metres = st.sampled_from([0.0, 0.05, 0.5, 3.0, 1000.0])
 any_number = st.one_of(metres, metres, metres, metres, st.floats())
@@ -47,7 +60,7 @@ requests = st.builds(
     start=anywhere,
     goal=anywhere,
     method=st.sampled_from([*METHODS, 'theta']),
-    source=st.none() | st.just(FixedReply('[[3, 7], [5, 5], [40, 2]]')),
+    source=st.none() | st.builds(Source, waypoints.map(tuple)),
     max_suboptimality=st.sampled_from([None, 1.0, 1.2, 1000.0, math.nan]),
     time_limit=st.sampled_from([10.0, 5.0, 1.0, math.inf, 0.0, math.nan]),
     any_angle=st.booleans(),
