@@ -1,5 +1,7 @@
 """The last check stands apart: whatever is broken before it, no bad path leaves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.grid_map import GridMap
@@ -8,8 +10,10 @@ from llm_astar_planner.planner import GridRules, Planner, PlanRequest
 from llm_astar_planner.result_code import ResultCode
 from llm_astar_planner.search.fast_grid import exact_astar
 from llm_astar_planner.search.methods import METHODS
+from llm_astar_planner.search.shortcut import AnyAnglePath
 
 from llm_astar_planner import ends, prepared_map
+from llm_astar_planner import planner as planner_module
 
 CELLS = np.zeros((30, 40), dtype=np.int8)
 CELLS[8:30, 20] = 100
@@ -93,6 +97,18 @@ def test_a_search_that_skips_a_via_cell_is_caught(monkeypatch):
     monkeypatch.setattr(Leg, 'search', elsewhere)
     plan = planner(GridRules()).plan(PlanRequest((2, 2), (18, 2), via=((10, 4),)))
     assert withheld(plan, 'does not pass via 1 (10, 4)')
+
+
+def test_a_shortcut_through_the_robots_body_is_caught(monkeypatch):
+    def straight(grid, path):
+        return AnyAnglePath(path[[0, -1]], 20.0, 20.0)
+
+    request = replace(REQUEST, any_angle=True)
+    assert planner().plan(request).any_angle is not None
+    monkeypatch.setattr(planner_module, 'shorten', straight)
+    plan = planner().plan(request)
+    assert plan.code is ResultCode.NONE
+    assert plan.any_angle is None
 
 
 @pytest.mark.parametrize('end', ['start', 'goal'])
