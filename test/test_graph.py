@@ -399,9 +399,8 @@ def test_arguments_that_ros_cannot_read_are_one_line_too(arguments, word):
     assert word in output
 
 
-def run_benchmark_node(*arguments):
-    module = 'llm_astar_planner.nodes.benchmark_node'
-    command = [sys.executable, '-m', module, *arguments, '--ros-args', '-r', f'__ns:={ALONE}']
+def run_benchmark_node(*arguments, code=('-m', 'llm_astar_planner.nodes.benchmark_node')):
+    command = [sys.executable, *code, *arguments, '--ros-args', '-r', f'__ns:={ALONE}']
     return subprocess.run(command, capture_output=True, text=True, timeout=3 * PATIENCE)
 
 
@@ -444,7 +443,13 @@ def test_the_live_benchmark_gives_the_rows_of_the_benchmark_without_a_graph(tmp_
 
 
 def test_the_benchmark_node_without_a_planner_says_so_and_loses_nothing(tmp_path):
-    done = run_benchmark_node('--limit', '2', '--out', str(tmp_path / 'out'))
+    impatient = """
+from llm_astar_planner.nodes import benchmark_node, caller
+caller.DISCOVERY_SECONDS = 0.5
+raise SystemExit(benchmark_node.main())
+"""
+    arguments = ['--limit', '2', '--out', str(tmp_path / 'out')]
+    done = run_benchmark_node(*arguments, code=('-c', impatient))
     assert done.returncode == 3
     assert 'planner_node' in done.stderr
     assert 'Traceback' not in done.stderr

@@ -60,6 +60,7 @@ def test_a_plan_tells_its_path_its_work_and_what_guided_it():
     assert plan.operation >= plan.expanded.sum() > 0
     assert plan.storage >= plan.expanded.sum()
     assert '1 of 3 waypoints' in plan.message
+    assert min(plan.seconds_source, plan.seconds_search) > 0
 
 
 def test_a_waypoint_that_the_robots_body_cannot_take_is_occupied():
