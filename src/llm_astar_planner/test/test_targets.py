@@ -1,3 +1,5 @@
+from itertools import combinations, product
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -100,6 +102,20 @@ def test_waypoints_the_path_passes_in_another_order_are_marked():
     points = judged(*((x, y, 'accepted') for x, y in places))
     marked = [point.verdict.value for point in mark_out_of_order(points, PATH)]
     assert marked == ['accepted', 'out_of_order', 'accepted', 'accepted']
+
+
+def test_of_every_list_as_few_are_marked_as_can_be():
+    for places in product(range(1, 5), repeat=5):
+        marked = mark_out_of_order(judged(*((x, 5, 'accepted') for x in places)), PATH)
+        kept = [point.x for point in marked if point.verdict.value == 'accepted']
+        longest = max(
+            length
+            for length in range(6)
+            for run in combinations(places, length)
+            if list(run) == sorted(run)
+        )
+        assert kept == sorted(kept)
+        assert len(kept) == longest
 
 
 def test_only_accepted_waypoints_can_be_out_of_order():
