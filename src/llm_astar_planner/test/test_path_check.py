@@ -23,6 +23,11 @@ def test_poses_on_obstacles_and_off_the_map_are_told():
 
 def test_a_leg_through_an_obstacle_makes_the_pose_it_leads_to_invalid():
     assert invalid((2, 5), (10, 5), (11, 5)) == [1]
+    assert invalid((5, 5), (7, 5)) == [1]
+
+
+def test_a_leg_may_pass_a_corner_as_the_poses_of_other_planners_do():
+    assert invalid((4, 3), (7, 0)) == []
 
 
 def test_what_lies_behind_the_robot_does_not_count():

@@ -46,6 +46,14 @@ def maze(size):
     return GridMap(blocked)
 
 
+def test_landmarks_make_the_proof_cheap_once_they_are_measured():
+    request = PlanRequest(START, GOAL, max_suboptimality=1.05)
+    before = Planner.for_barrier_map(MAP).plan(request)
+    after = PLANNER.plan(request)
+    assert after.operation < before.operation
+    assert after.length <= 1.05 * before.length
+
+
 def test_a_guided_plan_tells_what_is_proven_of_it():
     plan = PLANNER.plan(PlanRequest(START, GOAL, source=Source(AROUND), max_suboptimality=1.05))
     shortest = PLANNER.plan(PlanRequest(START, GOAL, 'exact_astar'))
