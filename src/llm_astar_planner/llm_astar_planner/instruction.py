@@ -17,7 +17,6 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner import targets
 from llm_astar_planner.asking import LOOK, ask
 from llm_astar_planner.plan import NOT_ASKED, Plan, PlanRequest
 from llm_astar_planner.prompts.instruction import InstructionError, clean_instruction
@@ -121,7 +120,7 @@ def _honoured(
         return _told(_with_work_of(direct, through), f'{NOT_HONOURED}: {why}')
     guided = replace(
         through,
-        waypoints=targets.mark_out_of_order(waypoints, through.path),
+        waypoints=waypoints,  # in order whatever else the path passes: they are its via points
         guided_by=reply.label,
         source=direct.source,
         reply=reply,

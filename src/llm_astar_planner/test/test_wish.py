@@ -79,6 +79,12 @@ def test_what_cannot_be_passed_is_left_out_and_said():
     assert plan.instruction == f'followed through 2 via points; left out: {left_out}'
 
 
+def test_a_wish_to_go_there_and_back_is_followed_in_order():
+    plan = PLANNER.plan(request(Follower([(28.0, 8.0), (20.0, 8.0), (28.0, 12.0)])))
+    assert plan.via == ((28, 8), (20, 8), (28, 12))
+    assert [point.verdict.value for point in plan.waypoints] == ['accepted'] * 3
+
+
 @pytest.mark.parametrize(
     ('way', 'outcome'),
     [
