@@ -34,6 +34,7 @@ CAUSES = [
     (OPEN, {'max_suboptimality': 0.5}, CODE.INVALID_PLANNER, 'max_suboptimality 0.5'),
     (OPEN, {'max_suboptimality': math.nan}, CODE.INVALID_PLANNER, 'max_suboptimality nan'),
     (OPEN, {'weight': math.nan}, CODE.INVALID_PLANNER, 'weight nan'),
+    (OPEN, {'weight': 1e4}, CODE.INVALID_PLANNER, 'weight 10000.0'),
     (OPEN, {'tolerance': math.nan}, CODE.INVALID_PLANNER, 'tolerance nan'),
     (OPEN, {'tolerance': -0.1}, CODE.INVALID_PLANNER, 'tolerance -0.1'),
     (OPEN, {'start_tolerance': math.inf}, CODE.INVALID_PLANNER, 'start_tolerance inf'),

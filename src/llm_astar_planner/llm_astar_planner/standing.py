@@ -77,8 +77,7 @@ class WaypointMemory:
 
     They hold where all were accepted, all can still be stood on and reached on the map as it is
     now, and the start lies along the path they led to; those the robot has passed are left out.
-    The very same question on the very same map is left to the source, and so are requests through
-    other places. Thread-safe.
+    The very same question on the very same map is left to the source. Thread-safe.
     """
 
     def __init__(self) -> None:
@@ -95,7 +94,7 @@ class WaypointMemory:
         """Keep the waypoints of a plan, if every one of them was accepted."""
         good = plan.code is ResultCode.NONE and plan.source_status is SourceStatus.OK
         accepted = all(point.verdict is Verdict.ACCEPTED for point in plan.waypoints)
-        if request.via or not (good and plan.waypoints and accepted):
+        if not (good and plan.waypoints and accepted):
             return
         with self._lock:
             self._kept[_key(request)] = _Kept(_MapName.of(grid_map), plan.reply, plan.path)
@@ -107,7 +106,7 @@ class WaypointMemory:
         """Return the request's source, or one of the kept waypoints where they still hold."""
         with self._lock:
             kept = self._kept.get(_key(request))
-        if request.source is None or request.via or kept is None:
+        if request.source is None or kept is None:
             return request.source
         waypoints = _ahead(kept, request.start)
         is_same_map = kept.grid_map.digest == planner.grid_map.digest

@@ -137,6 +137,31 @@ def test_an_escape_leads_to_where_the_goal_is():
     assert plan.start == (6, 5)
 
 
+def test_an_escape_leads_to_the_goal_itself_before_a_place_near_it():
+    cells = np.full((20, 30), -1)
+    cells[5, 6] = 0  # nearer, and within the tolerance of the goal
+    cells[8, 5:10] = 0
+    request = PlanRequest((5, 5), (9, 8), start_tolerance=0.5, tolerance=0.5)
+    plan = planner(cells, allow_unknown=False).plan(request)
+    assert (plan.start, plan.goal) == ((5, 8), (9, 8))
+
+
+def test_an_escape_leads_to_where_the_goal_is_within_its_tolerance():
+    cells = np.full((20, 30), -1)
+    cells[13, 6:13] = 0  # nearer, but it ends 0.42 m off the goal
+    cells[10, 8:14] = 0
+    request = PlanRequest((5, 13), (15, 10), start_tolerance=0.5, tolerance=0.3)
+    plan = planner(cells, allow_unknown=False).plan(request)
+    assert (plan.start, plan.goal) == ((8, 10), (13, 10))
+
+
+def test_an_escape_is_no_longer_than_allowed_in_any_direction():
+    cells = np.full((20, 30), -1)
+    cells[13:, 13:] = 0  # 0.42 m off, aslant
+    request = PlanRequest((10, 10), (20, 15), start_tolerance=0.3)
+    assert planner(cells, allow_unknown=False).plan(request).code is ResultCode.START_OCCUPIED
+
+
 def test_a_goal_moved_onto_the_start_is_one_cell():
     cells = empty()
     cells[:, 3] = 100

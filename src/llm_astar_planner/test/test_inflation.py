@@ -140,6 +140,8 @@ def test_a_path_keeps_off_the_walls_it_need_not_hug():
     keeping = Planner(GridMap(cells, 0.1), rules).plan(request)
     assert 0.2 < hugging.clearance < 0.31
     assert keeping.clearance > 0.5
+    assert hugging.cost == pytest.approx(hugging.length)
+    assert keeping.length < keeping.cost < 3.0 * keeping.length
     assert keeping.length > hugging.length
 
 

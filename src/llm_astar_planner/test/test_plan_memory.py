@@ -163,6 +163,8 @@ def test_a_search_that_breaks_leaves_nobody_waiting(plan):
         ({'ratio': 1.2}, {'max_suboptimality': None}, True),
         ({'ratio': float('nan')}, {}, True),
         ({}, {'want_expanded': True}, False),
+        ({'instruction': 'followed through 1 via point'}, {}, True),
+        ({'instruction': 'not honoured: out of time'}, {}, False),
     ],
 )
 def test_only_what_asking_again_could_not_better_is_kept(plan, changes, request_changes, settled):

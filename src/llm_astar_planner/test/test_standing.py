@@ -11,6 +11,8 @@ from llm_astar_planner.search.methods import no_stop
 from llm_astar_planner.standing import standing_problem
 from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointReply
 
+from llm_astar_planner import standing
+
 WALL = np.zeros((30, 40), dtype=np.int8)
 WALL[:25, 20] = 100
 CORNER = ((19.0, 26.0), (21.0, 26.0))
@@ -22,7 +24,8 @@ class Source:
     name = 'counting'
 
     def __init__(self, *waypoints):
-        self.reply = WaypointReply(waypoints, 'counting', SourceStatus.OK)
+        cost = {'prompt_tokens': 9, 'completion_tokens': 9, 'seconds': 9.0}
+        self.reply = WaypointReply(waypoints, 'counting', SourceStatus.OK, **cost)
         self.asked = 0
 
     def waypoints(self, query):
@@ -106,6 +109,8 @@ def test_waypoints_that_hold_on_a_changed_map_are_not_asked_for_again():
     assert [point.verdict.value for point in plans[1].waypoints] == ['accepted', 'accepted']
     assert plans[1].reply.label == 'counting'
     assert BEFORE.grid_map.digest in plans[1].reply.detail
+    reply = plans[1].reply
+    assert (reply.prompt_tokens, reply.completion_tokens, reply.seconds) == (0, 0, 0.0)
 
 
 def ring(x, y):
@@ -136,6 +141,34 @@ def test_a_robot_on_its_way_keeps_the_waypoints_that_are_still_ahead():
     counts, plans = asked(source, (BEFORE, {}), (BEFORE, on_the_way))
     assert counts == [1, 1]
     assert [(point.x, point.y) for point in plans[1].waypoints] == list(CORNER)
+
+
+def test_a_waypoint_the_robot_stands_at_is_passed():
+    plan = BEFORE.plan(replace(REQUEST, source=Source(*CORNER)))
+    distances = np.hypot(*(plan.path - CORNER[0]).T)
+    at_the_first = {'start': tuple(plan.path[distances.argmin()].tolist())}
+    counts, plans = asked(Source(*CORNER), (BEFORE, {}), (BEFORE, at_the_first))
+    assert counts == [1, 1]
+    assert [(point.x, point.y) for point in plans[1].waypoints] == [CORNER[1]]
+
+
+def test_waypoints_of_a_map_that_lay_elsewhere_are_asked_for_again():
+    finer = Planner(GridMap(changed((2, 28)).grid_map.cells, resolution=0.5))
+    assert asked(Source(*CORNER), (BEFORE, {}), (finer, {}))[0] == [1, 2]
+
+
+def test_a_robot_driven_off_the_map_is_told_so():
+    goal = {'goal': (38, 5)}
+    off = {**goal, 'start': (40, 5)}
+    plans = asked(Source(*CORNER), (BEFORE, goal), (BEFORE, off))[1]
+    assert plans[1].code.name == 'START_OUTSIDE_MAP'
+
+
+def test_the_goals_that_are_kept_are_bounded(monkeypatch):
+    monkeypatch.setattr(standing, 'KEPT_GOALS', 1)
+    other, source = {'goal': (34, 6)}, Source(*CORNER)
+    counts, _ = asked(source, (BEFORE, {}), (BEFORE, other), (changed((2, 28)), {}))
+    assert counts == [1, 2, 3]
 
 
 def test_a_robot_that_has_passed_them_all_asks_for_no_more():

@@ -69,6 +69,10 @@ def test_a_wish_is_followed_through_its_waypoints_in_order(method, ends):
     assert (plan.guided_by, plan.source) == ('follower:x', 'follower')
     assert [point.verdict.value for point in plan.waypoints] == ['accepted'] * len(way)
     assert [query.instruction for query in source.queries] == [WISH]
+    # Of five seconds the source gets its part, and a tenth is left for the way of the wish.
+    assert 3.0 < source.queries[0].time_limit < 0.8 * 0.9 * 5.0
+    direct = PLANNER.plan(request(source, method=method, instruction=''))
+    assert direct.operation < plan.first_operation <= plan.operation
     assert PLANNER.path_problem(plan.path, START, GOAL) is None
 
 
