@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import pytest
 from llm_astar_msgs_adapter.barrier_map import Barrier, BarrierMap
+from llm_astar_planner.prompts.reply import MAX_REPLY_CHARS
 from llm_astar_planner.prompts.template import load_template
 from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery
 from llm_astar_planner.waypoint_source.endpoint import EndpointSource
@@ -77,6 +78,10 @@ ROWS = {
         lambda s: [s.error(429, 'You exceeded your quota', 'insufficient_quota')],
         SourceStatus.REFUSED, 'quota', 1,
     ),
+    'no quota, said otherwise': (
+        lambda s: [s.error(500, 'You exceeded your quota', 'insufficient_quota')],
+        SourceStatus.REFUSED, 'quota', 1,
+    ),
     '401': (lambda s: [s.error(401, 'bad key')], SourceStatus.AUTH, 'HTTP 401', 1),
     '403': (lambda s: [s.error(403, 'not you')], SourceStatus.AUTH, 'HTTP 403', 1),
     '404': (lambda s: [s.error(404, 'no such model')], SourceStatus.ERROR, 'no such model', 1),
@@ -103,6 +108,7 @@ ROWS = {
     'context too long always': (
         lambda s: [s.error(400, 'exceed_context_size_error')], SourceStatus.ERROR, 'context', 2,
     ),
+    '413 once': (lambda s: [s.error(413, 'too large'), s.completion(GOOD)], *OK, 2),
     'cut short': (lambda s: [s.completion(GOOD[:-9], 'length')], *OK, 1),
     'cut short before any point': (
         lambda s: [s.completion('Let me think', 'length')], SourceStatus.MALFORMED, 'cut short', 2,
@@ -469,3 +475,24 @@ def test_a_key_in_what_is_no_http_shows_up_nowhere(chat_server, monkeypatch, bef
     assert reply.status is SourceStatus.UNREACHABLE
     assert 'illegal' in reply.detail
     assert KEY[:12] not in repr(reply) + client_of(source).state()
+
+
+@pytest.mark.parametrize('field', ['content', 'refusal'])
+def test_a_key_spelt_in_json_shows_up_nowhere(chat_server, monkeypatch, field):
+    monkeypatch.setenv('ROBOT_KEY', KEY)
+    spelt = ''.join(f'\\u{ord(letter):04x}' for letter in KEY)
+    body = json.dumps(chat_server.completion('', **{field: 'I hold KEY'})[2])
+    chat_server.script = [(200, {}, body.replace('KEY', spelt).encode())]
+    reply = source_for(chat_server, api_key_env='ROBOT_KEY').waypoints(QUERY)
+    assert 'I hold ***' in reply.text + reply.detail
+    assert KEY[:12] not in repr(reply)
+
+
+def test_what_is_kept_and_counted_of_an_answer_is_bounded(chat_server):
+    status, headers, body = chat_server.completion('x' * 2 * MAX_REPLY_CHARS + GOOD)
+    body['usage'] = {'prompt_tokens': -5, 'completion_tokens': 10**30}
+    chat_server.script = [(status, headers, body)]
+    reply = source_for(chat_server).waypoints(QUERY)
+    assert reply.waypoints == PATH
+    assert len(reply.text) == MAX_REPLY_CHARS
+    assert (reply.prompt_tokens, reply.completion_tokens) == (0, 0)
