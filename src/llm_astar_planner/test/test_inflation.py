@@ -82,6 +82,10 @@ def test_the_last_check_bars_the_cells_that_inflation_blocks(body):
     rows, columns = np.indices(grid_map.cells.shape).reshape(2, -1)
     barred = Ground(grid_map, rules)[rows, columns]
     np.testing.assert_array_equal(barred, inflate(grid_map, rules)[0].ravel())
+    lethal = np.argwhere(grid_map.cells >= rules.occupied_threshold)[:, ::-1]
+    cells = np.column_stack((columns, rows))
+    least = [np.hypot(*(lethal - cell).T).min(initial=np.inf) for cell in cells]
+    np.testing.assert_allclose(Ground(grid_map, rules).distances(cells), least)
 
 
 def test_a_cell_at_exactly_the_radius_is_inscribed_as_in_nav2():
