@@ -215,6 +215,12 @@ def test_retries_end_at_the_deadline(chat_server, monkeypatch):
     assert len(chat_server.requests) <= 3
 
 
+def test_nothing_is_asked_again_that_could_not_come_in_time(chat_server):
+    chat_server.script = [chat_server.wait(0.4, chat_server.completion('Go east.'))]
+    source_for(chat_server, timeout_s=0.6).waypoints(QUERY)
+    assert len(chat_server.requests) == 1
+
+
 def test_refused_and_tls_then_the_breaker(chat_server):
     refused = source_for(chat_server, base_url=f'http://127.0.0.1:{closed_port()}/v1')
     tls = source_for(chat_server, base_url=chat_server.base_url.replace('http:', 'https:'))
