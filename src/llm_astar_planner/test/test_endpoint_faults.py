@@ -13,7 +13,7 @@ from llm_astar_msgs_adapter.barrier_map import Barrier, BarrierMap
 from llm_astar_planner.prompts.reply import MAX_REPLY_CHARS
 from llm_astar_planner.prompts.template import load_template
 from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery
-from llm_astar_planner.waypoint_source.endpoint import EndpointSource
+from llm_astar_planner.waypoint_source.endpoint import MAX_QUOTED_CHARS, EndpointSource
 from llm_astar_planner.waypoint_source.factory import client_of, make_source
 from llm_astar_planner.waypoint_source.settings import SourceSettings
 
@@ -502,3 +502,7 @@ def test_what_is_kept_and_counted_of_an_answer_is_bounded(chat_server):
     assert reply.waypoints == PATH
     assert len(reply.text) == MAX_REPLY_CHARS
     assert (reply.prompt_tokens, reply.completion_tokens) == (0, 0)
+    chat_server.script += [chat_server.completion('x' * 10_000), chat_server.completion(GOOD)]
+    source_for(chat_server).waypoints(QUERY)
+    quoted = chat_server.requests[-1]['messages'][-2]
+    assert quoted == {'role': 'assistant', 'content': 'x' * MAX_QUOTED_CHARS}
