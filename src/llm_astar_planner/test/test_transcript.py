@@ -5,9 +5,13 @@ import resource
 import threading
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from llm_astar_msgs_adapter.grid_map import GridMap
 from llm_astar_planner.prompts.message import Message
-from llm_astar_planner.waypoint_source.base import SourceStatus
+from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery
+from llm_astar_planner.waypoint_source.none import NoSource
+from llm_astar_planner.waypoint_source.recording import RecordingSource
 from llm_astar_planner.waypoint_source.transcript import (
     Exchange,
     TranscriptError,
@@ -145,3 +149,10 @@ def test_lines_from_many_threads_stay_whole(tmp_path):
     for thread in threads:
         thread.join()
     assert read_transcript(path) == [big] * 80
+
+
+def test_where_nobody_was_asked_nothing_is_recorded(tmp_path):
+    path = tmp_path / 'transcript.jsonl'
+    query = WaypointQuery(GridMap(np.zeros((3, 3), dtype=np.int8)), (0, 0), (2, 2))
+    assert RecordingSource(NoSource(), TranscriptWriter(path)).waypoints(query).waypoints == ()
+    assert path.read_text() == ''
