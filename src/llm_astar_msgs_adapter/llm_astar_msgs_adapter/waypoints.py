@@ -35,7 +35,7 @@ GOAL_COLOUR = (0.89, 0.10, 0.45)
 VIA_COLOUR = (0.09, 0.75, 0.81)
 # A marker is at least so many cells wide, and so large a part of the map's longer side.
 CELLS_WIDE = 1.5
-PART_OF_MAP = 0.01
+PART_OF_MAP = 0.015
 
 
 class _Shape(NamedTuple):
@@ -89,7 +89,7 @@ def _waypoint_shapes(waypoints: Sequence[tuple[float, float, str]], size: float)
     shapes = []
     for number, (x, y, verdict) in enumerate(waypoints, start=1):
         colour = VERDICT_COLOURS.get(verdict, (0.0, 0.0, 0.0))
-        text = f'{number} {verdict.replace("_", " ")}'
+        text = f'{number}' if verdict == 'accepted' else f'{number} {verdict.replace("_", " ")}'
         shapes.append(_Shape('waypoints', Marker.SPHERE, (x, y), colour, size))
         shapes.append(_Shape('labels', Marker.TEXT_VIEW_FACING, (x, y), colour, size, text))
     return shapes
@@ -139,8 +139,10 @@ def _marker(number: int, shape: _Shape, place: Point, frame_id: str, stamp: Time
     marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
     if shape.text:
         marker.text = shape.text
-        # Above the shape it names.
-        marker.pose.position.z = 1.5 * shape.size
+        marker.pose.position.z = shape.size
+        if shape.space == 'labels':
+            # Beside the shape it names: right over it, it would hide it from above.
+            marker.pose.position.y += 1.5 * shape.size
     return marker
 
 
