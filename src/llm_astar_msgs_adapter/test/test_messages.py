@@ -165,7 +165,6 @@ def test_a_pose_comes_back_and_one_that_is_not_finite_is_named():
             '',
             'm',
             'few_shot',
-            (('user', 'where?'),),
             'Path: [["\n]]',
             1,
             10,
@@ -174,6 +173,7 @@ def test_a_pose_comes_back_and_one_that_is_not_finite_is_named():
             ((1.0, 2.5),),
             'd',
             '1,1->2,2',
+            messages=(('user', 'where?'),),
         ),
     ],
 )
