@@ -245,14 +245,16 @@ def test_markers_name_the_ends_the_via_points_and_count_the_verdicts():
     assert {marker.ns for marker in markers} == {'waypoints', 'labels', 'ends', 'via', 'legend'}
 
 
-def test_no_label_hides_its_shape_from_above():
-    waypoints = [(1.0, 0.0, 'accepted'), (2.0, 1.0, 'occupied')]
-    _, *markers = waypoints_to_markers(waypoints, GRID, STAMP, ends=[(0.0, 0.0)]).markers
+def test_no_label_hides_its_shape_or_another_label_from_above():
+    waypoints = [(0.0, 0.0, 'accepted'), (2.0, 1.0, 'occupied')]
+    ends = [(0.0, 0.0), (2.0, 1.0)]
+    _, *markers = waypoints_to_markers(waypoints, GRID, STAMP, ends).markers
     labels = [marker for marker in markers if marker.ns == 'labels']
     shapes = [marker for marker in markers if marker.ns in ('waypoints', 'ends')]
     for shape, label in zip(shapes, labels):
         assert label.pose.position.x == shape.pose.position.x
-        assert label.pose.position.y - shape.pose.position.y > shape.scale.y
+        assert abs(label.pose.position.y - shape.pose.position.y) > shape.scale.y
+    assert len({(label.pose.position.x, label.pose.position.y) for label in labels}) == 4
 
 
 def test_markers_can_be_seen_on_a_large_map():
