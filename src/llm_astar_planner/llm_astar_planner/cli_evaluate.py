@@ -232,6 +232,7 @@ def _sweep(
         grid_rules(options),
         asked['tolerance'],
         asked['start_tolerance'],
+        'corner_cutting' not in options and not args.params_file,
     )
     return BagSweep(
         [Path(path) for path in args.bags],
@@ -239,7 +240,6 @@ def _sweep(
         args.methods,
         _askers(args),
         settings,
-        'corner_cutting' not in options and not args.params_file,
         args.plan_window,
         listed,
     )
@@ -277,5 +277,6 @@ def _parameters(args: argparse.Namespace, sweep: BagSweep) -> dict[str, Any]:
         'rules': None if settings.rules is None else asdict(settings.rules),
         'tolerance': settings.tolerance,
         'start_tolerance': settings.start_tolerance,
+        'paper_corners': settings.paper_corners,
         'topics': list(asdict(wanted).values()),
     }

@@ -19,7 +19,9 @@ from bag_makers import (
     write_bag,
 )
 from llm_astar_msgs_adapter.barrier_map import load_barrier_maps, save_barrier_maps
+from llm_astar_planner.benchmark import publish
 from llm_astar_planner.benchmark.bag_tasks import Numbers
+from llm_astar_planner.benchmark.figures import compare_figure
 from llm_astar_planner.benchmark.generate import MapRules, generate
 from llm_astar_planner.cli import main
 from rosbags.highlevel import AnyReader
@@ -254,6 +256,30 @@ def test_the_report_shows_the_map_of_the_middle_request(drive, out, monkeypatch)
     options = ('--methods', 'llm_astar', '--source', 'straight', '--out', out)
     assert llm_astar('evaluate', drive, *options) == 0
     assert (out / 'compare.png').stat().st_size > 1000
+
+
+def test_a_request_is_drawn_by_the_rules_it_was_planned_by(tmp_path, out, monkeypatch, capsys):
+    """Where barriers are known corners may be cut, though the rules of the run say otherwise."""
+    monkeypatch.undo()
+    drawn = []
+
+    def figure(grid_map, plans, *rest):
+        drawn.extend(plans)
+        return compare_figure(grid_map, plans, *rest)
+
+    monkeypatch.setattr(publish, 'compare_figure', figure)
+    dataset, bag = tmp_path / 'maps.json', tmp_path / 'bag'
+    save_barrier_maps(list(generate(9, 1, MapRules(pairs=5))), dataset)
+    assert llm_astar('dataset', 'to-bag', '--dataset', dataset, '--out', bag) == 0
+    options = ('--methods', 'llm_astar', '--source', 'straight', '--out', out)
+    assert llm_astar('evaluate', bag, *options) == 0
+    rows = rows_in(out)
+    assert [
+        any(float(row['operation']) == plan.operation for row in rows if row['method'] == method)
+        for method, plan in zip(('astar', 'llm_astar'), drawn, strict=True)
+    ] == [True, True]
+    assert llm_astar('evaluate', bag, *options, '--resume', '--no-corner-cutting') == 2
+    assert 'paper_corners (True before) differ' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

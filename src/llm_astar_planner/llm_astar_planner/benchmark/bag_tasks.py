@@ -32,8 +32,7 @@ MAX_MAPS, MAX_CELLS, MAX_REQUESTS = 100, 4_000_000, 100
 class BagSweep:
     """What an evaluation of bags covers.
 
-    `settings.rules` hold on every map; where barriers are known, `paper_corners` lets paths cut
-    corners, as the paper does. `window` is how many seconds a recorded plan may take.
+    `window` is how many seconds a recorded plan may take.
     """
 
     bags: Sequence[Path]
@@ -41,7 +40,6 @@ class BagSweep:
     methods: Sequence[str]
     askers: Sequence[Asker]
     settings: Settings
-    paper_corners: bool = True
     window: float = 10.0
     listed: Sequence[ListedRequest] = ()
 
@@ -162,8 +160,6 @@ class BagRun:
         ends = _cell(grid_map, request.start), _cell(grid_map, request.goal)
         sample, is_sample = self._sample(request, ends)
         settings = sweep.settings
-        if request.barrier_map is not None and sweep.paper_corners and settings.rules is not None:
-            settings = replace(settings, rules=replace(settings.rules, corner_cutting=True))
         if request.tolerance > 0.0:
             settings = replace(settings, tolerance=request.tolerance)
         self.kept.add(sample)

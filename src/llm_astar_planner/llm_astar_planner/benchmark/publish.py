@@ -159,6 +159,7 @@ def _middle(rows: Sequence[Row]) -> tuple[Row, Row] | None:
 def _settings(metadata: Mapping[str, Any]) -> Settings:
     names = (
         'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'tolerance', 'start_tolerance',
+        'paper_corners',
     )  # fmt: skip
     parameters = metadata['parameters']
     rules = parameters.get('rules')
