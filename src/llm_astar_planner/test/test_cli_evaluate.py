@@ -18,7 +18,9 @@ from bag_makers import (
     start_at,
     write_bag,
 )
+from llm_astar_msgs_adapter.bag_reading import Bag
 from llm_astar_msgs_adapter.barrier_map import load_barrier_maps, save_barrier_maps
+from llm_astar_planner import cli_evaluate
 from llm_astar_planner.benchmark import publish
 from llm_astar_planner.benchmark.bag_tasks import Numbers
 from llm_astar_planner.benchmark.figures import compare_figure
@@ -110,7 +112,14 @@ def test_plans_are_held_against_what_the_robot_did(drive, out, capsys):
     case = next(case for case in summary['cases'] if case['case'] == 'guided/none')
     lengths = [float(row['length']) / float(row['recorded_length']) for row in (first, second)]
     assert case['recorded']['value'] == pytest.approx(math.sqrt(math.prod(lengths)))
-    assert 'Length / recorded plan' in (out / 'report.md').read_text()
+    said = "plan is in the bags for 2 of 2 requests; not valid on their map by these rules: 1 "
+    text, page = (out / 'report.md').read_text(), (out / 'report.html').read_text()
+    assert text.startswith('# Evaluation of bags: drive\n')
+    assert said in text
+    assert 'Length / recorded plan' in text
+    assert '<h1>Evaluation of bags: drive</h1>' in page
+    assert 'the paper, as printed' not in text + page
+    assert '"drive, request 1","2,2;8,2"' in page
 
 
 def test_the_rules_are_the_nodes_by_option_and_by_parameter_file(drive, tmp_path, capsys):
@@ -136,7 +145,9 @@ def test_a_body_that_does_not_fit_finds_no_way(drive, out):
     assert {row['code'] for row in rows_in(out)} == {'START_OCCUPIED'}
 
 
-def test_recorded_traffic_is_replayed_and_makes_the_same_plans(tmp_path, out):
+def test_recorded_traffic_is_replayed_and_makes_the_same_plans(tmp_path, out, monkeypatch):
+    opened = []
+    monkeypatch.setattr(cli_evaluate, 'Bag', lambda path: opened.append(path) or Bag(path))
     points = [[6.0, 7.0], [7.0, 7.0]]
     exchange = {
         'map_digest': ROOM.digest, 'pair': '2,2->8,2', 'model': 'small', 'prompt': 'few_shot',
@@ -155,6 +166,8 @@ def test_recorded_traffic_is_replayed_and_makes_the_same_plans(tmp_path, out):
     assert row['waypoints'] == row['recorded_waypoints'] == '6,7;7,7'
     assert (row['recorded_code'], row['prompt_tokens']) == ('NONE', '9')
     assert len((out / 'exchanges.jsonl').read_text().splitlines()) == 1
+    # Opening looks through a whole bag: traffic and requests are read from one that is open.
+    assert opened == [str(bag)]
 
 
 def test_replay_of_a_bag_without_traffic_is_bad_usage(drive, out, capsys):

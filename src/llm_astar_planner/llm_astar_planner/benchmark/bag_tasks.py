@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
-from llm_astar_msgs_adapter.bag_file import BagError
-from llm_astar_msgs_adapter.bag_problems import Problems
 from llm_astar_msgs_adapter.bag_reading import Bag
 from llm_astar_msgs_adapter.barrier_map import BarrierMap, Sample
 from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError, Pose2D
@@ -35,7 +32,7 @@ class BagSweep:
     `window` is how many seconds a recorded plan may take.
     """
 
-    bags: Sequence[Path]
+    bags: Sequence[Bag]
     wanted: Wanted
     methods: Sequence[str]
     askers: Sequence[Asker]
@@ -110,30 +107,12 @@ class BagRun:
         self._cases = plan_cases(sweep.methods, sweep.askers)
         self._numbers = Numbers()
         self.kept = KeptMaps()
-        self.problems: list[Problems] = []
         self.requests = 0
 
     def tasks(self, done: frozenset[RowKey]) -> Iterator[Task]:
         """Yield the tasks that are not `done`, bag after bag."""
-        for path in self._sweep.bags:
-            try:
-                bag = Bag(path)
-            except (BagError, OSError) as error:
-                problems = Problems()
-                problems.leave_out(str(error))
-                self.problems.append(problems)
-                continue
-            self.problems.append(bag.problems)
-            with bag:
-                yield from self._tasks_of(bag, done)
-
-    def notes(self) -> list[str]:
-        """Return what was odd and cost nothing."""
-        return [line for problems in self.problems for line in problems.notes]
-
-    def left_out(self) -> list[str]:
-        """Return what is not in the results, and why."""
-        return [line for problems in self.problems for line in problems.lines()]
+        for bag in self._sweep.bags:
+            yield from self._tasks_of(bag, done)
 
     def _tasks_of(self, bag: Bag, done: frozenset[RowKey]) -> Iterator[Task]:
         sweep = self._sweep

@@ -68,9 +68,10 @@ def publish(
         **{name: metadata[name] for name in ('left_out', 'notes') if name in metadata},
     }
     folder.write_json('summary.json', summary)
-    pictures = draw_all(folder.path, rows, maps, (summaries, growths), _settings(metadata))
+    pictures = draw_all(folder.path, rows, maps, (summaries, growths), metadata)
     beside = [(path.name, caption) for path, caption in pictures]
-    folder.write_text('report.md', report(summaries, added, growths, metadata, beside))
+    text = report(summaries, added, growths, metadata, rows=rows, pictures=beside)
+    folder.write_text('report.md', text)
     page = html_report(
         summaries, added, growths, metadata, rows=rows, maps=maps, pictures=pictures
     )
@@ -83,9 +84,9 @@ def draw_all(
     rows: Sequence[Row],
     maps: Sequence[ProblemMap],
     figures: tuple[Sequence[CaseSummary], Sequence[Growth]],
-    settings: Settings,
+    metadata: Mapping[str, Any],
 ) -> Pictures:
-    """Draw every figure there are rows for."""
+    """Draw every figure there are rows for, and beside samples what the paper's search does."""
     summaries, growths = figures
     pictures: Pictures = []
     if summaries:
@@ -96,11 +97,12 @@ def draw_all(
         path = folder / 'growth.png'
         growth_figure(growths).savefig(path, dpi=DPI)
         pictures.append((path, 'Growth of work and storage with the scale of the map.'))
-    pictures += _draw_sample(folder, rows, maps, settings)
-    path = folder / 'showcase.png'
-    showcase_figure().savefig(path, dpi=DPI)
-    caption = 'LLM-A* target by target on an 11 x 11 map, Chebyshev heuristic, and A* (pink).'
-    pictures.append((path, caption))
+    pictures += _draw_sample(folder, rows, maps, _settings(metadata))
+    if not metadata.get('bags'):
+        path = folder / 'showcase.png'
+        showcase_figure().savefig(path, dpi=DPI)
+        caption = 'LLM-A* target by target on an 11 x 11 map, Chebyshev heuristic, and A* (pink).'
+        pictures.append((path, caption))
     return pictures
 
 

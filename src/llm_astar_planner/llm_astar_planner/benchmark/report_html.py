@@ -18,7 +18,12 @@ from PIL import Image
 
 from llm_astar_planner.benchmark import report_md as tables
 from llm_astar_planner.benchmark.figures import case_label
-from llm_astar_planner.benchmark.findings import growth_sentence, headline, sentence
+from llm_astar_planner.benchmark.findings import (
+    growth_sentence,
+    headline,
+    recorded_sentence,
+    sentence,
+)
 from llm_astar_planner.benchmark.grid_dataset import GRID_RULES
 from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.benchmark.samples import ProblemMap
@@ -46,7 +51,9 @@ def html_report(
     )
     growth_head, growth_rows = tables.growth_table(growths)
     page: str = environment.get_template('report.html.j2').render(
+        title=tables.title(metadata),
         headline=_plain(headline(contrasts)),
+        recorded=_plain(recorded_sentence(rows)),
         provenance=_plain(tables.provenance(metadata, summaries)),
         sentences=[_plain(sentence(contrast)) for contrast in contrasts if contrast.samples],
         main=(tables.TABLE_HEAD, tables.main_table(summaries)),
@@ -58,7 +65,7 @@ def html_report(
         notes=list(metadata.get('notes') or []),
         growth=(growth_head, growth_rows),
         grown=growth_sentence(growths),
-        paper=(tables.TABLE_HEAD, tables.PAPER_TABLE),
+        paper=(tables.TABLE_HEAD, () if metadata.get('bags') else tables.PAPER_TABLE),
         pictures=[(_inline(path), caption) for path, caption in pictures],
         data=_script_json(browser_data(rows, maps)),
     )
@@ -77,10 +84,19 @@ def browser_data(rows: Sequence[Row], maps: Sequence[ProblemMap]) -> dict[str, A
         'maps': {m.id: _map(m) for m in maps if m.id in wanted},
         'cases': [case_label(case) for case in cases],
         'samples': [
-            [*sample, [_entry(found.get(sample)) for found in cases.values()]]
+            [
+                *sample,
+                [_entry(found.get(sample)) for found in cases.values()],
+                *_recorded(next(found[sample] for found in cases.values() if sample in found)),
+            ]
             for sample in samples
         ],
     }
+
+
+def _recorded(row: Row) -> tuple[str, str]:
+    """Return which request of a bag a row is of, and the path the robot itself planned then."""
+    return f'{row.bag}, request {row.request}' if row.bag else '', row.recorded_path
 
 
 def _map(problem: ProblemMap) -> dict[str, Any]:
