@@ -20,13 +20,14 @@ from bag_makers import (
 )
 from llm_astar_msgs_adapter.bag_reading import Bag
 from llm_astar_msgs_adapter.barrier_map import load_barrier_maps, save_barrier_maps
-from llm_astar_planner import cli_evaluate
 from llm_astar_planner.benchmark import publish
 from llm_astar_planner.benchmark.bag_tasks import Numbers
 from llm_astar_planner.benchmark.figures import compare_figure
 from llm_astar_planner.benchmark.generate import MapRules, generate
 from llm_astar_planner.cli import main
 from rosbags.highlevel import AnyReader
+
+from llm_astar_planner import cli_evaluate
 
 TIMES = {'seconds_source', 'seconds_search'}
 OF_BAGS = {'bag', 'request', 'stamp', 'map_digest'}
@@ -112,7 +113,7 @@ def test_plans_are_held_against_what_the_robot_did(drive, out, capsys):
     case = next(case for case in summary['cases'] if case['case'] == 'guided/none')
     lengths = [float(row['length']) / float(row['recorded_length']) for row in (first, second)]
     assert case['recorded']['value'] == pytest.approx(math.sqrt(math.prod(lengths)))
-    said = "plan is in the bags for 2 of 2 requests; not valid on their map by these rules: 1 "
+    said = 'plan is in the bags for 2 of 2 requests; not valid on their map by these rules: 1 '
     text, page = (out / 'report.md').read_text(), (out / 'report.html').read_text()
     assert text.startswith('# Evaluation of bags: drive\n')
     assert said in text
