@@ -141,6 +141,12 @@ def test_the_rules_are_the_nodes_by_option_and_by_parameter_file(drive, tmp_path
     assert 'planner.yaml: robot_radius: float is expected' in capsys.readouterr().err
 
 
+def test_none_as_the_source_asks_nobody(drive, out):
+    cases = ('--methods', 'guided', '--source', 'none')
+    assert llm_astar('evaluate', drive, *cases, '--out', out) == 0
+    assert {row['source'] for row in rows_in(out)} == {'none'}
+
+
 def test_a_body_that_does_not_fit_finds_no_way(drive, out):
     assert llm_astar('evaluate', drive, '--out', out, *CASES, '--robot-radius', '3') == 0
     assert {row['code'] for row in rows_in(out)} == {'START_OCCUPIED'}
