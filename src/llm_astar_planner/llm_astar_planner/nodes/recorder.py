@@ -19,9 +19,15 @@ from llm_astar_msgs_adapter.bag_writing import BagWriter, Topic
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
 from rclpy.signals import SignalHandlerOptions
-from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.subscription import Subscription
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -37,6 +43,7 @@ TOPICS = (
     'map_updates',
     'goal_pose',
     'initialpose',
+    'amcl_pose',
     'plan',
     'planner_node/get_plan/_service_event',
     'planner_node/raw_plan',
@@ -71,19 +78,25 @@ class Recorder(Node):
         self._tell = tell
         self.wanted = list(dict.fromkeys(self.resolve_topic_name(name) for name in topics))
         self._waiting = set(self.wanted)
+        self._subscribed: dict[str, Subscription] = {}
         self.create_timer(LOOK_EVERY, self._look)
 
     def _look(self) -> None:
-        """Subscribe to what is wanted and has a publisher by now."""
+        """Subscribe to what is wanted and has a publisher by now, on terms that suit them all."""
         for name, types in self.get_topic_names_and_types():
+            if name not in self._waiting and name not in self._subscribed:
+                continue
+            offered = [found.qos_profile for found in self.get_publishers_info_by_topic(name)]
+            if not offered:
+                continue
             if name in self._waiting:
-                publishers = self.get_publishers_info_by_topic(name)
-                if publishers:
-                    self._waiting.discard(name)
-                    self._subscribe(name, types[0], publishers)
+                self._waiting.discard(name)
+                self._begin(name, types[0], offered)
+            elif _misses_any(self._subscribed[name].qos_profile, offered):
+                self._subscribe(name, self._subscribed[name].msg_type, offered)
+                self._tell(f'subscribed to {name} anew, as a publisher that came offers less')
 
-    def _subscribe(self, name: str, msgtype: str, publishers: list[TopicEndpointInfo]) -> None:
-        offered = [publisher.qos_profile for publisher in publishers]
+    def _begin(self, name: str, msgtype: str, offered: list[QoSProfile]) -> None:
         try:
             topic = Topic(name, define(msgtype), tuple(dict.fromkeys(map(_qos_in_bag, offered))))
             message_class = _message_class(msgtype)
@@ -91,10 +104,16 @@ class Recorder(Node):
             self._tell(f'not recorded: {name} ({msgtype}): {error}')
             return
         self._bag.add_topic(topic)
-        self.create_subscription(
+        self._subscribe(name, message_class, offered)
+        self._tell(f'recording {name} ({msgtype})')
+
+    def _subscribe(self, name: str, message_class: type, offered: list[QoSProfile]) -> None:
+        """Subscribe in place of what was subscribed before: two would write everything twice."""
+        if name in self._subscribed:
+            self.destroy_subscription(self._subscribed[name])
+        self._subscribed[name] = self.create_subscription(
             message_class, name, partial(self._on_message, name), _matching(offered), raw=True
         )
-        self._tell(f'recording {name} ({msgtype})')
 
     def _on_message(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
         """Write a message at the time it arrived, not the later one at which its turn came."""
@@ -189,6 +208,11 @@ def _message_class(msgtype: str) -> type:
     if kind == 'srv':
         return getattr(module, name.removesuffix('_Event')).Event
     return getattr(module, name)
+
+
+def _misses_any(asked: QoSProfile, offered: list[QoSProfile]) -> bool:
+    """Tell whether a subscription asks for more than some of these publishers offer."""
+    return any(qos_check_compatible(qos, asked)[0] == QoSCompatibility.ERROR for qos in offered)
 
 
 def _matching(offered: list[QoSProfile]) -> QoSProfile:
