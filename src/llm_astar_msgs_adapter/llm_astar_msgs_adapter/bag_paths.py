@@ -39,7 +39,17 @@ def storage_files(path: Path, problems: Problems) -> list[Path]:
             problems.leave_out(f'{path / name}: is missing, though {METADATA} names it')
         else:
             files.append(found)
-    return files
+    unnamed = [file for file in held if named and _follows(file, path / named[-1])]
+    for file in unnamed:
+        problems.note(f'{file}: is read, though {METADATA} does not name it yet, as where a '
+                      'recording goes on or was cut off')  # fmt: skip
+    return files + unnamed
+
+
+def _follows(file: Path, last: Path) -> bool:
+    """Tell whether a file is a later one of the same split recording."""
+    own, other = (re.split(r'(\d+)(?=\.)', path.name, maxsplit=1) for path in (file, last))
+    return [own[0], *own[2:]] == [other[0], *other[2:]] and _natural(file) > _natural(last)
 
 
 def _named_files(path: Path, problems: Problems) -> list[str] | None:

@@ -15,6 +15,7 @@ from llm_astar_msgs_adapter.bag_paths import bare_name
 from llm_astar_msgs_adapter.bag_problems import Problems
 from llm_astar_msgs_adapter.bag_reading import Bag
 from llm_astar_msgs_adapter.bag_topics import BARRIER_MAP
+from llm_astar_msgs_adapter.bag_writing import BagWriteError
 
 from llm_astar_planner.benchmark.askers import GRID_ABLATIONS, make_askers
 from llm_astar_planner.benchmark.bag_contents import Wanted, describe, describe_text
@@ -118,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             tasks = bag_run.tasks(done)
             code = _plan(args, folder, metadata, tasks, askers=sweep.askers, plans=plans)
-        except ResultsError as error:
+        except (ResultsError, BagWriteError) as error:
             return complain(args, str(error), INCOMPLETE)
         problems = [unopened, *(bag.problems for bag in bags)]
     metadata['left_out'] = [line for one in problems for line in one.lines()]
@@ -158,7 +159,10 @@ def _plan(
     askers: Sequence[Asker],
     plans: ResultsBag | None,
 ) -> int:
-    """Run tasks into the folder; return 130 where that was interrupted. Raises ResultsError."""
+    """Run tasks into the folder; return 130 where that was interrupted.
+
+    Raises ResultsError or BagWriteError where the disk takes no more.
+    """
     running = make_executor(args, askers)
     try:
         with running as (executor, at_once), _watching(plans) as step:

@@ -153,7 +153,7 @@ def record(options: Options, tell: Tell) -> dict[str, int]:
     """Record until SIGINT, SIGTERM or the end of `duration`; return the messages by topic.
 
     `tell` gets a line on every topic found, and now and then on what came. Raises BagWriteError
-    where the folder exists, OSError where it cannot be written.
+    where the folder exists or the disk takes no more, OSError where it cannot be made.
     """
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
