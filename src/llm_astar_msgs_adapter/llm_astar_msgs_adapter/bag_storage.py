@@ -82,16 +82,17 @@ class McapStorage:
 
 
 class SqliteStorage(Sqlite3Writer):
-    """A database as rosbags writes it, committed every second.
+    """A database as rosbags writes it, committed every second into a write-ahead log.
 
-    The storage that comes with rosbags commits at its end alone.
+    The storage that comes with rosbags commits at its end alone, and what a power cut leaves of it
+    cannot be read.
     """
 
     def __init__(self, path: Path, compression: CompressionMode) -> None:  # noqa: ARG002 - none
         """Create the file beside the folder `path`, named after it."""
         self.path = path.with_name(f'{path.name}.db3')
         self.conn = sqlite3.connect(self.path)
-        self.conn.executescript(self.SQLITE_SCHEMA)
+        self.conn.executescript(f'PRAGMA journal_mode=WAL; {self.SQLITE_SCHEMA}')
         self.cursor = self.conn.cursor()
         self._committed = time.monotonic()
 
@@ -101,6 +102,12 @@ class SqliteStorage(Sqlite3Writer):
         if time.monotonic() > self._committed + COMMIT_SECONDS:
             self.conn.commit()
             self._committed = time.monotonic()
+
+    def close(self, version: int, metadata: str) -> None:
+        """Finish the file, its log put into it: with one it could not be read without writing."""
+        self.conn.commit()
+        self.conn.execute('PRAGMA journal_mode=DELETE')
+        super().close(version, metadata)
 
 
 class BagFile(Writer):
