@@ -40,7 +40,7 @@ class Places:
         try:
             place = pose_from_message(pose)
         except GridMapError as error:
-            return str(error)
+            return f'cannot be used ({error})'
         # Callers that leave the frame empty mean the map's.
         if frame in ('', target):
             return place

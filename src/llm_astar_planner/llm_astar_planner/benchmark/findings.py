@@ -41,16 +41,19 @@ def counted(number: int, thing: str) -> str:
 
 
 def recorded_sentence(rows: Sequence[Row]) -> str:
-    """Say for how many requests of bags a plan was recorded, '' where there are none of bags."""
+    """Say for how many requests of bags a plan was recorded, '' where there are none."""
     requests = {row.key[:2]: row for row in rows if row.bag}.values()
-    if not requests:
-        return ''
     plans = [row for row in requests if row.recorded_length >= 0]
     broken = sum(bool(row.recorded_problem) for row in plans)
+    # An empty path has no length, and that is its problem.
+    empty = sum(bool(row.recorded_problem) for row in requests) - broken
+    if not plans and not empty:
+        return ''
+    none = f' (it found none for {empty})' if empty else ''
     return (
         f"The robot's own plan is in the bags for {len(plans)} of "
-        f'{counted(len(requests), "request")}; not valid on their map by these rules: {broken} '
-        '(`recorded_problem` in results.csv says why).'
+        f'{counted(len(requests), "request")}{none}; not valid on their map by these rules: '
+        f'{broken} (`recorded_problem` in results.csv says why).'
     )
 
 
