@@ -268,7 +268,11 @@ def test_the_plans_go_into_a_bag_that_others_read(drive, tmp_path, out):
         counts = {connection.topic: connection.msgcount for connection in reader.connections}
     assert counts['/evaluation/guided/plan'] == 2
     assert counts['/evaluation/guided_straight/report'] == 2
-    assert llm_astar('evaluate', plans, '--list', '--plan-topic', '/evaluation/guided/plan') == 3
+    again = ('--plan-topic', '/evaluation/guided/plan', '--out', tmp_path / 'again')
+    assert llm_astar('evaluate', plans, *CASES, *again) == 0
+    lengths = [float(row['length']) for row in by_method(out, 'guided')]
+    recorded = [float(row['recorded_length']) for row in by_method(tmp_path / 'again', 'guided')]
+    assert recorded == pytest.approx(lengths)
 
 
 def test_the_report_shows_the_map_of_the_middle_request(drive, out, monkeypatch):
