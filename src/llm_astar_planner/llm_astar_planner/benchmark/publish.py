@@ -18,6 +18,7 @@ from llm_astar_planner.benchmark.figures import (
     growth_figure,
     ratio_figure,
     showcase_figure,
+    walled,
 )
 from llm_astar_planner.benchmark.findings import headline, sentence
 from llm_astar_planner.benchmark.points import parse_points
@@ -73,7 +74,14 @@ def publish(
     text = report(summaries, added, growths, metadata, rows=rows, pictures=beside)
     folder.write_text('report.md', text)
     page = html_report(
-        summaries, added, growths, metadata, rows=rows, maps=maps, pictures=pictures
+        summaries,
+        added,
+        growths,
+        metadata,
+        rows=rows,
+        maps=maps,
+        rules=_settings(metadata).rules,
+        pictures=pictures,
     )
     folder.write_text('report.html', page)
     return folder.read_json('summary.json')
@@ -118,7 +126,7 @@ def _draw_sample(
     barrier_map = next(item for item in maps if item.id == row.map)
     sample = barrier_map.samples[row.pair]
     ends = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-    grid_map = barrier_map.to_grid()
+    grid_map = walled(barrier_map.to_grid(), settings.rules)
     plans = [plan_again(barrier_map, sample, item, settings) for item in (base, row)]
     titles = [case_label(item.case) for item in (base, row)]
     where = f'Map {row.map}, pair {row.pair}, the sample of median saving'
