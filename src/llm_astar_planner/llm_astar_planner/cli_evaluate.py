@@ -124,7 +124,6 @@ def run(args: argparse.Namespace) -> int:
         problems = [unopened, *(bag.problems for bag in bags)]
     metadata['left_out'] = [line for one in problems for line in one.lines()]
     metadata['notes'] = [line for one in problems for line in one.notes]
-    metadata['requests'] = bag_run.requests
     return _close(args, folder, metadata, bag_run.kept.maps(), code)
 
 

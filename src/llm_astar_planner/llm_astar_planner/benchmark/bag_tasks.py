@@ -99,7 +99,7 @@ class KeptMaps:
 
 
 class BagRun:
-    """Tasks of bags as they are read, and what of them was left out."""
+    """Tasks of bags as they are read, and the maps kept of them."""
 
     def __init__(self, sweep: BagSweep) -> None:
         """Take what to cover; nothing is read yet."""
@@ -107,7 +107,6 @@ class BagRun:
         self._cases = plan_cases(sweep.methods, sweep.askers)
         self._numbers = Numbers()
         self.kept = KeptMaps()
-        self.requests = 0
 
     def tasks(self, done: frozenset[RowKey]) -> Iterator[Task]:
         """Yield the tasks that are not `done`, bag after bag."""
@@ -118,7 +117,6 @@ class BagRun:
         sweep = self._sweep
         reader = RequestReader(bag, sweep.wanted, sweep.window, sweep.listed)
         for request in reader.requests():
-            self.requests += 1
             try:
                 task = self._task(bag, request)
             except GridMapError as error:
