@@ -215,9 +215,13 @@ def test_a_publisher_that_offers_less_than_those_before_is_recorded_too(tmp_path
 
 
 def test_a_recorder_to_whom_nothing_comes_says_so(tmp_path, capfd):
-    with recording(tmp_path / 'bag', '--duration', '0.5', namespace='/nobody') as recorder:
+    with recording(tmp_path / 'bag', '--duration', '0.5', namespace='nobody/') as recorder:
         assert recorder.wait(PATIENCE) == 1
     assert recorder.told('never there: /nobody/map')
     assert recorder.told('0 messages')
     assert main(['record', '--out', str(tmp_path / 'bag')]) == 2
     assert 'exists already' in capfd.readouterr().err
+    for wrong in (('--topics', 'bad name'), ('--namespace', 'bad name')):
+        assert main(['record', '--out', str(tmp_path / 'other'), *wrong]) == 2
+        assert "bad name' is invalid" in capfd.readouterr().err
+    assert not (tmp_path / 'other').exists()

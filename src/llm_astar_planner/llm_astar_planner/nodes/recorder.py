@@ -18,6 +18,7 @@ from llm_astar_msgs_adapter.bag_types import BagTypeError, define
 from llm_astar_msgs_adapter.bag_writing import BagWriter, Topic
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.qos import (
     DurabilityPolicy,
@@ -57,6 +58,7 @@ TOPICS = (
     '/tf_static',
     '/diagnostics',
 )
+NAME = 'llm_astar_recorder'
 # How often new topics are looked for, and the user is told that nothing comes, in seconds.
 LOOK_EVERY = 0.25
 TELL_EVERY = 10.0
@@ -72,12 +74,12 @@ class Recorder(Node):
     """Subscribes to topics as their publishers come, and writes what they send."""
 
     def __init__(self, bag: BagWriter, topics: Sequence[str], namespace: str, tell: Tell) -> None:
-        """Record `topics`, those without a slash in front below `namespace`, into an open bag."""
-        super().__init__('llm_astar_recorder', namespace=namespace or None)
+        """Record topics of these full names into an open bag, from within a namespace."""
+        super().__init__(NAME, namespace=namespace)
         self._bag = bag
         self._tell = tell
-        self.wanted = list(dict.fromkeys(self.resolve_topic_name(name) for name in topics))
-        self._waiting = set(self.wanted)
+        self.wanted = topics
+        self._waiting = set(topics)
         self._subscribed: dict[str, Subscription] = {}
         self.create_timer(LOOK_EVERY, self._look)
 
@@ -153,8 +155,11 @@ def record(options: Options, tell: Tell) -> dict[str, int]:
     """Record until SIGINT, SIGTERM or the end of `duration`; return the messages by topic.
 
     `tell` gets a line on every topic found, and now and then on what came. Raises BagWriteError
-    where the folder exists or the disk takes no more, OSError where it cannot be made.
+    where the folder exists or the disk takes no more, OSError where it cannot be made, ValueError
+    for names that cannot be.
     """
+    namespace = '/' + options.namespace.strip('/')
+    topics = _full_names(options.topics, namespace)
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
@@ -162,7 +167,7 @@ def record(options: Options, tell: Tell) -> dict[str, int]:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         with writer as bag:
-            recorder = Recorder(bag, options.topics, options.namespace, tell)
+            recorder = Recorder(bag, topics, namespace, tell)
             _spin(recorder, bag, stopped, options.duration)
             if recorder.missing:
                 tell(f'never there: {", ".join(recorder.missing)}')
@@ -196,6 +201,18 @@ def _drain(executor: SingleThreadedExecutor, bag: BagWriter) -> None:
         quiet = quiet + 1 if bag.total == count else 0
         if quiet == 4:
             return
+
+
+def _full_names(topics: Sequence[str], namespace: str) -> list[str]:
+    """Return topics' full names, those without a slash in front below a namespace.
+
+    Raises ValueError for what no topic or no namespace can be called.
+    """
+    try:
+        return list(dict.fromkeys(expand_topic_name(name, NAME, namespace) for name in topics))
+    except ValueError as error:
+        # Behind it stands a place in the source of rcl.
+        raise ValueError(str(error).partition(', at /')[0]) from None
 
 
 def _message_class(msgtype: str) -> type:
