@@ -5,15 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.bag_file import BagError
 from llm_astar_msgs_adapter.bag_paths import bare_name
-from llm_astar_msgs_adapter.bag_problems import Problems
-from llm_astar_msgs_adapter.bag_reading import Bag
+from llm_astar_msgs_adapter.bag_reading import Bag, open_bags
 from llm_astar_msgs_adapter.bag_topics import BARRIER_MAP
 from llm_astar_msgs_adapter.bag_writing import BagWriteError
 
@@ -104,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
     check_cases(args)
     plans = ResultsBag(args.results_bag) if args.results_bag else None
     folder = ResultsFolder(args.out)
-    with _opened(args.bags) as (bags, unopened):
+    with open_bags(args.bags) as (bags, unopened):
         try:
             if 'replay' in args.source and not args.transcript:
                 args.transcript = str(_take_exchanges(args, bags, wanted, folder))
@@ -125,28 +123,6 @@ def run(args: argparse.Namespace) -> int:
     metadata['left_out'] = [line for one in problems for line in one.lines()]
     metadata['notes'] = [line for one in problems for line in one.notes]
     return _close(args, folder, metadata, bag_run.kept.maps(), code)
-
-
-@contextmanager
-def _opened(paths: Sequence[str]) -> Iterator[tuple[list[Bag], Problems]]:
-    """Open bags, each once; those that cannot be opened are left out, as the problems say."""
-    unopened = Problems()
-    bags = []
-    with ExitStack() as stack:
-        for path in paths:
-            bag = _bag_or_why_not(path)
-            if isinstance(bag, str):
-                unopened.leave_out(bag)
-            else:
-                bags.append(stack.enter_context(bag))
-        yield bags, unopened
-
-
-def _bag_or_why_not(path: str) -> Bag | str:
-    try:
-        return Bag(path)
-    except (BagError, OSError) as error:
-        return str(error)
 
 
 def _plan(
@@ -221,7 +197,7 @@ def _close(
 def _list(args: argparse.Namespace, wanted: Wanted) -> int:
     """Show what bags offer; return 3 where one cannot be read or evaluated."""
     code = OK
-    with _opened(args.bags) as (bags, unopened):
+    with open_bags(args.bags) as (bags, unopened):
         offers = [describe(bag, wanted) for bag in bags]
     for line in unopened.lines():
         code = complain(args, line, INCOMPLETE)

@@ -27,7 +27,7 @@ from llm_astar_planner.benchmark.generate import MapRules, generate
 from llm_astar_planner.cli import main
 from rosbags.highlevel import AnyReader
 
-from llm_astar_planner import cli_evaluate
+from llm_astar_msgs_adapter import bag_reading
 
 TIMES = {'seconds_source', 'seconds_search'}
 OF_BAGS = {'bag', 'request', 'stamp', 'map_digest'}
@@ -154,7 +154,7 @@ def test_a_body_that_does_not_fit_finds_no_way(drive, out):
 
 def test_recorded_traffic_is_replayed_and_makes_the_same_plans(tmp_path, out, monkeypatch):
     opened = []
-    monkeypatch.setattr(cli_evaluate, 'Bag', lambda path: opened.append(path) or Bag(path))
+    monkeypatch.setattr(bag_reading, 'Bag', lambda path: opened.append(path) or Bag(path))
     points = [[6.0, 7.0], [7.0, 7.0]]
     exchange = {
         'map_digest': ROOM.digest, 'pair': '2,2->8,2', 'model': 'small', 'prompt': 'few_shot',
