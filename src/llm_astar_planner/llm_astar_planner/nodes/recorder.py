@@ -38,6 +38,8 @@ from rosbags.interfaces import (
     QosTime,
 )
 
+from llm_astar_planner.nodes.run import leave
+
 # What an evaluation reads, names relative to the namespace recorded.
 TOPICS = (
     'map',
@@ -171,7 +173,8 @@ def record(options: Options, tell: Tell) -> dict[str, int]:
             _spin(recorder, bag, stopped, options.duration)
             if recorder.missing:
                 tell(f'never there: {", ".join(recorder.missing)}')
-            recorder.destroy_node()
+        # Only now that the bag is closed: it may end the process.
+        leave(recorder)
     finally:
         rclpy.try_shutdown()
     return writer.counts
