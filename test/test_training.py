@@ -23,7 +23,7 @@ from llm_astar_training.batches import (
 from llm_astar_training.curve import draw
 from llm_astar_training.evaluate import figures
 from llm_astar_training.export import export
-from llm_astar_training.judge import follow, valid_ratio
+from llm_astar_training.judge import greedy_routes, valid_ratio
 from llm_astar_training.maps import BOXES, KINDS, RECIPE, ROOMS, SCATTERED
 from llm_astar_training.routes import lengths_to_goal
 
@@ -78,7 +78,7 @@ def test_hops_are_probabilities_of_what_is_in_sight_and_the_best_leads_to_the_go
         assert np.allclose(batch.hops.sum(axis=-1)[rows], 1.0, atol=1e-5)
         assert not batch.hops[~np.isfinite(batch.apart)].any()
         assert (batch.weights[:, 0] == 1).all()
-        routes = follow(np.log(batch.hops + 1e-30))
+        routes = greedy_routes(np.log(batch.hops + 1e-30), batch.usable)
         assert valid_ratio(routes, batch.apart) == 1.0
 
 

@@ -30,7 +30,7 @@ from tqdm import tqdm
 
 from llm_astar_training.batches import Batch, held_out, step_batch
 from llm_astar_training.export import export
-from llm_astar_training.judge import follow, valid_ratio
+from llm_astar_training.judge import greedy_routes, valid_ratio
 from llm_astar_training.maps import RECIPE
 from llm_astar_training.network import Network, Shape
 
@@ -217,7 +217,7 @@ def judge(network: Network, batches: list[Batch]) -> dict[str, float]:
     results: dict[str, list[tuple[float, float, int]]] = {'recipe': [], 'wide': []}
     for batch in batches:
         loss = float(hop_loss(network, batch, device))
-        routes = follow(hop_logits(network, batch, device).numpy())
+        routes = greedy_routes(hop_logits(network, batch, device).numpy(), batch.usable)
         name = 'recipe' if batch.kind == RECIPE else 'wide'
         results[name].append((loss, valid_ratio(routes, batch.apart), len(routes)))
     found = {}

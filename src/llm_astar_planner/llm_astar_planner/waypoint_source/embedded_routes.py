@@ -41,11 +41,11 @@ def draw_routes(
 
     The others follow hops drawn by their probabilities; `logits` is [N, N].
     """
-    routes = [_follow(logits, usable, None)]
+    routes = [follow(logits, usable)]
     for _ in range(DRAWS_A_CANDIDATE * (count - 1)):
         if len(routes) == count:
             break
-        route = _follow(logits, usable, random)
+        route = follow(logits, usable, random)
         if route not in routes:
             routes.append(route)
     return routes
@@ -61,10 +61,13 @@ def best_route(routes: Iterable[Route], cells: NDArray[np.int32], walls: Walls) 
     return next((r for r in shortest_first if walls.clear_along(cells[list(r)])), None)
 
 
-def _follow(
-    logits: Floats, usable: NDArray[np.bool_], random: np.random.Generator | None
+def follow(
+    logits: Floats, usable: NDArray[np.bool_], random: np.random.Generator | None = None
 ) -> Route:
-    """Follow the likeliest hops, or drawn ones, from start to goal; no node is visited twice."""
+    """Return a route by the likeliest hops, or by drawn ones; no node is visited twice.
+
+    `logits` is [N, N], `usable` [N].
+    """
     left = usable.copy()
     route = [START]
     while route[-1] != GOAL:
