@@ -108,6 +108,8 @@ class Trainer:
                 bar.set_postfix(step=self.step, loss=losses[-1], refresh=False)
                 bar.update(min(100, int(100 * self.progress)) - bar.n)
                 ends = self.progress >= 1 or asked.is_set()
+                if asked.is_set():
+                    tqdm.write('Stopping: judging and saving; Ctrl-C again ends it at once.')
                 if ends or now - saved > self.options.save_every:
                     tqdm.write(self._judge_and_save(float(np.mean(losses))))
                     losses.clear()
