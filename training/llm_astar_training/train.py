@@ -263,7 +263,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--layers', type=int, default=Shape.layers)
     parser.add_argument('--most-maps', type=int, default=256, help='maps a batch')
     parser.add_argument('--held-out', type=int, default=1000, help='held-out maps of the recipe')
-    parser.add_argument('--save-every', type=float, default=150, help='seconds')
+    parser.add_argument(
+        '--save-every', type=float, default=420, help='seconds; judging takes a part of a minute'
+    )
     return parser
 
 
