@@ -27,7 +27,7 @@ from llm_astar_planner.waypoint_source.base import SourceStatus
 # The parameters that decide rows, whatever else a run is made with.
 DECIDING = (
     'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
-    'start_tolerance', 'requests', 'plan_window', 'topics',
+    'start_tolerance', 'paper_corners', 'requests', 'plan_window', 'topics',
 )  # fmt: skip
 # What a source said of a row that asking again would not change.
 _ANSWERED = frozenset(status.value for status in (
