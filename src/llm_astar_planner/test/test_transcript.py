@@ -4,12 +4,13 @@ import json
 import resource
 import threading
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.grid_map import GridMap
 from llm_astar_planner.prompts.message import Message
-from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery
+from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery, WaypointReply
 from llm_astar_planner.waypoint_source.none import NoSource
 from llm_astar_planner.waypoint_source.recording import RecordingSource
 from llm_astar_planner.waypoint_source.transcript import (
@@ -156,3 +157,17 @@ def test_where_nobody_was_asked_nothing_is_recorded(tmp_path):
     query = WaypointQuery(GridMap(np.zeros((3, 3), dtype=np.int8)), (0, 0), (2, 2))
     assert RecordingSource(NoSource(), TranscriptWriter(path)).waypoints(query).waypoints == ()
     assert path.read_text() == ''
+
+
+def test_a_disk_that_refuses_costs_no_answer(tmp_path, caplog):
+    class Answers:
+        name = 'answers'
+
+        def waypoints(self, query):
+            return WaypointReply(((1.0, 1.0),))
+
+    query = WaypointQuery(GridMap(np.zeros((3, 3), dtype=np.int8)), (0, 0), (2, 2))
+    writer = TranscriptWriter(tmp_path / 'transcript.jsonl')
+    writer.path = Path('/dev/full')
+    assert RecordingSource(Answers(), writer).waypoints(query).waypoints == ((1.0, 1.0),)
+    assert 'cannot be written: No space left' in caplog.text.replace('[Errno 28] ', '')
