@@ -38,6 +38,7 @@ setup(
         'numba',
         'numpy',
         'pillow',
+        'pyyaml',
         'rosbags',
         'scipy',
         'shapely>=2',

@@ -62,7 +62,6 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     """Add the sub-command `bench`."""
     parser = subparsers.add_parser(
         'bench',
-        help='run methods with and without waypoints over a dataset',
         description='Replay start-goal samples with every method and source of waypoints, and '
         'write a results folder: rows, summary, report.md, report.html, pictures.',
         epilog=EPILOG,

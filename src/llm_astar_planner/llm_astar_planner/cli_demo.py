@@ -28,7 +28,6 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'demo',
-        help='start the graph, ask for a plan, draw it, stop the graph',
         description='Start map_node, llm_client_node and planner_node as processes, call the '
         "planner's GetPlan as another stack would, print the plan and what guided it, draw it, "
         'and stop everything. The waypoints come from the embedded model, which is learned and '
@@ -57,11 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
     map_file, ends = _question(arguments)
     os.environ['ROS_DOMAIN_ID'] = str(FIRST_DOMAIN + os.getpid() % DOMAINS)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    try:
-        from llm_astar_planner.nodes.demo_caller import call_and_draw  # noqa: PLC0415
-    except ImportError as error:
-        sys.stderr.write(f'llm-astar: error: {error}; `llm-astar doctor` tells what to install\n')
-        return 1
+    from llm_astar_planner.nodes.demo_caller import call_and_draw  # noqa: PLC0415
+
     with (
         tempfile.TemporaryFile('w+') as log,
         _graph(

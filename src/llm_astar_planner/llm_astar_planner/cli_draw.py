@@ -34,7 +34,6 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     """Add the sub-command `draw`."""
     parser = subparsers.add_parser(
         'draw',
-        help='draw A* beside LLM-A* on one sample',
         description='Draw what A* and LLM-A* expand on one sample: a picture (.png, .svg, .pdf), '
         'an animation (.gif), or a window where there is a display.',
     )

@@ -39,7 +39,6 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'plan',
-        help='plan from start to goal on a barrier map',
         description='Plan from start to goal on a barrier map, without ROS, under the '
         "paper's rules; or on a grid, in cells, where no corner is cut.",
         epilog=EPILOG,

@@ -11,7 +11,6 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'speed',
-        help='time the exact search against installed peers',
         description='Time the exact search against the planners that are installed (the extra '
         'peers: nano-astar, pyastar2d, w9-pathfinding, llm-astar), interleaved in one process: '
         'ratios with their spread, and how right each peer is beside its time.',

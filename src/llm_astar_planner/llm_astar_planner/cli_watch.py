@@ -32,7 +32,6 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'watch',
-        help='print the plans of a running planner as they are made',
         description='Print a line for each plan of a running planner_node, each exchange of its '
         'llm_client_node with its source, and each change of their state.',
         epilog=EPILOG,
@@ -54,11 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Watch until Ctrl-C or so many plans; return 0. Raises ValueError on bad input."""
     if arguments.count is not None and arguments.count < 1:
         raise ValueError(f'--count {arguments.count} is not 1 or more')
-    try:
-        from llm_astar_planner.nodes.watcher import watching  # noqa: PLC0415
-    except ImportError as error:
-        sys.stderr.write(f'llm-astar: error: {error}; `llm-astar doctor` tells what to install\n')
-        return 1
+    from llm_astar_planner.nodes.watcher import watching  # noqa: PLC0415
+
     try:
         with watching(arguments.namespace, arguments.node, arguments.client) as watcher:
             _follow(watcher, arguments)

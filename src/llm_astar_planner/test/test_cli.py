@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from llm_astar_planner.cli import main
+from llm_astar_planner.cli import COMMANDS, main
 from llm_astar_planner.share import find_file
 from PIL import Image
 
@@ -245,12 +245,38 @@ def test_doctor_tells_how_to_get_what_is_missing(capsys, monkeypatch):
     assert 'make install' in line
 
 
-def test_help_teaches(capsys):
-    for arguments in ([], ['plan'], ['demo'], ['doctor']):
-        with pytest.raises(SystemExit) as end:
-            main([*arguments, '--help'])
-        assert end.value.code == 0
-        assert 'usage: llm-astar' in capsys.readouterr().out
+@pytest.mark.parametrize('command', COMMANDS)
+def test_every_command_says_what_it_does(capsys, command):
+    with pytest.raises(SystemExit) as end:
+        main([command, '--help'])
+    assert end.value.code == 0
+    usage, description, *_ = capsys.readouterr().out.split('\n\n')
+    assert usage.startswith(f'usage: llm-astar {command} ')
+    assert description.rstrip().endswith('.')
+
+
+def without(module, *arguments):
+    """Run a command where a module is not installed."""
+    program = (
+        f'import sys; sys.modules[{module!r}] = None; '
+        f'from llm_astar_planner.cli import main; sys.exit(main({list(arguments)!r}))'
+    )
+    return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+
+
+@pytest.mark.parametrize('module', ['numpy', 'numba', 'httpx'])
+def test_doctor_runs_without_what_it_finds_missing(module):
+    done = without(module, 'doctor')
+    assert done.returncode == 1
+    assert f'MISSING  {module} ' in done.stdout, done.stderr
+
+
+def test_a_command_that_misses_a_module_names_the_doctor():
+    done = without('numba', 'plan')
+    assert done.returncode == 1
+    assert done.stderr.count('\n') == 1
+    assert 'numba' in done.stderr
+    assert 'llm-astar doctor' in done.stderr
 
 
 def test_plan_needs_no_ros():
