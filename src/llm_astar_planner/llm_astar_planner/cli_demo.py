@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -15,6 +16,7 @@ from typing import IO, Any
 from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.grid_map import Pose2D
 
+from llm_astar_planner.plan import GridRules
 from llm_astar_planner.share import find_file
 
 Ends = tuple[Pose2D, Pose2D]
@@ -54,6 +56,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
 def run(arguments: argparse.Namespace) -> int:
     """Run the demo; return 0 where a plan came, else 1. Raises ValueError on bad input."""
     map_file, ends = _question(arguments)
+    GridRules(robot_radius=arguments.robot_radius)  # which says what is wrong with it
     os.environ['ROS_DOMAIN_ID'] = str(FIRST_DOMAIN + os.getpid() % DOMAINS)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     from llm_astar_planner.nodes.demo_caller import call_and_draw  # noqa: PLC0415
@@ -120,5 +123,6 @@ def _graph(parameters: str, settings: dict[str, object], log: IO[str] | None) ->
             except subprocess.TimeoutExpired:
                 node.kill()
                 code = node.wait()
-            if code:
+            # Ended before it could see to the signal: stopped all the same.
+            if code not in (0, -signal.SIGTERM):
                 sys.stderr.write(f'{name} ended with exit code {code}\n')

@@ -96,13 +96,13 @@ def _save_picture(
 ) -> None:
     # matplotlib takes most of a second to import, and bad usage should not wait for it.
     from llm_astar_planner.benchmark.figures import case_label, compare_figure  # noqa: PLC0415
+    from llm_astar_planner.plot import write_figure  # noqa: PLC0415
 
     plans = [plan_again(barrier_map, sample, row, Settings()) for row in rows]
     ends = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
     titles = [case_label(row.case) for row in rows]
     figure = compare_figure(barrier_map.to_grid(), plans, titles, ends)
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=120)
+    write_figure(figure, path)
 
 
 def _animate(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Collection
 from typing import Any
 
 from llm_astar_msgs_adapter.barrier_map import BarrierMap, Point, find_barrier_map
@@ -15,10 +14,11 @@ from llm_astar_planner.cli_source import add_source_arguments, source_settings
 from llm_astar_planner.planner import GridRules, Plan, Planner, PlanRequest
 from llm_astar_planner.prompts.instruction import clean_instruction
 from llm_astar_planner.prompts.query import parse_query
+from llm_astar_planner.request_check import request_problem
 from llm_astar_planner.search.methods import HEURISTICS, METHODS, compile_kernels
 from llm_astar_planner.share import find_file
 from llm_astar_planner.waypoint_source.base import SampleKey, WaypointSource
-from llm_astar_planner.waypoint_source.factory import SOURCES, make_asker, make_source
+from llm_astar_planner.waypoint_source.factory import make_asker, make_source
 from llm_astar_planner.waypoint_source.fixed import FixedReply
 
 EPILOG = """\
@@ -139,15 +139,12 @@ def run(arguments: argparse.Namespace) -> int:
     """
     _check(arguments)
     maps, (problem, start, goal) = _problem(arguments)
-    compile_kernels()
     barriers = problem if isinstance(problem, BarrierMap) else None
     rules = GridRules(
         corner_cutting=barriers is not None and not arguments.no_corner_cutting,
         robot_radius=arguments.robot_radius,
         inflation_radius=arguments.inflation_radius,
     )
-    planner = Planner(problem.to_grid(), rules, barriers)
-    planner.prepare()
     offset = _corner(problem)
     request = PlanRequest(
         problem.to_cell(start),
@@ -165,6 +162,11 @@ def run(arguments: argparse.Namespace) -> int:
         via=tuple(problem.to_cell((x, y)) for x, y in arguments.via),
         instruction=clean_instruction(arguments.instruction),
     )
+    wrong = request_problem(request)
+    if wrong:
+        raise ValueError(wrong)
+    compile_kernels()
+    planner = Planner(problem.to_grid(), rules, barriers).prepare()
     plan = planner.plan(request)
     if arguments.json:
         print(json.dumps(plan_to_json(plan, offset)))
@@ -177,22 +179,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> None:
     """Raise ValueError on what argparse could not know to be wrong."""
-    known: dict[str, Collection[str]] = {
-        'method': METHODS,
-        'heuristic': HEURISTICS,
-        'source': SOURCES,
-    }
-    for name, choices in known.items():
-        value = getattr(arguments, name)
-        if value not in choices:
-            raise ValueError(f'--{name} {value!r} is unknown; there is {", ".join(choices)}')
     if (arguments.start is None) != (arguments.goal is None):
         raise ValueError('--start and --goal go together; leave both out to take --pair')
-    if not arguments.weight >= 1.0:
-        raise ValueError(f'--weight {arguments.weight} is not 1 or more')
-    bound = arguments.max_suboptimality
-    if bound != 0.0 and not bound >= 1.0:
-        raise ValueError(f'--max-suboptimality {bound} is neither 0 nor 1 or more')
     if not arguments.time_limit > 0.0:
         raise ValueError(f'--time-limit {arguments.time_limit} is not above 0 seconds')
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -74,9 +75,9 @@ def add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
     group.add_argument('--weight', type=float, default=2.0, metavar='W', help="weighted A*'s (2)")
     group.add_argument(
         '--max-suboptimality',
-        type=float,
+        type=bound,
         metavar='W',
-        help='have guided prove its paths within W, 1 or more (default: its first path)',
+        help='have guided prove its paths within W, 1 or more; 0: take its first path (0)',
     )
     group.add_argument(
         '--price',
@@ -122,9 +123,6 @@ def check_cases(args: argparse.Namespace) -> None:
                 raise ValueError(message)
     if not args.weight >= 1.0:
         message = f'--weight {args.weight} is not 1 or more'
-        raise ValueError(message)
-    if args.max_suboptimality is not None and not args.max_suboptimality >= 1.0:
-        message = f'--max-suboptimality {args.max_suboptimality} is not 1 or more'
         raise ValueError(message)
     if not args.time_limit > 0.0:
         message = f'--time-limit {args.time_limit} is not above 0 seconds'
@@ -210,8 +208,11 @@ def complain(args: argparse.Namespace, message: str, code: int) -> int:
 
 
 def names(text: str) -> list[str]:
-    """Read names with commas between them."""
-    return [name for name in text.split(',') if name]
+    """Read names with commas between them, one at least."""
+    found = [name for name in text.split(',') if name]
+    if not found:
+        raise argparse.ArgumentTypeError('names are expected, with commas between them')
+    return found
 
 
 def threshold(text: str) -> Threshold:
@@ -224,7 +225,30 @@ def threshold(text: str) -> Threshold:
 
 def count(text: str) -> int:
     """Read a whole number, 1 or more."""
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f'{number} is not 1 or more')
+    return _whole(text, 1)
+
+
+def seed(text: str) -> int:
+    """Read a whole number, 0 or more."""
+    return _whole(text, 0)
+
+
+def bound(text: str) -> float | None:
+    """Read a factor, 1 or more; 0 for none."""
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = math.nan
+    if factor and not factor >= 1.0:
+        raise argparse.ArgumentTypeError(f'{text!r} is neither 0 nor a number from 1')
+    return factor or None
+
+
+def _whole(text: str, least: int) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        number = least - 1
+    if number < least:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number from {least}')
     return number
