@@ -40,13 +40,14 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         '--png', default='out/demo.png', metavar='FILE', help='picture (default: %(default)s)'
     )
     parser.add_argument(
-        '--pair', type=int, default=0, choices=range(3), help='which pair of the demo map'
+        '--pair', type=int, default=0, choices=range(4), help='which pair of the demo map'
     )
     parser.add_argument(
         '--map', metavar='FILE', help='another map: a map_server yaml or barrier maps (with ends)'
     )
-    parser.add_argument('--start', type=float, nargs=2, metavar=('X', 'Y'), help='metres')
-    parser.add_argument('--goal', type=float, nargs=2, metavar=('X', 'Y'), help='metres')
+    metres: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
+    parser.add_argument('--start', **metres, help='in metres, in the frame of the map')
+    parser.add_argument('--goal', **metres, help='likewise')
     parser.add_argument(
         '--robot-radius', type=float, default=0.0, metavar='METRES', help='(default: %(default)s)'
     )

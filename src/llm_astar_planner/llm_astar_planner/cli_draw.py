@@ -27,7 +27,7 @@ from llm_astar_planner.benchmark.points import parse_points
 from llm_astar_planner.benchmark.results import Case, Row
 from llm_astar_planner.benchmark.samples import BenchmarkSample
 from llm_astar_planner.share import find_file
-from llm_astar_planner.waypoint_source.factory import SourceSettings
+from llm_astar_planner.waypoint_source.factory import SOURCES, SourceSettings
 
 
 def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -38,13 +38,23 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
         'an animation (.gif), or a window where there is a display.',
     )
     parser.set_defaults(run=run)
-    parser.add_argument('--dataset', default='samples_1000.json', metavar='FILE')
-    parser.add_argument('--map-id', type=int, default=0, metavar='ID')
-    parser.add_argument('--pair', type=int, default=0, metavar='N')
-    parser.add_argument('--source', default='oracle', metavar='NAME', help='(%(default)s)')
-    parser.add_argument('--transcript', default='', metavar='FILE', help='for the source replay')
-    parser.add_argument('--prompt', default='', metavar='NAME')
-    parser.add_argument('--model', default='', metavar='NAME')
+    parser.add_argument(
+        '--dataset', default='samples_1000.json', metavar='FILE',
+        help='barrier-map JSON, a path or a name in maps/ (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument('--map-id', type=int, default=0, metavar='ID', help='(default: 0)')
+    parser.add_argument('--pair', type=int, default=0, metavar='N', help='(default: 0)')
+    parser.add_argument(
+        '--source', default='oracle', metavar='NAME',
+        help=f'whose waypoints: of {", ".join(SOURCES)} (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--transcript', default='', metavar='FILE', help='what replay answers from'
+    )
+    parser.add_argument(
+        '--prompt', default='', metavar='NAME', help='whose exchanges are replayed'
+    )
+    parser.add_argument('--model', default='', metavar='NAME', help='whose exchanges are replayed')
     target = parser.add_mutually_exclusive_group(required=True)
     target.add_argument('--out', metavar='FILE', help='its ending chooses picture or animation')
     target.add_argument('--show', action='store_true', help='open a window')

@@ -61,8 +61,9 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         metavar='N',
         help='start-goal pair of the map, where --start and --goal are not given (default: 0)',
     )
-    where.add_argument('--start', type=int, nargs=2, metavar=('X', 'Y'))
-    where.add_argument('--goal', type=int, nargs=2, metavar=('X', 'Y'))
+    cell: dict[str, Any] = {'type': int, 'nargs': 2, 'metavar': ('X', 'Y')}
+    where.add_argument('--start', **cell, help='a cell, not metres')
+    where.add_argument('--goal', **cell, help='likewise')
     where.add_argument(
         '--query',
         metavar='TEXT',
@@ -73,7 +74,11 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     how.add_argument(
         '--method', default='guided', help=f'one of {", ".join(METHODS)} (default: guided)'
     )
-    how.add_argument('--heuristic', default='euclidean', help=f'one of {", ".join(HEURISTICS)}')
+    how.add_argument(
+        '--heuristic',
+        default='euclidean',
+        help=f"the paper's methods': one of {', '.join(HEURISTICS)} (default: euclidean)",
+    )
     how.add_argument('--weight', type=float, default=2.0, help="weighted_astar's (default: 2)")
     how.add_argument(
         '--no-corner-cutting',
@@ -89,7 +94,13 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         '(default: %(default)s)',
     )
     how.add_argument('--any-angle', action='store_true', help='shorten the path at any angle')
-    how.add_argument('--time-limit', type=float, default=60.0, metavar='SECONDS')
+    how.add_argument(
+        '--time-limit',
+        type=float,
+        default=60.0,
+        metavar='SECONDS',
+        help='for waypoints and search together (default: %(default)s)',
+    )
     guide = parser.add_argument_group('guidance')
     add_source_arguments(guide)
     guide.add_argument('--reply', metavar='TEXT', help="a model's reply, used instead of a source")
@@ -105,7 +116,9 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
 
 
 def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
-    robot = parser.add_argument_group('robot', 'in metres; a barrier map has one a unit')
+    robot = parser.add_argument_group(
+        'robot', 'in metres, 0 by default; a cell of a barrier map is one'
+    )
     metres: dict[str, Any] = {'type': float, 'default': 0.0, 'metavar': 'METRES'}
     robot.add_argument('--robot-radius', **metres, help='stay this far from obstacles')
     robot.add_argument(

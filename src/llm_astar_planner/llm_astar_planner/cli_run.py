@@ -21,6 +21,7 @@ from llm_astar_planner.benchmark.run import unanswered
 from llm_astar_planner.benchmark.samples import load_kept_maps
 from llm_astar_planner.benchmark.summary import summarise
 from llm_astar_planner.benchmark.thresholds import Threshold, missed, parse_threshold
+from llm_astar_planner.cli_source import add_endpoint_arguments
 from llm_astar_planner.prompts.template import TEMPLATES, template_path
 from llm_astar_planner.search.methods import HEURISTICS
 from llm_astar_planner.waypoint_source.ablation import ablation_sources
@@ -50,27 +51,14 @@ def add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
         f'beside every other source; on a grid {" and ".join(GRID_ABLATIONS)} alone: the others '
         'need a visibility graph, slow there and refused on large maps)',
     )
-    group.add_argument('--prompt', type=names, default=[], metavar='NAMES')
-    group.add_argument('--model', type=names, default=[], metavar='NAMES')
     group.add_argument(
-        '--transcript', default='', metavar='FILE', help='what the source replay answers from'
-    )
+        '--prompt', type=names, default=[], metavar='NAMES',
+        help=f"for endpoint and replay: of {', '.join(TEMPLATES)}, or templates' paths",
+    )  # fmt: skip
     group.add_argument(
-        '--base-url',
-        default=SourceSettings.base_url,
-        metavar='URL',
-        help="endpoint's (OpenAI)",
+        '--model', type=names, default=[], metavar='NAMES', help='for endpoint and replay'
     )
-    group.add_argument(
-        '--api-key-env', default='', metavar='NAME', help='the variable that holds its key'
-    )
-    group.add_argument(
-        '--repair-rounds',
-        type=int,
-        default=0,
-        metavar='N',
-        help='how often a live model is told what collides and asked again (0)',
-    )
+    add_endpoint_arguments(group)
     group.add_argument('--heuristic', default='euclidean', choices=tuple(HEURISTICS))
     group.add_argument('--weight', type=float, default=2.0, metavar='W', help="weighted A*'s (2)")
     group.add_argument(
