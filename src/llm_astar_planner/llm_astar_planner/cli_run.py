@@ -87,9 +87,7 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
         help='samples at once, so requests in flight too (default: 1, or 8 with a live source)',
     )
     group.add_argument('--time-limit', type=float, default=60.0, metavar='SECONDS', help='(60)')
-    group.add_argument(
-        '--dask', metavar='ADDRESS', help='spread over this Dask cluster (extra: cluster)'
-    )
+    group.add_argument('--dask', metavar='ADDRESS', help='spread over this Dask cluster')
     group.add_argument(
         '--fail-under',
         type=threshold,
