@@ -25,7 +25,7 @@ VERDICT_MARKERS = {
     'occupied': ('#d62728', 'X'),
     'out_of_bounds': ('#7f7f7f', 'X'),
 }
-# Of a title, so that a long one goes on in a second line.
+# Of a title in its font.
 CHARACTERS_AN_INCH = 10
 EXPANDED, UNKNOWN, OBSTACLE, PATH = '#bcd7f0', '#e8e4da', '#222222', '#d62728'
 
@@ -101,8 +101,14 @@ def draw(axes: Axes, picture: Picture) -> None:
         axes.annotate(str(number), place, (7, 7), textcoords='offset points', zorder=5)
     _mark(axes, picture, picture.start, ('#1f77b4', 's'), 'start', size=9)
     _mark(axes, picture, picture.goal, ('#17becf', 'D'), 'goal', size=9)
-    inches = axes.figure.bbox.width / axes.figure.dpi
-    axes.set_title(fill(picture.title, int(CHARACTERS_AN_INCH * inches)))
+    axes.set_title(_fitted(picture.title, axes.figure.bbox.width / axes.figure.dpi))
+
+
+def _fitted(title: str, inches: float) -> str:
+    """Break a title that is too long, first behind its colon."""
+    width = int(CHARACTERS_AN_INCH * inches)
+    parts = [title] if len(title) <= width else title.split(': ', 1)
+    return '\n'.join(fill(part, width) for part in parts)
 
 
 def _draw_cells(axes: Axes, picture: Picture) -> None:
