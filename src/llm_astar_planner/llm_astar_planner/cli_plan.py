@@ -194,6 +194,8 @@ def _check(arguments: argparse.Namespace) -> None:
     """Raise ValueError on what argparse could not know to be wrong."""
     if (arguments.start is None) != (arguments.goal is None):
         raise ValueError('--start and --goal go together; leave both out to take --pair')
+    if arguments.record and arguments.source != 'endpoint':
+        raise ValueError('--record keeps exchanges with --source endpoint; no other has any')
     if not arguments.time_limit > 0.0:
         raise ValueError(f'--time-limit {arguments.time_limit} is not above 0 seconds')
 

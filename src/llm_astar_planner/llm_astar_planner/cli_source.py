@@ -21,7 +21,9 @@ def add_source_arguments(group: Any) -> None:  # noqa: ANN401 - argparse keeps i
         help=f'one of {", ".join(SOURCES)}; embedded is a learned waypoint model, not an LLM '
         '(default: %(default)s)',
     )
-    group.add_argument('--record', default='', metavar='FILE', help='add each exchange to FILE')
+    group.add_argument(
+        '--record', default='', metavar='FILE', help='add each exchange with endpoint to FILE'
+    )
     group.add_argument('--model', default='', help='model asked, or whose exchanges are replayed')
     group.add_argument(
         '--prompt',

@@ -203,6 +203,7 @@ def test_the_picture_is_drawn_where_asked(capsys, tmp_path):
         (['--start', '1', '1'], ['--goal']),
         (['--weight', '0.5'], ['weight 0.5']),
         (['--time-limit', '-1'], ['--time-limit']),
+        (['--record', 'a.jsonl', '--source', 'embedded'], ['--record', '--source endpoint']),
         (['--max-suboptimality', '0.9'], ['max_suboptimality 0.9']),
         (['--tolerance', '-1'], ['tolerance -1']),
         (['--png', 'plan.xyz'], ['xyz']),
