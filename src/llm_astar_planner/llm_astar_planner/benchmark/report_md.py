@@ -267,6 +267,10 @@ def number(value: float, digits: int = 2) -> str:
     return '-' if math.isnan(value) else f'{value:.{digits}f}'
 
 
+def _shares(parts: Mapping[str, float]) -> str:
+    return ', '.join(f'{name} {100 * part:.1f}' for name, part in parts.items()) or '-'
+
+
 def _who(summary: CaseSummary) -> str:
     case = summary.case
     if is_learned(case):
