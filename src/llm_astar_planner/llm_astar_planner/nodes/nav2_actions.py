@@ -161,7 +161,7 @@ class PathCheck:
         frame_id, path_frame = grid_map.frame_id, path.header.frame_id
         for pose in path.poses:
             pose.header.frame_id = pose.header.frame_id or path_frame
-        places = [self._frames.locate(pose, frame_id, 'path') for pose in path.poses]
+        places = [self._frames.locate(pose, frame_id, 'path', lambda: True) for pose in path.poses]
         points = np.array([place[:2] for place in places])
         cells = np.array([grid_map.world_to_cell(x, y) for x, y in points.tolist()])
         blocked = planner.blocked
@@ -171,7 +171,7 @@ class PathCheck:
 
     def _first(self, points: NDArray[np.float64], frame_id: str) -> int:
         try:
-            robot = self._frames.robot(self._base_frame(), frame_id, patience=0.0)
+            robot = self._frames.robot(self._base_frame(), frame_id)
         except (FrameError, GridMapError):
             return 0
         return nearest_pose(points, robot.x, robot.y)
