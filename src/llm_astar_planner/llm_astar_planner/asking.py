@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_planner.halting import LOOK
 from llm_astar_planner.waypoint_source.base import (
     SourceStatus,
     WaypointQuery,
@@ -17,8 +18,6 @@ from llm_astar_planner.waypoint_source.base import (
 )
 from llm_astar_planner.waypoint_source.wish import with_outcome
 
-# Seconds between two looks at the caller's flag: what a cancel may take to be seen.
-LOOK = 0.01
 # A source that keeps its time limit answers then, and with a better reason than ours: wait for it
 # so many seconds longer, or this part of the limit.
 GRACE_SECONDS, GRACE_SHARE = 0.05, 0.1

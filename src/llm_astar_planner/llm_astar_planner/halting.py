@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.search.methods import no_stop
+from llm_astar_planner.search.result import GIVEN_UP
 
 # Seconds between two looks at the caller's flag: what a cancel may take to be seen.
 LOOK = 0.01
@@ -18,22 +19,20 @@ LOOK = 0.01
 
 @contextmanager
 def halting(stop: NDArray[np.uint8], deadline: float) -> Iterator[NDArray[np.uint8]]:
-    """Yield a stop flag that is raised with the caller's `stop` or at `deadline` (monotonic).
+    """Yield a stop flag: GIVEN_UP once the caller raised `stop`, 1 from `deadline` (monotonic) on.
 
     The caller's own flag is only read, so it may serve for several searches.
     """
     flag, done = no_stop(), threading.Event()
 
-    def is_over() -> bool:
-        return bool(stop[0]) or time.monotonic() >= deadline
+    def look() -> None:
+        flag[0] = GIVEN_UP if stop[0] else time.monotonic() >= deadline
 
     def watch() -> None:
-        while not done.wait(min(LOOK, max(deadline - time.monotonic(), 0.0))):
-            if is_over():
-                flag[0] = 1
-                return
+        while not (flag[0] or done.wait(min(LOOK, max(deadline - time.monotonic(), 0.0)))):
+            look()
 
-    flag[0] = is_over()
+    look()
     watcher = threading.Thread(target=watch, name='halting', daemon=True)
     watcher.start()
     try:

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner import targets
-from llm_astar_planner.asking import LOOK, ask
+from llm_astar_planner.asking import ask
+from llm_astar_planner.halting import LOOK
 from llm_astar_planner.plan import NOT_ASKED, Plan, PlanRequest
 from llm_astar_planner.prompts.instruction import InstructionError, clean_instruction
 from llm_astar_planner.result_code import ResultCode

@@ -25,12 +25,15 @@ from llm_astar_planner.search.methods import (
     WAYPOINT_METHODS,
     SearchOptions,
 )
-from llm_astar_planner.search.result import SearchResult, SearchStatus
+from llm_astar_planner.search.result import GIVEN_UP, SearchResult, SearchStatus
 from llm_astar_planner.targets import JudgedWaypoint
 from llm_astar_planner.waypoint_source.base import Waypoint, WaypointQuery, WaypointReply
 
 # The part of a request's time that a source may take; the rest is the search's.
 SOURCE_SHARE = 0.8
+# A search that does not wait for its source gives it so many seconds all the same: little to a
+# robot, and time for the embedded model or a cached reply, which lead from the beginning then.
+HEAD_START = 0.03
 Watcher = Callable[[Improvement], None]
 
 
@@ -130,10 +133,8 @@ class Leg:
         """Search by `guided`, asking for waypoints before or while."""
         request = self.request
         query = self._query() if request.search_while_waiting else None
-        asking = None
         if query is None:
             self._ask()
-        begin = time.monotonic()
         with halting(self.stop, self.deadline) as stop:
             search = GuidedSearch(
                 self.prepared.fast_grid,
@@ -143,19 +144,13 @@ class Leg:
                 landmarks=self.landmarks,
                 stop=stop,
             )
-            if query is not None and request.source is not None:
-                asking = Asking(
-                    request.source,
-                    query,
-                    lambda reply: search.guide(_points(self._judge(reply))),
-                )
-            else:
-                search.guide(_points(self.judged))
+            asking = self._guide(search, query)
+            begin = time.monotonic()
             for better in search.improvements(want_expanded=request.want_expanded):
                 if watcher is not None:
                     watcher(better)
                 if self.stop[0]:
-                    stop[0] = 1  # who cancels on seeing a path means it at once
+                    stop[0] = GIVEN_UP  # who cancels on seeing a path means it at once
         self.seconds_search = time.monotonic() - begin
         result = search.result()
         if asking is not None and request.source is not None:
@@ -163,6 +158,16 @@ class Leg:
             self.judged = self._judge(self.reply)
         self.led = result.guided_operation > 0
         return result
+
+    def _guide(self, search: GuidedSearch, query: WaypointQuery | None) -> Asking | None:
+        """Lead the search by the waypoints there are, or by those that answer the query."""
+        source = self.request.source
+        if query is None or source is None:
+            search.guide(_points(self.judged))
+            return None
+        asking = Asking(source, query, lambda reply: search.guide(_points(self._judge(reply))))
+        asking.wait(min(HEAD_START, query.time_limit), self.stop)
+        return asking
 
 
 def joined(results: Sequence[SearchResult]) -> SearchResult:

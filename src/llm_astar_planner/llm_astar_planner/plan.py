@@ -69,9 +69,10 @@ class PlanRequest:
     `time_limit` is seconds for everything, of which the source gets at most `source_time_limit`.
     `heuristic` and `weight` are for the paper's methods. The rest is for `guided`: it goes on
     until the path is proven within `max_suboptimality` (1 or more) of the shortest, or takes the
-    first one where that is None; `search_while_waiting` starts it before the waypoints are there,
-    which may then come too late to guide. `any_angle` adds a shortened path, `want_expanded`
-    False spares the picture of expanded cells. `sample` names the benchmark sample, if it is one.
+    first one where that is None; `search_while_waiting` starts it, after 30 ms at most, before the
+    waypoints are there, which may then come too late to guide. `any_angle` adds a shortened path,
+    `want_expanded` False spares the picture of expanded cells. `sample` names the benchmark
+    sample, if it is one.
 
     Where the goal cannot be had, the nearest cell to it that can is taken, at most `tolerance`
     metres off; where the start is not free, the nearest free cell, at most `start_tolerance` off.
@@ -108,7 +109,7 @@ class Plan:
     least; NaN where the method proves nothing. `operation` counts all expansions,
     `first_operation` those up to the first path. `guided_by` names whose waypoints steered the
     search, `none` where nobody's did; `reply` is the source's whole answer. `expanded` is bool
-    [height, width], or empty where it was not wanted.
+    [height, width], empty where it was not wanted, of no use where the request was canceled.
 
     `start` and `goal` are the cells planned between, `start_shift` and `goal_shift` how many
     metres they lie off those asked for, and `warnings` a sentence on each such thing. Of the path,

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_planner.halting import LOOK
 from llm_astar_planner.instruction import NOT_HONOURED
 from llm_astar_planner.plan import Plan, PlanRequest
 from llm_astar_planner.result_code import ResultCode
@@ -18,8 +19,6 @@ from llm_astar_planner.waypoint_source.base import SourceStatus
 
 REMEMBERED = 'remembered from before on this map'
 SHARED = "taken from another caller's search"
-# Seconds between two looks at the caller's flag: what a cancel may take to be seen.
-LOOK = 0.01
 # What a source said of a plan that asking again would not change.
 _SETTLED = (SourceStatus.OK, SourceStatus.NONE)
 # A ratio of floats that is above the bound by less than this meets it.

@@ -14,6 +14,8 @@ from llm_astar_planner.search.methods import no_stop
 from llm_astar_planner.validator import legs_problem, path_problem
 from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointReply
 
+from llm_astar_planner import leg
+
 MAP = BarrierMap(0, (0, 41), (0, 31), (Barrier(15, 8, 32),), (Barrier(32, 6, 15),))
 PLANNER = Planner.for_barrier_map(MAP).prepare()
 START, GOAL = (20, 8), (20, 22)
@@ -95,6 +97,21 @@ def test_the_search_does_not_wait_for_waypoints_it_does_not_need():
     assert (plan.guided_by, plan.waypoints) == ('none', ())
     assert 'before test answered' in plan.message
     source.let.set()
+
+
+def test_a_source_that_answers_at_once_leads_a_search_that_does_not_wait(monkeypatch):
+    monkeypatch.setattr(leg, 'HEAD_START', 20.0)  # of a busy machine
+    plan = PLANNER.plan(PlanRequest(START, GOAL, source=Source(AROUND), search_while_waiting=True))
+    assert (plan.source_status, plan.guided_by) == (SourceStatus.OK, 'test:model')
+
+
+def test_a_search_that_is_canceled_draws_no_picture():
+    planner, stop = Planner(maze(60), GridRules(corner_cutting=True)), no_stop()
+    asked = PlanRequest((1, 1), (58, 58), max_suboptimality=1.0, source=Source([(1, 58), (58, 1)]))
+    plan = planner.plan(asked, stop, on_improvement=lambda _: stop.fill(1))
+    assert plan.code is ResultCode.NONE
+    assert not plan.expanded.any()
+    assert planner.plan(asked).expanded.any()
 
 
 def test_a_failure_to_answer_is_told_while_the_search_goes_on():

@@ -21,7 +21,9 @@ SEARCH = (
         maximum=1000.0,
     ),
     Parameter(
-        'search_while_waiting', True, 'Whether guided starts before the waypoints are there'
+        'search_while_waiting',
+        True,
+        'Whether guided starts, after 30 ms, before the waypoints are there',
     ),
     Parameter('any_angle', False, 'Whether the plan is shortened at any angle'),
     Parameter(

@@ -332,8 +332,8 @@ def _run_exact(
         return None
     expanded: NDArray[np.bool_] = _NO_EXPANDED
     if want_expanded:
-        expanded = np.empty(grid.blocked.shape, dtype=np.bool_)
-        kernels.mark_expanded(workspace.records, workspace.generation, expanded)
+        expanded = np.zeros(grid.blocked.shape, dtype=np.bool_)
+        kernels.add_expanded(workspace.records, workspace.generation, expanded)
     operation, storage = int(control[kernels.A_OPERATION]), int(control[kernels.A_STORAGE])
     floor = int(control[kernels.A_BUCKET]) << kernels.BUCKET_BITS
     if count == 0:

@@ -26,7 +26,7 @@ from llm_astar_planner.search.fast_grid import (
     path_units,
 )
 from llm_astar_planner.search.landmarks import NO_MARKS, NONE_ACTIVE, Landmarks
-from llm_astar_planner.search.result import Cell, SearchStatus
+from llm_astar_planner.search.result import GIVEN_UP, Cell, SearchStatus
 from llm_astar_planner.search.shortcut import can_see, shorten
 
 # How greedily the waypoints are followed: the weight of the way still to go.
@@ -314,9 +314,10 @@ class _Run:
         control, grid = self.control, self.grid
         status = SearchStatus.STOPPED if self.status is None else self.status
         expanded = np.zeros(grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
+        drawn = want_expanded and self.stop[0] != GIVEN_UP
         for workspace in (self.led, self.plain):
-            if want_expanded and workspace is not None:
-                kernels.add_expanded(workspace.records, workspace.generation, expanded)
+            if drawn and workspace is not None:
+                plain_kernels.add_expanded(workspace.records, workspace.generation, expanded)
         path, bound = self.best_path, int(control[kernels.G_BOUND])
         length, cost, ratio = math.nan, math.inf, math.inf
         lower_bound = bound / grid.straight

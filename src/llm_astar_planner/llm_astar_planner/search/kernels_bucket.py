@@ -344,14 +344,14 @@ def solve(
 
 
 @_jit
-def mark_expanded(
-    records: NDArray[np.int32], generation: int, expanded: NDArray[np.bool_]
-) -> None:
+def add_expanded(records: NDArray[np.int32], generation: int, expanded: NDArray[np.bool_]) -> None:
     """Set `expanded` [height, width] where a cell of this generation was expanded."""
     flat = expanded.reshape(-1)
+    mask, wanted = -1 << TAG_BITS | CLOSED, generation << TAG_BITS | CLOSED
     for cell in range(flat.size):
-        tag = records[2 * cell + 1]
-        flat[cell] = tag >> TAG_BITS == generation and tag & CLOSED != 0
+        # No write elsewhere: pages of a large map that nobody touches are never made.
+        if records[2 * cell + 1] & mask == wanted:
+            flat[cell] = True
 
 
 @_jit

@@ -434,12 +434,3 @@ def advance(
                 control[G_BEST] = other_g
             _push(control, heads, pool, keys, other, key)
     return RUNNING
-
-
-@_jit
-def add_expanded(records: NDArray[np.int32], generation: int, expanded: NDArray[np.bool_]) -> None:
-    """Set `expanded` [height, width] where a cell of this generation is expanded."""
-    flat = expanded.reshape(-1)
-    for cell in range(flat.size):
-        tag = records[2 * cell + 1]
-        flat[cell] |= tag >> TAG_BITS == generation and tag & CLOSED != 0

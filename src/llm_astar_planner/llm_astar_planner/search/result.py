@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Cell = tuple[int, int]
+# A stop flag at this, instead of 1: nobody wants a picture of what was expanded any more.
+GIVEN_UP = 2
 
 
 class SearchStatus(Enum):
