@@ -224,7 +224,7 @@ def test_an_unknown_planner_id_is_an_invalid_planner():
 class ToPose:
     """A result with ComputePathToPose's numbers, of before it had error_msg."""
 
-    UNKNOWN, TF_ERROR, NONE = 200, 202, 0
+    UNKNOWN, TF_ERROR, TIMEOUT, NONE = 200, 202, 207, 0
 
 
 class ThroughPoses:
@@ -236,8 +236,8 @@ class ThroughPoses:
         self.error_msg = 'x'
 
 
-def answer(code, message='because'):
-    return Answer(Path(), code, message, 1.25)
+def answer(code, message='because', points=()):
+    return Answer(path_to_message(points, 'map', STAMP), code, message, 1.25)
 
 
 def test_results_carry_each_actions_own_numbers():
@@ -354,16 +354,16 @@ class Goal:
             goal=pose(1.0, 1.0), start=pose(2.0, 1.0), use_start=True, planner_id=''
         )
         self.is_cancel_requested = False
-        self.action = None
+        self.action = self.result = None
         self.ended = ''
         self.canceled, self.abort = (partial(setattr, self, 'ended', end) for end in 'ca')
 
     def execute(self):
-        self.action._execute(self)
+        self.result = self.action._execute(self)
 
 
 class LateAnswering:
-    """Waits until it is canceled; rclpy notes that a moment later."""
+    """Has a path just when it is canceled; rclpy notes that a moment later."""
 
     is_active = True
 
@@ -373,10 +373,10 @@ class LateAnswering:
     def answer(self, _, cancel, on_better):
         assert cancel.stop[0]
         Timer(0.05, setattr, (self.goal, 'is_cancel_requested', True)).start()
-        return answer(ResultCode.UNKNOWN)
+        return answer(ResultCode.NONE, points=[(1.0, 1.0)])
 
 
-def test_a_goal_canceled_before_it_is_taken_up_ends_at_once_and_as_canceled(monkeypatch):
+def test_a_goal_canceled_before_it_is_taken_up_ends_as_canceled_and_has_no_path(monkeypatch):
     monkeypatch.setattr(nav2_actions, 'ActionServer', Mock())
     goal = Goal()
     kind = SimpleNamespace(Result=ToPose, Feedback=object)
@@ -384,4 +384,5 @@ def test_a_goal_canceled_before_it_is_taken_up_ends_at_once_and_as_canceled(monk
     goal.action._on_cancel(goal)
     goal.action._on_accepted(goal)
     assert goal.ended == 'c'
+    assert (goal.result.error_code, len(goal.result.path.poses)) == (207, 0)
     assert goal.action._cancels == {}

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Duration
 from llm_astar_msgs_adapter.grid_map import FREE, GridMapError
+from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -119,6 +121,9 @@ class PathAction:
         if cancel.reason == CANCELED:
             _wait_for_cancel(handle)
         if handle.is_cancel_requested:
+            # The path may have been there just before: it is not taken any more.
+            message = f'canceled: {cancel.reason or CANCELED}'
+            answer = replace(answer, path=Path(), code=ResultCode.TIMEOUT, message=message)
             handle.canceled()
         elif answer.code is ResultCode.NONE:
             handle.succeed()
