@@ -287,6 +287,7 @@ def test_a_path_that_cannot_be_replanned_is_told_with_its_code(world):
     world.show(*[(20, y) for y in range(25, 30)])
     report = world.wait_for_report(lambda report: 'replanned' in report.message, 'the report')
     assert report.code_name == 'NO_VALID_PATH'
+    wait_for(lambda: world.health().get('last_path') == report.message, 'the end of the path')
     world.caller._reports.clear()
     # There is no path left to look at.
     world.show((2, 26), *[(20, y) for y in range(25, 30)])

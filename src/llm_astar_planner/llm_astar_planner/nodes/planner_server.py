@@ -26,7 +26,7 @@ from llm_astar_planner.nodes.planner_parameters import grid_rules
 from llm_astar_planner.nodes.qos import RELIABLE
 from llm_astar_planner.nodes.remote_source import RemoteSource
 from llm_astar_planner.nodes.requests import Question, Reader
-from llm_astar_planner.nodes.revalidation import Revalidation
+from llm_astar_planner.nodes.revalidation import QUIET_SECONDS, Revalidation
 from llm_astar_planner.planner import Planner
 from llm_astar_planner.recall import Recall
 from llm_astar_planner.search.methods import compile_kernels
@@ -136,7 +136,9 @@ class PlannerServer:
         self._maps.refresh()
 
     def _on_planner(self, planner: Planner) -> None:
-        self._node.get_logger().info(f'planning on {self._maps.name}')
+        self._node.get_logger().info(
+            f'planning on {self._maps.name}', throttle_duration_sec=QUIET_SECONDS
+        )
         self._health.publish()
         self._revalidation.look(planner)
 

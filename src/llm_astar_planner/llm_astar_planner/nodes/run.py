@@ -31,7 +31,6 @@ USER_ERRORS = (
     MapServerError,
     InvalidParameterTypeException,
     InvalidParameterValueException,
-    UnknownROSArgsError,
 )
 
 # A signal that falls between two steps wakes nobody up: no step waits for longer.
@@ -101,6 +100,9 @@ def run(
             node.destroy_node()
     except KeyboardInterrupt:
         pass
+    except UnknownROSArgsError as error:
+        sys.stderr.write(f'error: unknown ROS arguments: {error}\n')
+        return 2
     except USER_ERRORS as error:
         sys.stderr.write(f'error: {error}\n')
         return 2
@@ -121,5 +123,4 @@ def _be_prompt() -> None:
     sys.setswitchinterval(SWITCH_SECONDS)
     # What the imports left stays for good. Looked through at each full collection, it would hold
     # every thread up for a tenth of a second or two.
-    gc.collect()
     gc.freeze()
