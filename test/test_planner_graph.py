@@ -409,12 +409,13 @@ def test_a_path_of_before_a_deactivation_is_not_replanned_after_it():
         assert [one.message for one in caller._reports.values() if 'replan' in one.message] == []
 
 
-def test_the_parameter_makes_it_a_managed_node():
+def test_the_parameter_makes_it_a_managed_node_which_outlives_a_wrong_transition():
     with (
         process('planner_node', '-p', 'lifecycle:=true', namespace=APART) as planner,
         calling(APART) as caller,
     ):
         wait_for(lambda: 'ready to be configured' in ''.join(planner.output), 'the node')
+        assert not change_state(caller, Transition.TRANSITION_ACTIVATE)
         assert state(caller) == 'unconfigured'
         assert change_state(caller, Transition.TRANSITION_CONFIGURE)
         assert change_state(caller, Transition.TRANSITION_ACTIVATE)

@@ -29,7 +29,6 @@ from llm_astar_planner.nodes.requests import Question, Reader
 from llm_astar_planner.nodes.revalidation import QUIET_SECONDS, Revalidation
 from llm_astar_planner.planner import Planner
 from llm_astar_planner.recall import Recall
-from llm_astar_planner.search.methods import compile_kernels
 
 NEWER_GOAL = 'a newer goal came'
 
@@ -42,8 +41,7 @@ class PlannerServer:
     """
 
     def __init__(self, node: Node, settings: Parameters) -> None:
-        """Compile the searches and join the graph, not active yet."""
-        compile_kernels()
+        """Join the graph, not active yet."""
         self._node = node
         self._settings = settings
         self._entities = entities = Entities(node)
