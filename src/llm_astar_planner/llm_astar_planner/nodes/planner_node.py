@@ -8,8 +8,9 @@ from typing import Any
 import rclpy
 from lifecycle_msgs.srv import ChangeState
 from rclpy._rclpy_pybind11 import RCLError
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.parameters import Parameters
@@ -40,14 +41,16 @@ class PlannerNode(Node):
         super().destroy_node()
 
 
-class ManagedPlannerNode(LifecycleNode):
+class ManagedPlannerNode(LifecycleNodeMixin, Node):
     """The same as a managed node: configure joins the graph, activate answers."""
 
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Compile the searches, declare the parameters, and wait to be configured."""
         # Before its services are there: who brings nodes up waits for these first.
         compile_kernels()
-        super().__init__(NAME, **node_options)
+        Node.__init__(self, NAME, **node_options)
+        # To set a parameter may take as long as a large map does; its manager waits two seconds.
+        LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
         self._settings = Parameters(self, PARAMETERS, problem)
