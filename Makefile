@@ -40,7 +40,8 @@ bench: install ## Every method and ablation over 1000 samples, no key: out/bench
 	$(BIN)/llm-astar bench --out out/bench
 
 train: install ## Train the embedded waypoint model from nothing or go on: out/training/model.npz
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch>=2.6' $(KEEP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check 'torch>=2.6' \
+		'setuptools<80' $(KEEP)
 	PYTHONPATH=training $(BIN)/python -m llm_astar_training.train --out out/training
 
 test: lint ## Install, lint, and run every test

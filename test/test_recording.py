@@ -20,7 +20,7 @@ from llm_astar_planner.cli import main
 from llm_astar_planner.share import find_file
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 from rosbags.rosbag2 import Reader
@@ -193,10 +193,35 @@ def test_messages_are_written_as_they_come_and_split_by_size(tmp_path):
     assert texts == sent
 
 
+def test_a_publisher_that_offers_less_than_those_before_is_recorded_too(tmp_path):
+    """A reliable subscription hears nothing of a publisher that is best effort."""
+    bag = tmp_path / 'bag'
+    node = rclpy.create_node('talkers', namespace=ALONE)
+    words = String(data='best effort' * 1000)
+    with recording(bag, '--topics', 'chatter', '--max-size', '0.01') as recorder:
+        first = node.create_publisher(String, 'chatter', LATCHED_ALL)
+        first.publish(String(data='reliable'))
+        wait_for(lambda: recorder.told('recording /recorded/chatter'), 'the topic')
+        wait_for(first.get_subscription_count, 'the recorder')
+        first.wait_for_all_acked()
+        second = node.create_publisher(String, 'chatter', qos_profile_sensor_data)
+        wait_for(lambda: recorder.told('subscribed to /recorded/chatter anew'), 'the second')
+        # Best effort is lost while ends find each other. The second of them begins a new file.
+        wait_for(lambda: second.publish(words) or (bag / 'metadata.yaml').exists(), 'the words')
+    node.destroy_node()
+    texts = [message.data for topic, _, message in read(bag) if topic.endswith('chatter')]
+    assert texts[0] == 'reliable'
+    assert set(texts[1:]) == {words.data}
+
+
 def test_a_recorder_to_whom_nothing_comes_says_so(tmp_path, capfd):
-    with recording(tmp_path / 'bag', '--duration', '0.5', namespace='/nobody') as recorder:
+    with recording(tmp_path / 'bag', '--duration', '0.5', namespace='nobody/') as recorder:
         assert recorder.wait(PATIENCE) == 1
     assert recorder.told('never there: /nobody/map')
     assert recorder.told('0 messages')
     assert main(['record', '--out', str(tmp_path / 'bag')]) == 2
     assert 'exists already' in capfd.readouterr().err
+    for wrong in (('--topics', 'bad name'), ('--namespace', 'bad name')):
+        assert main(['record', '--out', str(tmp_path / 'other'), *wrong]) == 2
+        assert "bad name' is invalid" in capfd.readouterr().err
+    assert not (tmp_path / 'other').exists()

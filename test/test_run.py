@@ -1,5 +1,7 @@
 """Nodes spin on whatever happens beside them, and end on what is wrong."""
 
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -33,3 +35,22 @@ def test_another_failure_of_the_middleware_ends_it():
     executor = Executor('out of memory', GONE)
     with pytest.raises(RCLError, match='memory'):
         spin(executor, executor.context)
+
+
+HANGS = """
+import ctypes
+from llm_astar_planner.nodes import run
+class Node:
+    def destroy_node(self):
+        ctypes.PyDLL(None).sleep(60)  # and keeps Python's lock, as the middleware may
+run.LONGEST_LEAVE = 0.1
+run.leave(Node())
+"""
+
+
+def test_a_process_that_cannot_leave_the_graph_ends_all_the_same_and_says_where_it_was():
+    ended = subprocess.run(
+        [sys.executable, '-c', HANGS], capture_output=True, text=True, timeout=50, check=False
+    )
+    assert ended.returncode == 1
+    assert 'in destroy_node' in ended.stderr

@@ -1,6 +1,8 @@
 """The training of the embedded waypoint model: maps, labels, export, a smoke run with torch."""
 
 import csv
+import signal
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,9 +23,11 @@ from llm_astar_training.batches import (
 from llm_astar_training.curve import draw
 from llm_astar_training.evaluate import figures
 from llm_astar_training.export import export
-from llm_astar_training.judge import follow, valid_ratio
+from llm_astar_training.judge import greedy_routes, valid_ratio
 from llm_astar_training.maps import BOXES, KINDS, RECIPE, ROOMS, SCATTERED
 from llm_astar_training.routes import lengths_to_goal
+
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope='module')
@@ -74,7 +78,7 @@ def test_hops_are_probabilities_of_what_is_in_sight_and_the_best_leads_to_the_go
         assert np.allclose(batch.hops.sum(axis=-1)[rows], 1.0, atol=1e-5)
         assert not batch.hops[~np.isfinite(batch.apart)].any()
         assert (batch.weights[:, 0] == 1).all()
-        routes = follow(np.log(batch.hops + 1e-30))
+        routes = greedy_routes(np.log(batch.hops + 1e-30), batch.usable)
         assert valid_ratio(routes, batch.apart) == 1.0
 
 
@@ -117,19 +121,29 @@ def test_the_cards_tables_hold_every_source_and_the_truth_beside():
     assert found.alone['oracle'].valid.value == 1.0
 
 
-def test_training_goes_on_where_it_stopped_and_numpy_computes_what_torch_does(tmp_path):
-    """The smoke run; it needs torch, which the extra `train` brings."""
-    torch = pytest.importorskip('torch')
-    from llm_astar_training.network import Network, Shape  # noqa: PLC0415
+@pytest.fixture
+def train(tmp_path):
+    """Return a smoke run of the trainer to so many steps; it needs torch, of the extra `train`."""
+    pytest.importorskip('torch')
     from llm_astar_training.train import main  # noqa: PLC0415
 
     small = ['--width', '16', '--layers', '1', '--most-maps', '8', '--held-out', '16']
+    always = ['--out', str(tmp_path), '--threads', '1', *small]
+    return lambda steps, *more: main([*always, '--steps', str(steps), *more])
+
+
+def steps_of(folder):
+    with (folder / 'curve.csv').open() as file:
+        return [int(row['step']) for row in csv.DictReader(file)]
+
+
+def test_training_goes_on_where_it_stopped_and_numpy_computes_what_torch_does(train, tmp_path):
+    import torch  # noqa: PLC0415
+    from llm_astar_training.network import Network, Shape  # noqa: PLC0415
+
     for steps in (2, 4):
-        main(['--out', str(tmp_path), '--steps', str(steps), '--threads', '1', *small])
-    with (tmp_path / 'curve.csv').open() as file:
-        assert [row['step'] for row in csv.DictReader(file)] == ['2', '4']
-    draw(tmp_path, tmp_path / 'curve.png')
-    assert (tmp_path / 'curve.png').is_file()
+        train(steps)
+    assert steps_of(tmp_path) == [2, 4]
     weights = read_weights((tmp_path / 'model.npz').read_bytes())
     network = Network(Shape(**weights.shape))
     network.load_state_dict({k: torch.from_numpy(v) for k, v in weights.arrays.items()})
@@ -140,3 +154,43 @@ def test_training_goes_on_where_it_stopped_and_numpy_computes_what_torch_does(tm
         with torch.no_grad():
             expected = network(*map(torch.from_numpy, inputs)).numpy()
         assert np.allclose(hop_logits(weights, features), expected, atol=1e-4)
+
+
+def test_an_interrupt_ends_training_after_the_step_with_all_of_it_saved(
+    train, tmp_path, monkeypatch, capsys
+):
+    from llm_astar_training.train import Trainer  # noqa: PLC0415
+
+    learn = Trainer._learn
+
+    def learn_under_interrupt(trainer, batch):
+        signal.raise_signal(signal.SIGINT)
+        return learn(trainer, batch)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Trainer, '_learn', learn_under_interrupt)
+        with pytest.raises(SystemExit) as ended:
+            train(2)
+    assert ended.value.code == 130
+    assert 'goes on from here' in capsys.readouterr().out
+    train(2)
+    assert steps_of(tmp_path) == [1, 2]
+
+
+def test_a_run_at_its_end_learns_no_more_and_another_runs_checkpoint_is_refused(
+    train, tmp_path, capsys
+):
+    train(1)
+    train(1)
+    assert 'is trained to the end' in capsys.readouterr().out
+    assert steps_of(tmp_path) == [1]
+    for other in (['--layers', '2'], ['--seed', '1']):
+        with pytest.raises(SystemExit):
+            train(2, *other)
+        assert 'checkpoint.pt: ' in capsys.readouterr().err
+    assert steps_of(tmp_path) == [1]
+
+
+def test_the_curve_of_a_run_is_drawn(tmp_path):
+    draw(ROOT / 'training', tmp_path / 'curve.png')
+    assert (tmp_path / 'curve.png').read_bytes().startswith(b'\x89PNG')

@@ -172,10 +172,11 @@ def _source_rows(name: str, found: Figures) -> Iterator[tuple[str, ...]]:
 
 def _kinds(count: int, files: Sequence[str]) -> Iterator[tuple[str, Sequence[ProblemMap], int]]:
     """Yield name, maps and scale of every kind."""
+    given = [(Path(path).stem, load_maps(path, 100, SEED)) for path in files]
     samples = load_barrier_maps(find_file('samples_1000.json', 'maps'))
     yield 'samples_1000', samples, 1
-    for path in files:
-        yield Path(path).stem, load_maps(path, 100, SEED), 1
+    for name, maps in given:
+        yield name, maps, 1
     for name, rules in SIZES.items():
         yield name, list(generate(SEED, count, rules)), 1
     for name, (barriers, rules) in COUNTS.items():

@@ -2,6 +2,7 @@
 
 `python -m llm_astar_training.train --out out/training` trains from nothing, or goes on from the
 last checkpoint in that folder, and writes checkpoint.pt, curve.csv and the exported model.npz.
+Ctrl-C ends it after the step at hand with all of these written.
 """
 
 from __future__ import annotations
@@ -10,9 +11,12 @@ import argparse
 import csv
 import math
 import os
+import signal
+import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -26,7 +30,8 @@ from tqdm import tqdm
 
 from llm_astar_training.batches import Batch, held_out, step_batch
 from llm_astar_training.export import export
-from llm_astar_training.judge import follow, valid_ratio
+from llm_astar_training.judge import greedy_routes, valid_ratio
+from llm_astar_training.maps import RECIPE
 from llm_astar_training.network import Network, Shape
 
 RATE = 1.5e-3
@@ -38,19 +43,33 @@ MEAN = 0.999
 AHEAD = 3
 
 
+class CheckpointError(ValueError):
+    """A checkpoint that another run made; the message names it and what differs."""
+
+
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command line."""
-    options = _parser().parse_args(arguments)
+    """Run the command line; an interrupted run exits with 130."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.steps <= 0 and options.minutes <= 0:
+        parser.error(f'--minutes: {options.minutes} is not above 0')
     torch.set_num_threads(options.threads)
-    trainer = Trainer(options)
-    trainer.run()
+    try:
+        trainer = Trainer(options)
+    except CheckpointError as error:
+        parser.error(str(error))
+    if trainer.progress >= 1:
+        tqdm.write(f'{trainer.out}: is trained to the end; ask for more, or name another --out')
+    elif not trainer.run():
+        tqdm.write('Interrupted: the same command goes on from here.')
+        raise SystemExit(130)
 
 
 class Trainer:
     """Network, optimiser, running mean and the clock, kept in one checkpoint."""
 
     def __init__(self, options: argparse.Namespace) -> None:
-        """Start anew or from the checkpoint in the folder."""
+        """Start anew or from the checkpoint in the folder. Raises CheckpointError."""
         self.options = options
         self.out = Path(options.out)
         self.out.mkdir(parents=True, exist_ok=True)
@@ -73,25 +92,32 @@ class Trainer:
             return self.step / self.options.steps
         return self.seconds / (60 * self.options.minutes)
 
-    def run(self) -> None:
-        """Train to the end, judging and saving on the way."""
+    def run(self) -> bool:
+        """Train, judging and saving on the way; tell whether it came to the end."""
         bar = tqdm(total=100, unit='%', initial=int(100 * self.progress))
         losses: list[float] = []
-        saved = time.monotonic()
-        for batch in self._batches():
-            begin = time.monotonic()
-            losses.append(self._learn(batch))
-            self.seconds += time.monotonic() - begin
-            self.step += 1
-            self.maps += len(batch.size)
-            if time.monotonic() - saved > self.options.save_every or self.progress >= 1:
-                self._judge_and_save(float(np.mean(losses)))
-                losses.clear()
-                saved = time.monotonic()
-            bar.update(int(100 * self.progress) - bar.n)
-            if self.progress >= 1:
-                break
+        saved = clock = time.monotonic()
+        with _ending_on_interrupt() as asked:
+            for batch in self._batches():
+                losses.append(self._learn(batch))
+                self.step += 1
+                self.maps += len(batch.size)
+                now = time.monotonic()
+                self.seconds += now - clock
+                clock = now
+                bar.set_postfix(step=self.step, loss=losses[-1], refresh=False)
+                bar.update(min(100, int(100 * self.progress)) - bar.n)
+                ends = self.progress >= 1 or asked.is_set()
+                if asked.is_set():
+                    tqdm.write('Stopping: judging and saving; Ctrl-C again ends it at once.')
+                if ends or now - saved > self.options.save_every:
+                    tqdm.write(self._judge_and_save(float(np.mean(losses))))
+                    losses.clear()
+                    saved = time.monotonic()
+                if ends:
+                    break
         bar.close()
+        return self.progress >= 1
 
     def _batches(self) -> Iterator[Batch]:
         """Yield the batches from the current step on, drawn ahead on a thread."""
@@ -123,7 +149,8 @@ class Trainer:
                 self.mean[name].lerp_(value, 1 - mean)
         return float(loss.detach())
 
-    def _judge_and_save(self, loss: float) -> None:
+    def _judge_and_save(self, loss: float) -> str:
+        """Write curve, checkpoint and model; return in words how good it is and where it lies."""
         network = Network(self.network.shape)
         network.load_state_dict({name: value.cpu() for name, value in self.mean.items()})
         row = {'step': self.step, 'maps': self.maps, 'minutes': round(self.seconds / 60, 2),
@@ -139,18 +166,28 @@ class Trainer:
             'network': self.network.state_dict(), 'mean': self.mean, 'step': self.step,
             'optimiser': self.optimiser.state_dict(), 'maps': self.maps,
             'seconds': self.seconds, 'shape': asdict(self.network.shape),
+            'seed': self.options.seed,
         }  # fmt: skip
         partial = self.out / 'checkpoint.partial'
         torch.save(state, partial)
         os.replace(partial, self.out / 'checkpoint.pt')
         arrays = {name: value.numpy() for name, value in network.state_dict().items()}
-        export(arrays, asdict(network.shape), self.out / 'model.npz')
+        model = self.out / 'model.npz'
+        export(arrays, asdict(network.shape), model)
+        valid = (f'{100 * row[f"valid_{name}"]:.1f} %' for name in ('recipe', 'wide'))
+        return f'{model}: step {self.step}, valid greedy, recipe and wider: {" and ".join(valid)}'
 
     def _resume(self) -> None:
         path = self.out / 'checkpoint.pt'
         if not path.exists():
             return
         state: dict[str, Any] = torch.load(path, map_location=self.device, weights_only=True)
+        asked = {'shape': asdict(self.network.shape), 'seed': self.options.seed}
+        for name, value in asked.items():
+            if state.get(name) != value:
+                raise CheckpointError(
+                    f'{path}: {name}: is {state.get(name)}, not {value}; name another --out'
+                )
         self.network.load_state_dict(state['network'])
         self.mean = state['mean']
         self.optimiser.load_state_dict(state['optimiser'])
@@ -169,8 +206,8 @@ def hop_logits(network: Network, batch: Batch, device: torch.device) -> Tensor:
     features = featurise(batch.barriers, batch.size, batch.ends)
     inputs = (features.nodes, features.barriers, features.pairs)
     logits = network(*(torch.from_numpy(x).to(device) for x in inputs))
-    possible = torch.from_numpy(batch.usable).to(device)[:, None].clone()
-    possible = possible & ~torch.eye(logits.shape[-1], dtype=torch.bool, device=device)
+    others = ~torch.eye(logits.shape[-1], dtype=torch.bool, device=device)
+    possible = torch.from_numpy(batch.usable).to(device)[:, None] & others
     return logits.masked_fill(~possible, -1e9)
 
 
@@ -182,8 +219,8 @@ def judge(network: Network, batches: list[Batch]) -> dict[str, float]:
     results: dict[str, list[tuple[float, float, int]]] = {'recipe': [], 'wide': []}
     for batch in batches:
         loss = float(hop_loss(network, batch, device))
-        routes = follow(hop_logits(network, batch, device).numpy())
-        name = 'recipe' if batch.kind == 0 else 'wide'
+        routes = greedy_routes(hop_logits(network, batch, device).numpy(), batch.usable)
+        name = 'recipe' if batch.kind == RECIPE else 'wide'
         results[name].append((loss, valid_ratio(routes, batch.apart), len(routes)))
     found = {}
     for name, rows in results.items():
@@ -191,6 +228,22 @@ def judge(network: Network, batches: list[Batch]) -> dict[str, float]:
         found[f'loss_{name}'] = round(float(np.average(losses, weights=counts)), 4)
         found[f'valid_{name}'] = round(float(np.average(valid, weights=counts)), 4)
     return found
+
+
+@contextmanager
+def _ending_on_interrupt() -> Iterator[threading.Event]:
+    """Give what the first Ctrl-C sets; the second one ends the program as ever."""
+    asked = threading.Event()
+
+    def ask(*_: object) -> None:
+        asked.set()
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    before = signal.signal(signal.SIGINT, ask)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _rate(step: int, progress: float) -> float:
@@ -210,7 +263,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--layers', type=int, default=Shape.layers)
     parser.add_argument('--most-maps', type=int, default=256, help='maps a batch')
     parser.add_argument('--held-out', type=int, default=1000, help='held-out maps of the recipe')
-    parser.add_argument('--save-every', type=float, default=150, help='seconds')
+    parser.add_argument(
+        '--save-every', type=float, default=420, help='seconds; judging takes a part of a minute'
+    )
     return parser
 
 

@@ -27,36 +27,50 @@ def storage_files(path: Path, problems: Problems) -> list[Path]:
             raise BagError(f'{path}: a bag is a folder, or a file ending in one of {known}')
         return [path]
     held = sorted((item for item in path.iterdir() if _is_storage(item)), key=_natural)
-    named = _named_files(path, problems)
-    if named is None:
-        if not held:
-            raise BagError(f'{path}: holds neither {METADATA} nor a file of {", ".join(FORMATS)}')
+    named, unusable = _named_files(path)
+    if not held and not named:
+        raise BagError(f'{path}: holds neither {METADATA} nor a file of {", ".join(FORMATS)}')
+    found = [_named_so(name, held) for name in named]
+    if held and not any(found):
+        why = unusable or f'names {", ".join(named)}, and none of them is there'
+        problems.note(
+            f'{path / METADATA}: {why}; the files beside it are read in order of their names'
+        )
         return held
-    files = []
-    for name in named:
-        found = next((f for f in held if f.name in (name, name + COMPRESSED)), None)
-        if found is None:
+    for name, file in zip(named, found):
+        if file is None:
             problems.leave_out(f'{path / name}: is missing, though {METADATA} names it')
-        else:
-            files.append(found)
-    return files
+    later = [file for file in held if _follows(file, path / named[-1])]
+    for file in later:
+        problems.note(f'{file}: is read, though {METADATA} does not name it yet, as where a '
+                      'recording goes on or was cut off')  # fmt: skip
+    return [file for file in found if file is not None] + later
 
 
-def _named_files(path: Path, problems: Problems) -> list[str] | None:
-    """Return the names of the files in metadata.yaml, None without a usable one."""
+def _named_so(name: str, held: list[Path]) -> Path | None:
+    """Return the file that goes by a name, itself or compressed, None where it is gone."""
+    return next((file for file in held if file.name in (name, name + COMPRESSED)), None)
+
+
+def _follows(file: Path, last: Path) -> bool:
+    """Tell whether a file is a later one of the same split recording."""
+    own, other = (re.split(r'(\d+)(?=\.)', path.name, maxsplit=1) for path in (file, last))
+    return [own[0], *own[2:]] == [other[0], *other[2:]] and _natural(file) > _natural(last)
+
+
+def _named_files(path: Path) -> tuple[list[str], str]:
+    """Return the names of the files in metadata.yaml, or none and why."""
     file = path / METADATA
     if not file.exists():
-        problems.note(f'{file}: is missing, as after a recording that was not ended; the files '
-                      'beside it are read in order of their names')  # fmt: skip
-        return None
+        return [], 'is missing, as after a recording that was not ended'
     try:
         content = yaml.safe_load(file.read_text(encoding='utf-8'))
         names = content['rosbag2_bagfile_information']['relative_file_paths']
-        return list(dict.fromkeys(PurePath(name).name for name in names))
+        found = list(dict.fromkeys(PurePath(name).name for name in names))
     except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError, RecursionError) as error:
-        problems.note(f'{file}: cannot be used ({type(error).__name__}: {error}); the files '
-                      'beside it are read in order of their names')  # fmt: skip
-        return None
+        why = ' '.join(str(error).split())
+        return [], f'cannot be used ({type(error).__name__}: {why})'
+    return found, '' if found else 'names no files'
 
 
 def _is_storage(path: Path) -> bool:

@@ -7,7 +7,8 @@ and the file is read in the order it was written in. Nothing is held that grows 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -189,6 +190,28 @@ class Bag:
     def _note_damage(self, storage: Storage) -> None:
         if storage.damage:
             self.problems.leave_out(storage.damage)
+
+
+@contextmanager
+def open_bags(paths: Sequence[str | Path]) -> Iterator[tuple[list[Bag], Problems]]:
+    """Open bags, each once; those that cannot be opened are left out, as the problems say."""
+    unopened = Problems()
+    bags = []
+    with ExitStack() as stack:
+        for path in paths:
+            bag = _bag_or_why_not(path)
+            if isinstance(bag, str):
+                unopened.leave_out(bag)
+            else:
+                bags.append(stack.enter_context(bag))
+        yield bags, unopened
+
+
+def _bag_or_why_not(path: str | Path) -> Bag | str:
+    try:
+        return Bag(path)
+    except (BagError, OSError) as error:
+        return str(error)
 
 
 def _count(storage: Storage) -> tuple[dict[str, Topic], str]:

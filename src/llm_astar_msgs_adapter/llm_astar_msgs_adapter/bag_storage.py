@@ -1,17 +1,25 @@
-"""mcap files of bags, with every checksum the format has, for rosbags' writer."""
+"""The files of bags for rosbags' writer, such that what was written outlives a power cut.
+
+They stand beside the folder that rosbags makes, and not in it: readers find them there also when
+they are never finished.
+"""
 
 from __future__ import annotations
 
+import sqlite3
+import time
 from pathlib import Path
 from types import MappingProxyType
 
 from mcap.writer import Writer as McapFile
 from rosbags.interfaces import Connection, MessageDefinitionFormat
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 ENCODINGS = {MessageDefinitionFormat.MSG: 'ros2msg', MessageDefinitionFormat.IDL: 'ros2idl'}
 # What a power cut may cost, before compression.
 CHUNK_BYTES = 64 * 1024
+COMMIT_SECONDS = 1.0
 
 
 class McapStorage:
@@ -21,10 +29,7 @@ class McapStorage:
     """
 
     def __init__(self, path: Path, compression: CompressionMode) -> None:  # noqa: ARG002 - always
-        """Create the file beside the folder `path`, named after it.
-
-        There, and not inside as rosbags has it, readers find it also when it is never finished.
-        """
+        """Create the file beside the folder `path`, named after it."""
         self.path = path.with_name(f'{path.name}.mcap')
         self._stream = self.path.open('xb')
         self._file = McapFile(
@@ -76,7 +81,38 @@ class McapStorage:
         self._stream.close()
 
 
-class BagFile(Writer):
-    """rosbags' writer of one file, with checksums in mcap."""
+class SqliteStorage(Sqlite3Writer):
+    """A database as rosbags writes it, committed every second into a write-ahead log.
 
-    STORAGE_PLUGINS = MappingProxyType({**Writer.STORAGE_PLUGINS, StoragePlugin.MCAP: McapStorage})
+    The storage that comes with rosbags commits at its end alone, and what a power cut leaves of it
+    cannot be read.
+    """
+
+    def __init__(self, path: Path, compression: CompressionMode) -> None:  # noqa: ARG002 - none
+        """Create the file beside the folder `path`, named after it."""
+        self.path = path.with_name(f'{path.name}.db3')
+        self.conn = sqlite3.connect(self.path)
+        self.conn.executescript(f'PRAGMA journal_mode=WAL; {self.SQLITE_SCHEMA}')
+        self.cursor = self.conn.cursor()
+        self._committed = time.monotonic()
+
+    def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
+        """Write a message at its time in nanoseconds."""
+        super().write(connection, timestamp, data)
+        if time.monotonic() > self._committed + COMMIT_SECONDS:
+            self.conn.commit()
+            self._committed = time.monotonic()
+
+    def close(self, version: int, metadata: str) -> None:
+        """Finish the file, its log put into it: with one it could not be read without writing."""
+        self.conn.commit()
+        self.conn.execute('PRAGMA journal_mode=DELETE')
+        super().close(version, metadata)
+
+
+class BagFile(Writer):
+    """rosbags' writer of one file, with these storages."""
+
+    STORAGE_PLUGINS = MappingProxyType(
+        {StoragePlugin.MCAP: McapStorage, StoragePlugin.SQLITE3: SqliteStorage}
+    )

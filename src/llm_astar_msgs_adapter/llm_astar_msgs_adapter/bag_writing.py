@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import sqlite3
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -62,7 +64,7 @@ class BagWriter:
     """Writes messages into a new bag as they come; a context manager.
 
     `counts` has the messages written by topic. Whatever ends the block, the bag is closed: what
-    was written until then can be read.
+    was written until then can be read. Raises BagWriteError where the disk refuses it.
     """
 
     def __init__(self, folder: str | Path, storage: str = 'mcap', max_bytes: int = 0) -> None:
@@ -94,10 +96,16 @@ class BagWriter:
         trace: TracebackType | None,
     ) -> None:
         if error is None:
-            self._close_part()
+            with self._refusals_said():
+                self._close_part()
             return
-        with contextlib.suppress(Exception):
+        try:
             self._close_part()
+        except Exception:  # noqa: BLE001 - the error that ended the block is the one to tell
+            with contextlib.suppress(Exception):
+                self._part.abort()
+            with contextlib.suppress(OSError):
+                self._part.path.rmdir()
 
     @property
     def total(self) -> int:
@@ -108,14 +116,16 @@ class BagWriter:
         """Make a topic known, once, before its first message."""
         self._topics[topic.name] = topic
         self.counts[topic.name] = 0
-        self._connect(topic)
+        with self._refusals_said():
+            self._connect(topic)
 
     def write(self, topic: str, stamp: int, data: bytes | memoryview) -> None:
         """Write a serialized message of a known topic at its time in nanoseconds."""
-        if self._part_bytes >= self._max_bytes:
-            self._close_part()
-            self._open_part()
-        self._part.write(self._connections[topic], stamp, data)
+        with self._refusals_said():
+            if self._part_bytes >= self._max_bytes:
+                self._close_part()
+                self._open_part()
+            self._part.write(self._connections[topic], stamp, data)
         self._part_bytes += len(data)
         self.counts[topic] += 1
 
@@ -123,6 +133,15 @@ class BagWriter:
         """Write a message of `bag_types()`."""
         msgtype = self._topics[topic].definition.msgtype
         self.write(topic, stamp, bag_types().serialize_cdr(message, msgtype))
+
+    @contextlib.contextmanager
+    def _refusals_said(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, sqlite3.Error) as error:
+            why = getattr(error, 'strerror', None) or error
+            message = f'{self.folder}: {why}; what was written before is kept'
+            raise BagWriteError(message) from None
 
     def _connect(self, topic: Topic) -> None:
         self._connections[topic.name] = self._part.add_connection(
@@ -144,14 +163,12 @@ class BagWriter:
             self._connect(topic)
 
     def _close_part(self) -> None:
-        """Finish a file, put it beside the others, and list it in metadata.yaml."""
+        """Finish a file, and list it with the others in metadata.yaml."""
         self._part.close()
         folder = self._part.path
         metadata = folder / 'metadata.yaml'
         self._parts.append(yaml.safe_load(metadata.read_text(encoding='utf-8'))[INFORMATION])
         metadata.unlink()
-        for file in folder.iterdir():
-            file.rename(self.folder / file.name)
         folder.rmdir()
         text = yaml.safe_dump({INFORMATION: _merged(self._parts)}, sort_keys=False)
         draft = self.folder / 'metadata.yaml.tmp'

@@ -34,9 +34,7 @@ class _Run(NamedTuple):
         return grid[self.line, stretch] if self.horizontal else grid[stretch, self.line]
 
 
-def summarise_barriers(
-    grid_map: GridMap, limit: int = 30, *, occupied_threshold: int = 65
-) -> BarrierMap:
+def summarise_barriers(grid_map: GridMap, limit: int = 30) -> BarrierMap:
     """Describe a map by at most `limit` horizontal and vertical barriers, in cell coordinates.
 
     The barriers are the longest straight stretches of occupied cells, each next one taken for
@@ -48,7 +46,7 @@ def summarise_barriers(
     """
     if limit < 1:
         raise ValueError(f'limit: {limit} is not 1 or more')
-    occupied = grid_map.blocked(occupied_threshold)
+    occupied = grid_map.blocked()
     factor = 1
     while max(occupied.shape) > MAX_SIDE * factor:
         factor *= 2

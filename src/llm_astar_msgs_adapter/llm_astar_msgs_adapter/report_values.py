@@ -78,7 +78,6 @@ class ExchangeReport:
     detail: str
     model: str
     prompt: str
-    messages: tuple[tuple[str, str], ...]
     text: str
     unit: int
     prompt_tokens: int
@@ -89,6 +88,8 @@ class ExchangeReport:
     pair: str
     instruction: str = ''
     instruction_outcome: str = ''
+    # Long, so last: who lists the values finds the answer before it.
+    messages: tuple[tuple[str, str], ...] = ()
 
     @property
     def level(self) -> bytes:

@@ -35,11 +35,17 @@ GOAL_COLOUR = (0.89, 0.10, 0.45)
 VIA_COLOUR = (0.09, 0.75, 0.81)
 # A marker is at least so many cells wide, and so large a part of the map's longer side.
 CELLS_WIDE = 1.5
-PART_OF_MAP = 0.01
+PART_OF_MAP = 0.015
+# How far a label stands off its shape, in sizes.
+ASIDE = 1.5
 
 
 class _Shape(NamedTuple):
-    """A marker to be: its namespace, kind, place in grid coordinates, size in metres."""
+    """A marker to be: its namespace, kind, place in grid coordinates, size in metres.
+
+    `aside` is how many sizes off its place it stands, along y: a label right over its shape would
+    hide it from above.
+    """
 
     space: str
     kind: int
@@ -47,6 +53,7 @@ class _Shape(NamedTuple):
     colour: Colour
     size: float
     text: str = ''
+    aside: float = 0.0
 
 
 def waypoints_to_markers(
@@ -89,9 +96,9 @@ def _waypoint_shapes(waypoints: Sequence[tuple[float, float, str]], size: float)
     shapes = []
     for number, (x, y, verdict) in enumerate(waypoints, start=1):
         colour = VERDICT_COLOURS.get(verdict, (0.0, 0.0, 0.0))
-        text = f'{number} {verdict.replace("_", " ")}'
+        text = f'{number}' if verdict == 'accepted' else f'{number} {verdict.replace("_", " ")}'
         shapes.append(_Shape('waypoints', Marker.SPHERE, (x, y), colour, size))
-        shapes.append(_Shape('labels', Marker.TEXT_VIEW_FACING, (x, y), colour, size, text))
+        shapes.append(_Shape('labels', Marker.TEXT_VIEW_FACING, (x, y), colour, size, text, ASIDE))
     return shapes
 
 
@@ -99,7 +106,8 @@ def _end_shapes(ends: Sequence[Place], size: float) -> list[_Shape]:
     shapes = []
     for place, name, colour in zip(ends, ('start', 'goal'), (START_COLOUR, GOAL_COLOUR)):
         shapes.append(_Shape('ends', Marker.CUBE, place, colour, size))
-        shapes.append(_Shape('labels', Marker.TEXT_VIEW_FACING, place, colour, size, name))
+        # On the other side than a waypoint's, as models name the ends, too.
+        shapes.append(_Shape('labels', Marker.TEXT_VIEW_FACING, place, colour, size, name, -ASIDE))
     return shapes
 
 
@@ -108,7 +116,8 @@ def _via_shapes(via: Sequence[Place], size: float) -> list[_Shape]:
     for number, place in enumerate(via, start=1):
         text = f'via {number}'
         shapes.append(_Shape('via', Marker.CYLINDER, place, VIA_COLOUR, 1.4 * size))
-        shapes.append(_Shape('labels', Marker.TEXT_VIEW_FACING, place, VIA_COLOUR, size, text))
+        label = _Shape('labels', Marker.TEXT_VIEW_FACING, place, VIA_COLOUR, size, text, ASIDE)
+        shapes.append(label)
     return shapes
 
 
@@ -133,14 +142,14 @@ def _marker(number: int, shape: _Shape, place: Point, frame_id: str, stamp: Time
     marker.header.frame_id = frame_id
     marker.header.stamp = stamp
     marker.pose.position = place
+    marker.pose.position.y += shape.aside * shape.size
     marker.pose.orientation.w = 1.0
     marker.scale.x = marker.scale.y = marker.scale.z = shape.size
     red, green, blue = shape.colour
     marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
     if shape.text:
         marker.text = shape.text
-        # Above the shape it names.
-        marker.pose.position.z = 1.5 * shape.size
+        marker.pose.position.z = shape.size
     return marker
 
 

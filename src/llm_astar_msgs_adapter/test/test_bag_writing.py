@@ -1,10 +1,14 @@
 """Bags as they are written: split, described, closed whatever happens."""
 
 import io
+import os
+import resource
+import shutil
 import sqlite3
 
 import pytest
 import yaml
+from llm_astar_msgs_adapter.bag_reading import Bag
 from llm_astar_msgs_adapter.bag_topics import evaluation_topic
 from llm_astar_msgs_adapter.bag_types import BagTypeError, bag_types, define
 from llm_astar_msgs_adapter.bag_writing import BagWriteError, BagWriter, Topic, qos
@@ -13,6 +17,8 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
+
+from llm_astar_msgs_adapter import bag_storage
 
 STRING = 'std_msgs/msg/String'
 CHATTER = Topic('/chatter', define(STRING), (qos(),))
@@ -85,6 +91,47 @@ def test_an_mcap_file_that_is_never_finished_holds_all_but_the_last_chunk(tmp_pa
     with pytest.raises(EndOfFile):
         found.extend(StreamReader(io.BytesIO(cut_off), validate_crcs=True).records)
     assert sum(isinstance(record, Message) for record in found) >= 90
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_file_that_is_never_finished_is_read_beside_those_that_are(
+    tmp_path, monkeypatch, storage
+):
+    monkeypatch.setattr(bag_storage, 'COMMIT_SECONDS', 0.0)
+    with BagWriter(tmp_path / 'bag', storage, max_bytes=300_000) as bag:
+        bag.add_topic(CHATTER)
+        write(bag, 50, size=10_000)
+        shutil.copytree(tmp_path / 'bag', tmp_path / 'left')
+    with Bag(tmp_path / 'left') as left:
+        assert 40 <= left.topics['/chatter'].count <= 50
+        (note,) = left.problems.notes
+    assert 'bag_1' in note
+    assert 'does not name it yet' in note
+
+
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_disk_that_takes_no_more_is_said_and_what_it_took_can_be_read(
+    tmp_path, monkeypatch, storage
+):
+    monkeypatch.setattr(bag_storage, 'COMMIT_SECONDS', 0.0)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def fill():
+        with BagWriter(tmp_path / 'bag', storage) as bag:
+            bag.add_topic(CHATTER)
+            for stamp in range(1000):
+                bag.write('/chatter', stamp, text(os.urandom(5_000).hex()))
+
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, before[1]))
+    try:
+        with pytest.raises(BagWriteError) as refused:
+            fill()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert str(refused.value).endswith('; what was written before is kept')
+    assert not [item for item in (tmp_path / 'bag').iterdir() if item.is_dir()]
+    with Bag(tmp_path / 'bag') as kept:
+        assert kept.topics['/chatter'].count >= 10
 
 
 def test_a_bag_without_messages_can_be_read(tmp_path):

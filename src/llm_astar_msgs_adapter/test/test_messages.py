@@ -173,7 +173,6 @@ def test_a_heading_is_that_of_its_quaternion_whatever_its_length(length, yaw):
             '',
             'm',
             'few_shot',
-            (('user', 'where?'),),
             'Path: [["\n]]',
             1,
             10,
@@ -182,6 +181,7 @@ def test_a_heading_is_that_of_its_quaternion_whatever_its_length(length, yaw):
             ((1.0, 2.5),),
             'd',
             '1,1->2,2',
+            messages=(('user', 'where?'),),
         ),
     ],
 )
@@ -243,7 +243,7 @@ def test_markers_name_the_ends_the_via_points_and_count_the_verdicts():
     )
     markers = array.markers[1:]
     labels = [marker.text for marker in markers if marker.ns == 'labels']
-    assert labels == ['1 accepted', '2 out of bounds', '3 accepted', 'start', 'goal', 'via 1']
+    assert labels == ['1', '2 out of bounds', '3', 'start', 'goal', 'via 1']
     legend = [marker for marker in markers if marker.ns == 'legend']
     assert [marker.text for marker in legend] == ['2 accepted', '1 out of bounds']
     assert len({(marker.pose.position.x, marker.pose.position.y) for marker in legend}) == 2
@@ -253,10 +253,22 @@ def test_markers_name_the_ends_the_via_points_and_count_the_verdicts():
     assert {marker.ns for marker in markers} == {'waypoints', 'labels', 'ends', 'via', 'legend'}
 
 
+def test_no_label_hides_its_shape_or_another_label_from_above():
+    waypoints = [(0.0, 0.0, 'accepted'), (2.0, 1.0, 'occupied')]
+    ends = [(0.0, 0.0), (2.0, 1.0)]
+    _, *markers = waypoints_to_markers(waypoints, GRID, STAMP, ends).markers
+    labels = [marker for marker in markers if marker.ns == 'labels']
+    shapes = [marker for marker in markers if marker.ns in ('waypoints', 'ends')]
+    for shape, label in zip(shapes, labels):
+        assert label.pose.position.x == shape.pose.position.x
+        assert abs(label.pose.position.y - shape.pose.position.y) > shape.scale.y
+    assert len({(label.pose.position.x, label.pose.position.y) for label in labels}) == 4
+
+
 def test_markers_can_be_seen_on_a_large_map():
     wide = GridMap(np.zeros((10, 4000), dtype=np.int8), 0.05)
     marker = waypoints_to_markers([(9.0, 9.0, 'accepted')], wide, STAMP).markers[1]
-    assert marker.scale.x == pytest.approx(0.01 * 4000 * 0.05)
+    assert marker.scale.x == pytest.approx(0.015 * 4000 * 0.05)
 
 
 def test_a_plan_without_waypoints_clears_those_of_the_one_before():

@@ -10,9 +10,10 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.bag_file import BagError
-from llm_astar_msgs_adapter.bag_reading import Bag
+from llm_astar_msgs_adapter.bag_paths import bare_name
+from llm_astar_msgs_adapter.bag_reading import Bag, open_bags
 from llm_astar_msgs_adapter.bag_topics import BARRIER_MAP
+from llm_astar_msgs_adapter.bag_writing import BagWriteError
 
 from llm_astar_planner.benchmark.askers import GRID_ABLATIONS, make_askers
 from llm_astar_planner.benchmark.bag_contents import Wanted, describe, describe_text
@@ -29,7 +30,7 @@ from llm_astar_planner.benchmark.results import (
 )
 from llm_astar_planner.benchmark.results_bag import ResultsBag
 from llm_astar_planner.benchmark.run import carry_out, open_folder
-from llm_astar_planner.benchmark.samples import save_kept_maps
+from llm_astar_planner.benchmark.samples import ProblemMap, save_kept_maps
 from llm_astar_planner.cli_evaluate_options import (
     SEARCH_OPTIONS,
     add_input,
@@ -101,31 +102,53 @@ def run(args: argparse.Namespace) -> int:
     check_cases(args)
     plans = ResultsBag(args.results_bag) if args.results_bag else None
     folder = ResultsFolder(args.out)
+    with open_bags(args.bags) as (bags, unopened):
+        try:
+            if 'replay' in args.source and not args.transcript:
+                args.transcript = str(_take_exchanges(args, bags, wanted, folder))
+            sweep = _sweep(args, bags, wanted, listed, options)
+            asked = [*args.bags, *([args.requests] if listed else [])]
+            metadata = describe_run(asked, _parameters(args, sweep), deciding_files(args))
+            metadata['bags'] = list(dict.fromkeys(bare_name(Path(path)) for path in args.bags))
+            done = open_folder(folder, metadata, resume=args.resume)
+        except ResultsError as error:
+            return complain(args, str(error), BAD_INPUT)
+        bag_run = BagRun(sweep)
+        try:
+            tasks = bag_run.tasks(done)
+            code = _plan(args, folder, metadata, tasks, askers=sweep.askers, plans=plans)
+        except (ResultsError, BagWriteError) as error:
+            return complain(args, str(error), INCOMPLETE)
+        problems = [unopened, *(bag.problems for bag in bags)]
+    metadata['left_out'] = [line for one in problems for line in one.lines()]
+    metadata['notes'] = [line for one in problems for line in one.notes]
+    return _close(args, folder, metadata, bag_run.kept.maps(), code)
+
+
+def _plan(
+    args: argparse.Namespace,
+    folder: ResultsFolder,
+    metadata: dict[str, Any],
+    tasks: Iterator[Task],
+    *,
+    askers: Sequence[Asker],
+    plans: ResultsBag | None,
+) -> int:
+    """Run tasks into the folder; return 130 where that was interrupted.
+
+    Raises ResultsError or BagWriteError where the disk takes no more.
+    """
+    running = make_executor(args, askers)
     try:
-        if 'replay' in args.source and not args.transcript:
-            args.transcript = str(_take_exchanges(args, wanted, folder))
-        sweep = _sweep(args, wanted, listed, options)
-        asked = [*args.bags, *([args.requests] if listed else [])]
-        metadata = describe_run(asked, _parameters(args, sweep), deciding_files(args))
-        done = open_folder(folder, metadata, resume=args.resume)
-    except ResultsError as error:
-        return complain(args, str(error), BAD_INPUT)
-    bags = BagRun(sweep)
-    code = OK
-    try:
-        running = make_executor(args, sweep.askers)
         with running as (executor, at_once), _watching(plans) as step:
             metadata['parameters']['jobs'] = args.dask or at_once // 2
             # Big maps wait in the queue, so it is no longer than it must be.
             few = max(1, at_once // 2)
-            tasks = bags.tasks(done)
             carry_out(folder, tasks, executor, few, metadata=metadata, step=step)
     except KeyboardInterrupt:
         left = 'the rows so far are kept; go on with --resume'
-        code = complain(args, f'interrupted: {left}', INTERRUPTED)
-    except ResultsError as error:
-        return complain(args, str(error), INCOMPLETE)
-    return _close(args, folder, metadata, bags, code)
+        return complain(args, f'interrupted: {left}', INTERRUPTED)
+    return OK
 
 
 @contextmanager
@@ -156,18 +179,16 @@ def _close(
     args: argparse.Namespace,
     folder: ResultsFolder,
     metadata: dict[str, Any],
-    bags: BagRun,
+    maps: Sequence[ProblemMap],
     code: int,
 ) -> int:
     """Say what was left out, and write what is read of a run."""
-    metadata['left_out'], metadata['notes'] = bags.left_out(), bags.notes()
-    metadata['requests'] = bags.requests
     for line in metadata['notes']:
         complain(args, f'note: {line}', OK)
     for line in metadata['left_out']:
         code = complain(args, f'left out: {line}', code or INCOMPLETE)
     try:
-        save_kept_maps(bags.kept.maps(), folder.path / MAPS_FILE)
+        save_kept_maps(maps, folder.path / MAPS_FILE)
     except OSError as error:
         return complain(args, f'{folder.path / MAPS_FILE}: {error.strerror or error}', INCOMPLETE)
     return close_run(args, folder, metadata, code)
@@ -175,29 +196,20 @@ def _close(
 
 def _list(args: argparse.Namespace, wanted: Wanted) -> int:
     """Show what bags offer; return 3 where one cannot be read or evaluated."""
-    offers, code = [], OK
-    for path in args.bags:
-        offer = _offer(path, wanted)
-        if isinstance(offer, str):
-            code = complain(args, offer, INCOMPLETE)
-        else:
-            offers.append(offer)
+    code = OK
+    with open_bags(args.bags) as (bags, unopened):
+        offers = [describe(bag, wanted) for bag in bags]
+    for line in unopened.lines():
+        code = complain(args, line, INCOMPLETE)
     if any(offer['missing'] or offer['left_out'] for offer in offers):
         code = INCOMPLETE
     print(json.dumps(offers) if args.json else '\n'.join(map(describe_text, offers)))
     return code
 
 
-def _offer(path: str, wanted: Wanted) -> dict[str, Any] | str:
-    """Return what a bag offers, or why it cannot be read."""
-    try:
-        with Bag(path) as bag:
-            return describe(bag, wanted)
-    except (BagError, OSError) as error:
-        return str(error)
-
-
-def _take_exchanges(args: argparse.Namespace, wanted: Wanted, folder: ResultsFolder) -> Path:
+def _take_exchanges(
+    args: argparse.Namespace, bags: Sequence[Bag], wanted: Wanted, folder: ResultsFolder
+) -> Path:
     """Write the traffic the bags hold into the folder, as the transcript to replay.
 
     A folder that is gone on with has it. Raises ResultsError where results are in the way.
@@ -207,8 +219,7 @@ def _take_exchanges(args: argparse.Namespace, wanted: Wanted, folder: ResultsFol
         return transcript
     if not args.resume:
         folder.refuse_old()
-    paths = [Path(path) for path in args.bags]
-    if not write_exchanges(paths, wanted, transcript):
+    if not write_exchanges(bags, wanted, transcript):
         message = (
             '--source replay: the bags hold no exchanges with a model (on ~/exchange of '
             'llm_client_node); name a --transcript'
@@ -219,6 +230,7 @@ def _take_exchanges(args: argparse.Namespace, wanted: Wanted, folder: ResultsFol
 
 def _sweep(
     args: argparse.Namespace,
+    bags: Sequence[Bag],
     wanted: Wanted,
     listed: Sequence[ListedRequest],
     options: dict[str, Any],
@@ -232,22 +244,22 @@ def _sweep(
         grid_rules(options),
         asked['tolerance'],
         asked['start_tolerance'],
+        'corner_cutting' not in options and not args.params_file,
     )
     return BagSweep(
-        [Path(path) for path in args.bags],
+        bags,
         replace(wanted, base_frame=asked['robot_base_frame']),
         args.methods,
-        _askers(args),
+        _askers(args, bags),
         settings,
-        'corner_cutting' not in options and not args.params_file,
         args.plan_window,
         listed,
     )
 
 
-def _askers(args: argparse.Namespace) -> list[Asker]:
+def _askers(args: argparse.Namespace, bags: Sequence[Bag]) -> list[Asker]:
     """Make the askers; all ablations come along only where every map's barriers are known."""
-    default = None if all(map(_tells_barriers, args.bags)) else GRID_ABLATIONS
+    default = None if all(BARRIER_MAP in bag.topics for bag in bags) else GRID_ABLATIONS
     return make_askers(
         args.source,
         args.prompt,
@@ -257,14 +269,6 @@ def _askers(args: argparse.Namespace) -> list[Asker]:
         seed=args.seed,
         default=default,
     )
-
-
-def _tells_barriers(path: str) -> bool:
-    try:
-        with Bag(path) as bag:
-            return BARRIER_MAP in bag.topics
-    except (BagError, OSError):
-        return False
 
 
 def _parameters(args: argparse.Namespace, sweep: BagSweep) -> dict[str, Any]:
@@ -277,5 +281,6 @@ def _parameters(args: argparse.Namespace, sweep: BagSweep) -> dict[str, Any]:
         'rules': None if settings.rules is None else asdict(settings.rules),
         'tolerance': settings.tolerance,
         'start_tolerance': settings.start_tolerance,
+        'paper_corners': settings.paper_corners,
         'topics': list(asdict(wanted).values()),
     }

@@ -47,8 +47,9 @@ def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
         '--requests',
         default='auto',
         metavar='WHAT',
-        help='service: calls of GetPlan; goals: goal_pose; auto: both; or a csv or json FILE '
-        'of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
+        help="service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
+        'first to last pose; auto: service and goals, or plans where there are neither; or a csv '
+        'or json FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
     )
     group.add_argument(
         '--plan-window',

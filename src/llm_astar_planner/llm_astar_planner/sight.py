@@ -51,7 +51,7 @@ class Walls:
         return bool(self.clear(points[:-1], points[1:]).all())
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=4)
 def walls_of(grid_map: GridMap) -> Walls:
     """Return the walls of a map, found once a map."""
     return Walls(grid_map.blocked())

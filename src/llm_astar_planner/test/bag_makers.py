@@ -19,6 +19,7 @@ TYPES = {
     '/planner_node/get_plan/_service_event': 'nav_msgs/srv/GetPlan_Event',
     '/goal_pose': 'geometry_msgs/msg/PoseStamped',
     '/initialpose': 'geometry_msgs/msg/PoseWithCovarianceStamped',
+    '/amcl_pose': 'geometry_msgs/msg/PoseWithCovarianceStamped',
     '/plan': 'nav_msgs/msg/Path',
     '/planner_node/report': 'diagnostic_msgs/msg/DiagnosticArray',
     '/llm_client_node/exchange': 'diagnostic_msgs/msg/DiagnosticArray',
@@ -99,12 +100,11 @@ def goal_at(seconds, place, frame='map'):
     return '/goal_pose', seconds, message
 
 
-def start_at(seconds, place, frame='map'):
+def start_at(seconds, place, frame='map', topic='/initialpose'):
     covered = make(
         'geometry_msgs/msg/PoseWithCovariance', pose=pose(*place), covariance=np.zeros(36)
     )
-    message = make(TYPES['/initialpose'], header=header(seconds, frame), pose=covered)
-    return '/initialpose', seconds, message
+    return topic, seconds, make(TYPES[topic], header=header(seconds, frame), pose=covered)
 
 
 def odometry_at(seconds, place, frame='map'):

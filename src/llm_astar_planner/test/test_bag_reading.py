@@ -104,6 +104,16 @@ def test_metadata_that_is_none_costs_nothing(tmp_path, text):
     assert 'cannot be used' in problems.notes[0]
 
 
+def test_metadata_that_names_none_of_the_files_costs_nothing(tmp_path):
+    """As where somebody gave the file another name."""
+    folder = write_bag(tmp_path / 'bag', DAY)
+    (folder / 'bag_0.mcap').rename(folder / 'monday.mcap')
+    found, problems = read(folder)
+    assert found == SEEN
+    assert 'names bag_0.mcap, and none of them is there' in problems.notes[0]
+    assert not problems.left_out
+
+
 def test_a_missing_file_is_named_and_the_others_are_read(tmp_path):
     folder = write_bag(tmp_path / 'bag', DAY, max_bytes=1)
     (folder / 'bag_1.mcap').unlink()

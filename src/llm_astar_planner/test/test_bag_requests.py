@@ -1,12 +1,14 @@
 """What a bag asks of a planner: which requests, from where, on which map, with what answer."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
 from bag_makers import (
     EVENT,
     answer_at,
+    at,
     call_at,
     goal_at,
     map_at,
@@ -89,6 +91,42 @@ def test_a_goal_starts_where_tf_has_the_robot_else_odometry_else_where_it_was_to
     ])  # fmt: skip
     assert [request.start[:2] for request in requests] == [(2, 2), (3, 3), (4, 5), (3, 3)]
     assert 'a request whose start is not known' in problems.left_out[0]
+
+
+def test_without_tf_a_goal_starts_where_amcl_had_the_robot_and_odometry_of_no_use_is_named(ask):
+    requests, problems = ask([
+        map_at(1, room()), odometry_at(2, (3, 3), 'odom'), goal_at(3, (8, 8)),
+        start_at(4, (2, 2)), start_at(5, (4, 4), topic='/amcl_pose'), goal_at(6, (8, 8)),
+    ])  # fmt: skip
+    assert places(requests) == [((4, 4), (8, 8))]
+    assert "odometry is in frame 'odom', the map in 'map', and no tf" in problems.left_out[0]
+    assert 'no amcl_pose or initialpose yet' in problems.left_out[0]
+
+
+def test_where_neither_goals_nor_calls_are_told_each_path_of_the_robot_is_a_request(ask):
+    """As in a bag of Nav2 whose goals came through an action."""
+    better = [(2.0, 2.0), (8.0, 8.0)]
+    messages = [
+        map_at(1, room()), plan_at(2, WAY), plan_at(2.5, better, 2), plan_at(3, []),
+        plan_at(4, [(5.0, 5.0), (9.0, 2.0)]),
+    ]  # fmt: skip
+    requests, problems = ask([*messages, report_at(4.1, 'NONE', [], 4)])
+    assert places(requests) == [((2, 2), (8, 8)), ((5, 5), (9, 2))]
+    assert [len(request.recorded.points) for request in requests] == [2, 2]
+    (note,) = problems.notes
+    assert 'actions do not tell theirs: each path on /plan is a request' in note
+    assert not problems.left_out
+
+
+def test_paths_are_no_requests_beside_goals_unless_they_are_asked_for(ask, tmp_path):
+    messages = [map_at(1, room()), start_at(1, (2, 2)), goal_at(2, (8, 8)), plan_at(3, WAY)]
+    requests, _ = ask(messages)
+    assert [request.time for request in requests] == [at(2)]
+    assert requests[0].recorded.points.tolist() == [list(point) for point in WAY]
+    shutil.rmtree(tmp_path / 'bag')
+    requests, problems = ask(messages, requests='plans')
+    assert [request.time for request in requests] == [at(3)]
+    assert not problems.notes
 
 
 def test_a_goal_in_another_frame_is_taken_there_by_tf_and_left_out_without(ask):

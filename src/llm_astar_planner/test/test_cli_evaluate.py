@@ -18,11 +18,16 @@ from bag_makers import (
     start_at,
     write_bag,
 )
+from llm_astar_msgs_adapter.bag_reading import Bag
 from llm_astar_msgs_adapter.barrier_map import load_barrier_maps, save_barrier_maps
+from llm_astar_planner.benchmark import publish
 from llm_astar_planner.benchmark.bag_tasks import Numbers
+from llm_astar_planner.benchmark.figures import compare_figure
 from llm_astar_planner.benchmark.generate import MapRules, generate
 from llm_astar_planner.cli import main
 from rosbags.highlevel import AnyReader
+
+from llm_astar_msgs_adapter import bag_reading
 
 TIMES = {'seconds_source', 'seconds_search'}
 OF_BAGS = {'bag', 'request', 'stamp', 'map_digest'}
@@ -108,7 +113,14 @@ def test_plans_are_held_against_what_the_robot_did(drive, out, capsys):
     case = next(case for case in summary['cases'] if case['case'] == 'guided/none')
     lengths = [float(row['length']) / float(row['recorded_length']) for row in (first, second)]
     assert case['recorded']['value'] == pytest.approx(math.sqrt(math.prod(lengths)))
-    assert 'Length / recorded plan' in (out / 'report.md').read_text()
+    said = 'plan is in the bags for 2 of 2 requests; not valid on their map by these rules: 1 '
+    text, page = (out / 'report.md').read_text(), (out / 'report.html').read_text()
+    assert text.startswith('# Evaluation of bags: drive\n')
+    assert said in text
+    assert 'Length / recorded plan' in text
+    assert '<h1>Evaluation of bags: drive</h1>' in page
+    assert 'the paper, as printed' not in text + page
+    assert '"drive, request 1","2,2;8,2"' in page
 
 
 def test_the_rules_are_the_nodes_by_option_and_by_parameter_file(drive, tmp_path, capsys):
@@ -129,12 +141,20 @@ def test_the_rules_are_the_nodes_by_option_and_by_parameter_file(drive, tmp_path
     assert 'planner.yaml: robot_radius: float is expected' in capsys.readouterr().err
 
 
+def test_none_as_the_source_asks_nobody(drive, out):
+    cases = ('--methods', 'guided', '--source', 'none')
+    assert llm_astar('evaluate', drive, *cases, '--out', out) == 0
+    assert {row['source'] for row in rows_in(out)} == {'none'}
+
+
 def test_a_body_that_does_not_fit_finds_no_way(drive, out):
     assert llm_astar('evaluate', drive, '--out', out, *CASES, '--robot-radius', '3') == 0
     assert {row['code'] for row in rows_in(out)} == {'START_OCCUPIED'}
 
 
-def test_recorded_traffic_is_replayed_and_makes_the_same_plans(tmp_path, out):
+def test_recorded_traffic_is_replayed_and_makes_the_same_plans(tmp_path, out, monkeypatch):
+    opened = []
+    monkeypatch.setattr(bag_reading, 'Bag', lambda path: opened.append(path) or Bag(path))
     points = [[6.0, 7.0], [7.0, 7.0]]
     exchange = {
         'map_digest': ROOM.digest, 'pair': '2,2->8,2', 'model': 'small', 'prompt': 'few_shot',
@@ -153,6 +173,8 @@ def test_recorded_traffic_is_replayed_and_makes_the_same_plans(tmp_path, out):
     assert row['waypoints'] == row['recorded_waypoints'] == '6,7;7,7'
     assert (row['recorded_code'], row['prompt_tokens']) == ('NONE', '9')
     assert len((out / 'exchanges.jsonl').read_text().splitlines()) == 1
+    # Opening looks through a whole bag: traffic and requests are read from one that is open.
+    assert opened == [str(bag)]
 
 
 def test_replay_of_a_bag_without_traffic_is_bad_usage(drive, out, capsys):
@@ -246,7 +268,11 @@ def test_the_plans_go_into_a_bag_that_others_read(drive, tmp_path, out):
         counts = {connection.topic: connection.msgcount for connection in reader.connections}
     assert counts['/evaluation/guided/plan'] == 2
     assert counts['/evaluation/guided_straight/report'] == 2
-    assert llm_astar('evaluate', plans, '--list', '--plan-topic', '/evaluation/guided/plan') == 3
+    again = ('--plan-topic', '/evaluation/guided/plan', '--out', tmp_path / 'again')
+    assert llm_astar('evaluate', plans, *CASES, *again) == 0
+    lengths = [float(row['length']) for row in by_method(out, 'guided')]
+    recorded = [float(row['recorded_length']) for row in by_method(tmp_path / 'again', 'guided')]
+    assert recorded == pytest.approx(lengths)
 
 
 def test_the_report_shows_the_map_of_the_middle_request(drive, out, monkeypatch):
@@ -254,6 +280,30 @@ def test_the_report_shows_the_map_of_the_middle_request(drive, out, monkeypatch)
     options = ('--methods', 'llm_astar', '--source', 'straight', '--out', out)
     assert llm_astar('evaluate', drive, *options) == 0
     assert (out / 'compare.png').stat().st_size > 1000
+
+
+def test_a_request_is_drawn_by_the_rules_it_was_planned_by(tmp_path, out, monkeypatch, capsys):
+    """Where barriers are known corners may be cut, though the rules of the run say otherwise."""
+    monkeypatch.undo()
+    drawn = []
+
+    def figure(grid_map, plans, *rest):
+        drawn.extend(plans)
+        return compare_figure(grid_map, plans, *rest)
+
+    monkeypatch.setattr(publish, 'compare_figure', figure)
+    dataset, bag = tmp_path / 'maps.json', tmp_path / 'bag'
+    save_barrier_maps(list(generate(9, 1, MapRules(pairs=5))), dataset)
+    assert llm_astar('dataset', 'to-bag', '--dataset', dataset, '--out', bag) == 0
+    options = ('--methods', 'llm_astar', '--source', 'straight', '--out', out)
+    assert llm_astar('evaluate', bag, *options) == 0
+    rows = rows_in(out)
+    assert [
+        any(float(row['operation']) == plan.operation for row in rows if row['method'] == method)
+        for method, plan in zip(('astar', 'llm_astar'), drawn, strict=True)
+    ] == [True, True]
+    assert llm_astar('evaluate', bag, *options, '--resume', '--no-corner-cutting') == 2
+    assert 'paper_corners (True before) differ' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

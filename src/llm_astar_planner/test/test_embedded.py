@@ -1,7 +1,9 @@
 """The embedded waypoint model: what it is told, how it answers, and that its weights are good."""
 
+import gc
 import os
 import re
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -14,7 +16,7 @@ from llm_astar_planner.share import find_file
 from llm_astar_planner.sight import walls_of
 from llm_astar_planner.targets import Verdict
 from llm_astar_planner.waypoint_source.base import SourceStatus, WaypointQuery
-from llm_astar_planner.waypoint_source.embedded import EmbeddedSource
+from llm_astar_planner.waypoint_source.embedded import MAPS_KEPT, EmbeddedSource
 from llm_astar_planner.waypoint_source.embedded_features import GOAL, featurise, place_nodes
 from llm_astar_planner.waypoint_source.embedded_network import (
     WEIGHTS_FILE,
@@ -174,6 +176,18 @@ def test_odd_maps_get_an_answer(grid, start, goal):
         assert (reply.status is SourceStatus.OK) == bool(reply.waypoints)
         blocked = grid.blocked()
         assert not any(blocked[int(y), int(x)] for x, y in reply.waypoints)
+
+
+def test_maps_of_the_past_are_let_go():
+    """A robot that maps sends ever new ones."""
+    past = []
+    for _ in range(MAPS_KEPT + 3):
+        grid = barrier_grid([(10, 0, 25)])
+        EmbeddedSource(8).waypoints(WaypointQuery(grid, (5, 5), (5, 15)))
+        past.append(weakref.ref(grid))
+    del grid
+    gc.collect()
+    assert sum(ref() is not None for ref in past) <= MAPS_KEPT
 
 
 def test_an_empty_map_needs_no_waypoints():

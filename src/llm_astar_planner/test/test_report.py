@@ -10,6 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.barrier_map import save_barrier_maps
+from llm_astar_msgs_adapter.grid_map import GridMap
+from llm_astar_planner.benchmark.figures import walled
 from llm_astar_planner.benchmark.findings import growth_sentence, headline, sentence, verdict
 from llm_astar_planner.benchmark.generate import generate
 from llm_astar_planner.benchmark.publish import publish
@@ -28,6 +30,7 @@ from llm_astar_planner.benchmark.summary import (
     summarise,
 )
 from llm_astar_planner.benchmark.thresholds import missed, parse_threshold
+from llm_astar_planner.plan import GridRules
 
 
 def row(case, operation=100.0, length=30.0, map_id=0, pair=0, scale=1, **values):
@@ -48,6 +51,12 @@ def rows_with(factor, spread=0.0, case=ORACLE):
         work = 50.0 * factor * math.exp(spread * random.normal())
         rows += [row(A_STAR, **here), row(NONE, 50.0, **here), row(case, work, 31.0, **here)]
     return rows
+
+
+def test_a_grid_is_drawn_with_the_walls_the_planner_had():
+    costmap = GridMap(np.array([[0, 70, 99, 100, -1]], dtype=np.int8), 0.05)
+    drawn = walled(costmap, GridRules(occupied_threshold=99))
+    assert drawn.cells.tolist() == [[0, 0, 100, 100, -1]]
 
 
 def test_a_summary_holds_each_metric():

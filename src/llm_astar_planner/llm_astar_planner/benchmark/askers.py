@@ -41,16 +41,16 @@ def make_askers(
 
     Every named source is made for every prompt and model (`settings` with these put in). A replay
     without them gets all its transcript holds. All ablations (or `default`) come along where a
-    named source is none of them, and the embedded model where none is named. Raises ValueError
-    for a source that cannot be made.
+    named source is none of them, and with the embedded model where nothing is named; `none` alone
+    asks nobody. Raises ValueError for a source that cannot be made.
     """
     ablations = ablation_sources(seed)
     asked = [name for name in names if name != 'none']
     chosen = [name for name in asked if name in ablations]
-    if len(chosen) < len(asked) or not asked:
+    if len(chosen) < len(asked) or not names:
         chosen = list(ablations if default is None else default)
     askers = [Asker()]
-    if EMBEDDED in asked or not asked:
+    if EMBEDDED in asked or not names:
         askers += embedded_askers()
     for name in asked:
         if name not in ablations and name != EMBEDDED:

@@ -97,8 +97,11 @@ class Answers:
                 item.stamp = stamp_of(plan)
                 item.done = not self._reports or bool(item.request.recorded.code)
 
-    def take_plan(self, plan: Any) -> None:  # noqa: ANN401 - a decoded Path
-        """Take a path as the answer to the first request it fits; later ones improve on it."""
+    def take_plan(self, plan: Any) -> bool:  # noqa: ANN401 - a decoded Path
+        """Take a path as the answer to the first request it fits; later ones improve on it.
+
+        Tells whether there was one.
+        """
         points = path_from_message(plan)
         stamp = stamp_of(plan)
         for item in self._waiting:
@@ -107,7 +110,8 @@ class Answers:
                 item.request.recorded.points = points
                 item.stamp = stamp
                 item.done = not (self._reports or item.call)
-                return
+                return True
+        return False
 
     def take_report(self, report: Any) -> None:  # noqa: ANN401 - a decoded DiagnosticArray
         """Take a report of ours: it is the last that comes under its plan's stamp."""

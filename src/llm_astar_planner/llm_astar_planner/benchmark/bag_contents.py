@@ -15,7 +15,13 @@ POSE, POSE_GUESS = 'geometry_msgs/msg/PoseStamped', 'geometry_msgs/msg/PoseWithC
 ODOMETRY, TF, TEXT = 'nav_msgs/msg/Odometry', 'tf2_msgs/msg/TFMessage', 'std_msgs/msg/String'
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 SERVICE = '/get_plan/_service_event'
-REQUESTS = ('auto', 'service', 'goals')
+# What requests may be taken from: the part that tells them, and its name for people.
+ASKING = {
+    'service': ('request', 'events of GetPlan (service introspection)'),
+    'goals': ('goal', 'goals on goal_pose'),
+    'plans': ('plan as request', "paths of the robot's own"),
+}
+REQUESTS = ('auto', *ASKING)
 
 
 @dataclass(frozen=True)
@@ -23,7 +29,9 @@ class Wanted:
     """Which topics to take, and which requests: a member of REQUESTS, or `list` for a file's.
 
     `namespace` is the robot's where a bag has several, '' or beginning with a slash; a topic that
-    is '' is the namespace's own. `base_frame` is the robot's in tf.
+    is '' is the namespace's own. `base_frame` is the robot's in tf. Plans are requests, each from
+    its first pose to its last, where that is wanted, and by `auto` where neither calls nor goals
+    are in the bag.
     """
 
     namespace: str = ''
@@ -37,6 +45,11 @@ class Wanted:
     def map(self) -> str:
         """The topic of the map."""
         return self.map_topic or f'{self.namespace}{MAP}'
+
+    @property
+    def plan(self) -> str:
+        """The topic of the robot's own plans."""
+        return self.plan_topic or f'{self.namespace}/plan'
 
 
 def parts(bag: Bag, wanted: Wanted) -> dict[str, str]:
@@ -57,7 +70,20 @@ def parts(bag: Bag, wanted: Wanted) -> dict[str, str]:
         part = _by_ending(name, topic.msgtype) if name.startswith(f'{wanted.namespace}/') else ''
         if part and (part != 'request' or wanted.requests in ('auto', 'service')):
             found[name] = part
+    untold = wanted.requests == 'auto' and not _held(bag, found) & {'request', 'goal'}
+    if found.get(wanted.plan) == 'plan' and (untold or wanted.requests == 'plans'):
+        found[wanted.plan] = 'plan as request'
+        if untold and bag.topics[wanted.plan].count:
+            bag.problems.note(
+                f'{bag.path}: neither calls nor goals are in it, and actions do not tell theirs: '
+                f'each path on {wanted.plan} is a request, from its first pose to its last'
+            )
     return found
+
+
+def _held(bag: Bag, found: Mapping[str, str]) -> set[str]:
+    """Return the parts there are messages of."""
+    return {part for name, part in found.items() if bag.topics[name].count}
 
 
 def _named(wanted: Wanted) -> Iterable[tuple[str, str, str]]:
@@ -65,11 +91,12 @@ def _named(wanted: Wanted) -> Iterable[tuple[str, str, str]]:
     yield 'map', wanted.map, GRID
     yield 'map update', f'{wanted.map}_updates', UPDATE
     yield 'barriers', BARRIER_MAP, TEXT
-    yield 'plan', wanted.plan_topic or f'{own}/plan', PATH
+    yield 'plan', wanted.plan, PATH
     yield 'odometry', wanted.odom_topic or f'{own}/odom', ODOMETRY
     if wanted.requests in ('auto', 'goals'):
         yield 'goal', f'{own}/goal_pose', POSE
         yield 'start', f'{own}/initialpose', POSE_GUESS
+        yield 'start', f'{own}/amcl_pose', POSE_GUESS
     for prefix in dict.fromkeys(('', own)):
         yield 'tf', f'{prefix}/tf', TF
         yield 'static tf', f'{prefix}/tf_static', TF
@@ -87,16 +114,15 @@ def _by_ending(name: str, msgtype: str) -> str:
 
 def missing(bag: Bag, found: Mapping[str, str], wanted: Wanted) -> str:
     """Say what keeps a bag from being evaluated at all, or ''."""
-    held = {part for name, part in found.items() if bag.topics[name].count}
+    held = _held(bag, found)
     if 'map' not in held:
         grids = [name for name, topic in bag.topics.items() if topic.msgtype == GRID]
         hint = f'; name one with --map-topic: {", ".join(grids)}' if grids else ''
         return f'{bag.path}: no map: there is no {GRID} on {wanted.map}{hint}'
-    if wanted.requests != 'list' and not held & {'request', 'goal'}:
-        return (
-            f'{bag.path}: no requests: there are neither events of GetPlan (service '
-            'introspection) nor goals on goal_pose; a file of them goes to --requests'
-        )
+    sought = [ASKING[wanted.requests]] if wanted.requests in ASKING else ASKING.values()
+    if wanted.requests != 'list' and not held & {part for part, _ in sought}:
+        none = ' and no '.join(name for _, name in sought)
+        return f'{bag.path}: no requests: it has no {none}; a file of them goes to --requests'
     return ''
 
 

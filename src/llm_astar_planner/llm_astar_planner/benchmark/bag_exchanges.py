@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.bag_file import BagError
 from llm_astar_msgs_adapter.bag_reading import Bag
 from llm_astar_msgs_adapter.message_values import values_of_report
 
@@ -18,33 +17,27 @@ from llm_astar_planner.waypoint_source.base import SourceStatus
 from llm_astar_planner.waypoint_source.transcript import Exchange, TranscriptWriter
 
 
-def write_exchanges(bags: Sequence[Path], wanted: Wanted, transcript: Path) -> int:
+def write_exchanges(bags: Sequence[Bag], wanted: Wanted, transcript: Path) -> int:
     """Write every exchange in bags to a new transcript, in their order; return how many there are.
 
-    A bag that cannot be read has none. Raises TranscriptError or OSError where the file cannot be
-    written.
+    Raises TranscriptError or OSError where the file cannot be written.
     """
     transcript.unlink(missing_ok=True)
     writer = TranscriptWriter(transcript)
     count = 0
-    for path in bags:
-        for exchange in _exchanges(path, wanted):
+    for bag in bags:
+        for exchange in _exchanges(bag, wanted):
             writer.write(exchange)
             count += 1
     return count
 
 
-def _exchanges(path: Path, wanted: Wanted) -> Iterator[Exchange]:
-    try:
-        bag = Bag(path)
-    except (BagError, OSError):
-        return
-    with bag:
-        topics = [name for name, part in parts(bag, wanted).items() if part == 'exchange']
-        for message in bag.messages(topics):
-            exchange = _exchange(values_of_report(message.value))
-            if exchange is not None:
-                yield exchange
+def _exchanges(bag: Bag, wanted: Wanted) -> Iterator[Exchange]:
+    topics = [name for name, part in parts(bag, wanted).items() if part == 'exchange']
+    for message in bag.messages(topics):
+        exchange = _exchange(values_of_report(message.value))
+        if exchange is not None:
+            yield exchange
 
 
 def _exchange(values: Mapping[str, Any]) -> Exchange | None:

@@ -9,9 +9,12 @@ from llm_astar_msgs_adapter.grid_map import GridMapError, Pose2D
 from llm_astar_msgs_adapter.message_values import pose_from_message
 from llm_astar_msgs_adapter.transforms import Transforms, flat_pose, moved
 
+# What tells where the robot is, besides tf, the better first.
+TOLD = {'odometry': 'odometry', 'start': 'amcl_pose or initialpose'}
+
 
 class Places:
-    """The latest transforms, odometry and initial pose."""
+    """The latest transforms, odometry, and pose by amcl or as it was told."""
 
     def __init__(self, base_frame: str) -> None:
         """Know no place yet; `base_frame` is the robot's in tf."""
@@ -37,7 +40,7 @@ class Places:
         try:
             place = pose_from_message(pose)
         except GridMapError as error:
-            return str(error)
+            return f'cannot be used ({error})'
         # Callers that leave the frame empty mean the map's.
         if frame in ('', target):
             return place
@@ -51,11 +54,14 @@ class Places:
         known = self._transforms.lookup(target, self._base_frame, now)
         if known is not None:
             return flat_pose(known)
-        for part in ('odometry', 'start'):
-            if part in self._told:
-                value = self._told[part].value
-                place = self.on_map(value.pose.pose, value.header.frame_id, target, now)
-                if isinstance(place, Pose2D):
-                    return place
-        tf = f'no tf from {target} to {self._base_frame}'
-        return f'is not known: {tf}, no odometry, no initialpose yet'
+        why = [f'no tf from {target} to {self._base_frame}']
+        for part, name in TOLD.items():
+            if part not in self._told:
+                why.append(f'no {name} yet')
+                continue
+            value = self._told[part].value
+            place = self.on_map(value.pose.pose, value.header.frame_id, target, now)
+            if isinstance(place, Pose2D):
+                return place
+            why.append(f'{name} {place}')
+        return f'is not known: {"; ".join(why)}'

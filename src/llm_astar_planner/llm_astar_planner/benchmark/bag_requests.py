@@ -42,7 +42,8 @@ class RequestReader:
         self._missing = missing(bag, self._parts, wanted)
         held = self._parts.values()
         self._listed = deque(sorted(listed, key=lambda item: item.time))
-        self._answers = Answers(int(window * 1e9), plans='plan' in held, reports='report' in held)
+        plans = 'plan' in held or 'plan as request' in held
+        self._answers = Answers(int(window * 1e9), plans=plans, reports='report' in held)
         self._places = Places(wanted.base_frame)
         self._grid_map: GridMap | None = None
         self._barriers: BarrierMap | None = None
@@ -50,13 +51,14 @@ class RequestReader:
         self._now = 0
         self._count = 0
         self._noted: set[str] = set()
-        self._handlers: dict[str, Callable[[Message], None]] = {
+        self._handlers: dict[str, Callable[[Message], object]] = {
             'map': self._on_map,
             'map update': self._on_update,
             'barriers': self._on_barriers,
             'request': self._on_event,
             'goal': self._on_goal,
             'plan': lambda message: self._answers.take_plan(message.value),
+            'plan as request': self._on_plan,
             'report': lambda message: self._answers.take_report(message.value),
             **{
                 part: partial(self._places.take, part)
@@ -152,6 +154,18 @@ class RequestReader:
     def _on_goal(self, message: Message) -> None:
         start = self._places.robot(self._frame, message.time)
         self._ask(self._when(message), start, self._on_the_map(message.value))
+
+    def _on_plan(self, message: Message) -> None:
+        """Take a path as a request that it answers itself, unless it betters the one before."""
+        plan = message.value
+        if not len(plan.poses) or self._answers.take_plan(plan):
+            return
+        start, goal = (
+            self._places.on_map(stamped.pose, plan.header.frame_id, self._frame, self._now)
+            for stamped in (plan.poses[0], plan.poses[-1])
+        )
+        self._ask(self._when(message), start, goal)
+        self._answers.take_plan(plan)
 
     def _ask_listed(self, now: float | None) -> None:
         """Make the listed requests whose time has come, all that are left for None."""

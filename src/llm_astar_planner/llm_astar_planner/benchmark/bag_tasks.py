@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import numpy as np
-from llm_astar_msgs_adapter.bag_file import BagError
-from llm_astar_msgs_adapter.bag_problems import Problems
 from llm_astar_msgs_adapter.bag_reading import Bag
 from llm_astar_msgs_adapter.barrier_map import BarrierMap, Sample
 from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError, Pose2D
@@ -32,16 +29,14 @@ MAX_MAPS, MAX_CELLS, MAX_REQUESTS = 100, 4_000_000, 100
 class BagSweep:
     """What an evaluation of bags covers.
 
-    `settings.rules` hold on every map; where barriers are known, `paper_corners` lets paths cut
-    corners, as the paper does. `window` is how many seconds a recorded plan may take.
+    `window` is how many seconds a recorded plan may take.
     """
 
-    bags: Sequence[Path]
+    bags: Sequence[Bag]
     wanted: Wanted
     methods: Sequence[str]
     askers: Sequence[Asker]
     settings: Settings
-    paper_corners: bool = True
     window: float = 10.0
     listed: Sequence[ListedRequest] = ()
 
@@ -104,7 +99,7 @@ class KeptMaps:
 
 
 class BagRun:
-    """Tasks of bags as they are read, and what of them was left out."""
+    """Tasks of bags as they are read, and the maps kept of them."""
 
     def __init__(self, sweep: BagSweep) -> None:
         """Take what to cover; nothing is read yet."""
@@ -112,36 +107,16 @@ class BagRun:
         self._cases = plan_cases(sweep.methods, sweep.askers)
         self._numbers = Numbers()
         self.kept = KeptMaps()
-        self.problems: list[Problems] = []
-        self.requests = 0
 
     def tasks(self, done: frozenset[RowKey]) -> Iterator[Task]:
         """Yield the tasks that are not `done`, bag after bag."""
-        for path in self._sweep.bags:
-            try:
-                bag = Bag(path)
-            except (BagError, OSError) as error:
-                problems = Problems()
-                problems.leave_out(str(error))
-                self.problems.append(problems)
-                continue
-            self.problems.append(bag.problems)
-            with bag:
-                yield from self._tasks_of(bag, done)
-
-    def notes(self) -> list[str]:
-        """Return what was odd and cost nothing."""
-        return [line for problems in self.problems for line in problems.notes]
-
-    def left_out(self) -> list[str]:
-        """Return what is not in the results, and why."""
-        return [line for problems in self.problems for line in problems.lines()]
+        for bag in self._sweep.bags:
+            yield from self._tasks_of(bag, done)
 
     def _tasks_of(self, bag: Bag, done: frozenset[RowKey]) -> Iterator[Task]:
         sweep = self._sweep
         reader = RequestReader(bag, sweep.wanted, sweep.window, sweep.listed)
         for request in reader.requests():
-            self.requests += 1
             try:
                 task = self._task(bag, request)
             except GridMapError as error:
@@ -162,8 +137,6 @@ class BagRun:
         ends = _cell(grid_map, request.start), _cell(grid_map, request.goal)
         sample, is_sample = self._sample(request, ends)
         settings = sweep.settings
-        if request.barrier_map is not None and sweep.paper_corners and settings.rules is not None:
-            settings = replace(settings, rules=replace(settings.rules, corner_cutting=True))
         if request.tolerance > 0.0:
             settings = replace(settings, tolerance=request.tolerance)
         self.kept.add(sample)

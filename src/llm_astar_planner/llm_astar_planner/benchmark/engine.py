@@ -14,7 +14,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.barrier_map import Sample
+from llm_astar_msgs_adapter.barrier_map import BarrierMap, Sample
 
 from llm_astar_planner.asking import ask
 from llm_astar_planner.benchmark.occasion import Occasion
@@ -61,6 +61,8 @@ class Settings:
     """What all cases of a run share; see PlanRequest and GridRules.
 
     Without `rules` those of the kind of map hold: the paper's on barriers, MovingAI's on a grid.
+    With `paper_corners` paths may cut corners where a map's barriers are known, whatever `rules`
+    say of it.
     """
 
     heuristic: str = 'euclidean'
@@ -70,6 +72,13 @@ class Settings:
     rules: GridRules | None = None
     tolerance: float = 0.0
     start_tolerance: float = 0.0
+    paper_corners: bool = False
+
+    def rules_on(self, problem: ProblemMap) -> GridRules | None:
+        """Return the rules that hold on a map."""
+        if self.rules and self.paper_corners and isinstance(problem, BarrierMap):
+            return replace(self.rules, corner_cutting=True)
+        return self.rules
 
 
 @dataclass(frozen=True)
@@ -148,7 +157,7 @@ def run_task(task: Task) -> list[Outcome]:
     """Ask each source of the task once and plan every case."""
     _warm_up()
     scaled = replace(task.sample.barrier_map, samples=(task.sample.sample,)).scale(task.scale)
-    planner = _planners.get(replace(scaled, samples=()), task.settings.rules)
+    planner = _planners.get(replace(scaled, samples=()), task.settings.rules_on(scaled))
     sample = scaled.samples[0]
     ends = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
     key = SampleKey(*task.sample.key, task.scale)
@@ -170,7 +179,7 @@ def run_task(task: Task) -> list[Outcome]:
 
 def plan_again(barrier_map: ProblemMap, sample: Sample, row: Row, settings: Settings) -> Plan:
     """Plan a row of scale 1 once more with the waypoints it had, to see what it expanded."""
-    planner = _planners.get(replace(barrier_map, samples=()), settings.rules)
+    planner = _planners.get(replace(barrier_map, samples=()), settings.rules_on(barrier_map))
     reply = WaypointReply(parse_points(row.waypoints), label=row.source)
     request = PlanRequest(
         barrier_map.to_cell(sample.start),

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from llm_astar_msgs_adapter.barrier_map import Barrier, BarrierMap
-from llm_astar_msgs_adapter.grid_map import GridMap
+from llm_astar_msgs_adapter.grid_map import FREE, OCCUPIED, GridMap
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from llm_astar_planner.benchmark.findings import label
+from llm_astar_planner.benchmark.grid_dataset import GRID_RULES
 from llm_astar_planner.benchmark.results import Case
 from llm_astar_planner.benchmark.scalability import Growth
 from llm_astar_planner.benchmark.summary import CaseSummary, is_ablation
 from llm_astar_planner.benchmark.trace import trace
+from llm_astar_planner.plan import GridRules
 from llm_astar_planner.planner import Plan
 from llm_astar_planner.plot import OBSTACLE, draw, picture_of
 from llm_astar_planner.search.result import Cell
@@ -31,6 +34,13 @@ SHOWCASE = BarrierMap(
 )
 SHOWCASE_ENDS: tuple[Cell, Cell] = (2, 5), (9, 5)
 SHOWCASE_WAYPOINTS: tuple[Cell, ...] = ((2, 8), (7, 8))
+
+
+def walled(grid_map: GridMap, rules: GridRules | None) -> GridMap:
+    """Return a map to be drawn: occupied where rules say so, a costmap's other cells free."""
+    threshold = (rules or GRID_RULES).occupied_threshold
+    cells = np.where(grid_map.cells >= threshold, OCCUPIED, np.minimum(grid_map.cells, FREE))
+    return replace(grid_map, cells=cells.astype(np.int8))
 
 
 def compare_figure(

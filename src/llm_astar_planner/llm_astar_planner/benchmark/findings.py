@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.benchmark.scalability import Growth
 from llm_astar_planner.benchmark.statistics import Interval
 from llm_astar_planner.benchmark.summary import Contrast, is_ablation, is_learned
@@ -37,6 +38,23 @@ def label(method: str) -> str:
 def counted(number: int, thing: str) -> str:
     """Write so many things, in the plural but for one."""
     return f'{number} {thing}' if number == 1 else f'{number} {thing}s'
+
+
+def recorded_sentence(rows: Sequence[Row]) -> str:
+    """Say for how many requests of bags a plan was recorded, '' where there are none."""
+    requests = {row.key[:2]: row for row in rows if row.bag}.values()
+    plans = [row for row in requests if row.recorded_length >= 0]
+    broken = sum(bool(row.recorded_problem) for row in plans)
+    # An empty path has no length, and that is its problem.
+    empty = sum(bool(row.recorded_problem) for row in requests) - broken
+    if not plans and not empty:
+        return ''
+    none = f' (it found none for {empty})' if empty else ''
+    return (
+        f"The robot's own plan is in the bags for {len(plans)} of "
+        f'{counted(len(requests), "request")}{none}; not valid on their map by these rules: '
+        f'{broken} (`recorded_problem` in results.csv says why).'
+    )
 
 
 def headline(contrasts: Sequence[Contrast]) -> str:

@@ -18,6 +18,7 @@ from llm_astar_planner.benchmark.figures import (
     growth_figure,
     ratio_figure,
     showcase_figure,
+    walled,
 )
 from llm_astar_planner.benchmark.findings import headline, sentence
 from llm_astar_planner.benchmark.points import parse_points
@@ -68,11 +69,19 @@ def publish(
         **{name: metadata[name] for name in ('left_out', 'notes') if name in metadata},
     }
     folder.write_json('summary.json', summary)
-    pictures = draw_all(folder.path, rows, maps, (summaries, growths), _settings(metadata))
+    pictures = draw_all(folder.path, rows, maps, (summaries, growths), metadata)
     beside = [(path.name, caption) for path, caption in pictures]
-    folder.write_text('report.md', report(summaries, added, growths, metadata, beside))
+    text = report(summaries, added, growths, metadata, rows=rows, pictures=beside)
+    folder.write_text('report.md', text)
     page = html_report(
-        summaries, added, growths, metadata, rows=rows, maps=maps, pictures=pictures
+        summaries,
+        added,
+        growths,
+        metadata,
+        rows=rows,
+        maps=maps,
+        rules=_settings(metadata).rules,
+        pictures=pictures,
     )
     folder.write_text('report.html', page)
     return folder.read_json('summary.json')
@@ -83,9 +92,9 @@ def draw_all(
     rows: Sequence[Row],
     maps: Sequence[ProblemMap],
     figures: tuple[Sequence[CaseSummary], Sequence[Growth]],
-    settings: Settings,
+    metadata: Mapping[str, Any],
 ) -> Pictures:
-    """Draw every figure there are rows for."""
+    """Draw every figure there are rows for, and beside samples what the paper's search does."""
     summaries, growths = figures
     pictures: Pictures = []
     if summaries:
@@ -96,11 +105,12 @@ def draw_all(
         path = folder / 'growth.png'
         growth_figure(growths).savefig(path, dpi=DPI)
         pictures.append((path, 'Growth of work and storage with the scale of the map.'))
-    pictures += _draw_sample(folder, rows, maps, settings)
-    path = folder / 'showcase.png'
-    showcase_figure().savefig(path, dpi=DPI)
-    caption = 'LLM-A* target by target on an 11 x 11 map, Chebyshev heuristic, and A* (pink).'
-    pictures.append((path, caption))
+    pictures += _draw_sample(folder, rows, maps, _settings(metadata))
+    if not metadata.get('bags'):
+        path = folder / 'showcase.png'
+        showcase_figure().savefig(path, dpi=DPI)
+        caption = 'LLM-A* target by target on an 11 x 11 map, Chebyshev heuristic, and A* (pink).'
+        pictures.append((path, caption))
     return pictures
 
 
@@ -116,7 +126,7 @@ def _draw_sample(
     barrier_map = next(item for item in maps if item.id == row.map)
     sample = barrier_map.samples[row.pair]
     ends = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-    grid_map = barrier_map.to_grid()
+    grid_map = walled(barrier_map.to_grid(), settings.rules)
     plans = [plan_again(barrier_map, sample, item, settings) for item in (base, row)]
     titles = [case_label(item.case) for item in (base, row)]
     where = f'Map {row.map}, pair {row.pair}, the sample of median saving'
@@ -159,6 +169,7 @@ def _middle(rows: Sequence[Row]) -> tuple[Row, Row] | None:
 def _settings(metadata: Mapping[str, Any]) -> Settings:
     names = (
         'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'tolerance', 'start_tolerance',
+        'paper_corners',
     )  # fmt: skip
     parameters = metadata['parameters']
     rules = parameters.get('rules')

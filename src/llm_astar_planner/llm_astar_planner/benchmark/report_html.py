@@ -17,13 +17,18 @@ from markupsafe import Markup
 from PIL import Image
 
 from llm_astar_planner.benchmark import report_md as tables
-from llm_astar_planner.benchmark.figures import case_label
-from llm_astar_planner.benchmark.findings import growth_sentence, headline, sentence
-from llm_astar_planner.benchmark.grid_dataset import GRID_RULES
+from llm_astar_planner.benchmark.figures import case_label, walled
+from llm_astar_planner.benchmark.findings import (
+    growth_sentence,
+    headline,
+    recorded_sentence,
+    sentence,
+)
 from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.benchmark.samples import ProblemMap
 from llm_astar_planner.benchmark.scalability import Growth
 from llm_astar_planner.benchmark.summary import CaseSummary, Contrast, by_case, place
+from llm_astar_planner.plan import GridRules
 
 # As the page draws walls, and lighter what nobody has seen.
 WALL_COLOUR, UNKNOWN_COLOUR = (31, 36, 48, 255), (154, 160, 172, 96)
@@ -38,15 +43,21 @@ def html_report(
     *,
     rows: Sequence[Row],
     maps: Sequence[ProblemMap],
+    rules: GridRules | None = None,
     pictures: Sequence[tuple[Path, str]] = (),
 ) -> str:
-    """Write the page; `pictures` are (file, caption). It asks the network for nothing."""
+    """Write the page; `pictures` are (file, caption). It asks the network for nothing.
+
+    Grids are drawn by the `rules` of the run, without them by MovingAI's.
+    """
     environment = Environment(
         loader=PackageLoader('llm_astar_planner', 'benchmark'), autoescape=True
     )
     growth_head, growth_rows = tables.growth_table(growths)
     page: str = environment.get_template('report.html.j2').render(
+        title=tables.title(metadata),
         headline=_plain(headline(contrasts)),
+        recorded=_plain(recorded_sentence(rows)),
         provenance=_plain(tables.provenance(metadata, summaries)),
         sentences=[_plain(sentence(contrast)) for contrast in contrasts if contrast.samples],
         main=(tables.TABLE_HEAD, tables.main_table(summaries)),
@@ -58,14 +69,16 @@ def html_report(
         notes=list(metadata.get('notes') or []),
         growth=(growth_head, growth_rows),
         grown=growth_sentence(growths),
-        paper=(tables.TABLE_HEAD, tables.PAPER_TABLE),
+        paper=(tables.TABLE_HEAD, () if metadata.get('bags') else tables.PAPER_TABLE),
         pictures=[(_inline(path), caption) for path, caption in pictures],
-        data=_script_json(browser_data(rows, maps)),
+        data=_script_json(browser_data(rows, maps, rules)),
     )
     return page
 
 
-def browser_data(rows: Sequence[Row], maps: Sequence[ProblemMap]) -> dict[str, Any]:
+def browser_data(
+    rows: Sequence[Row], maps: Sequence[ProblemMap], rules: GridRules | None
+) -> dict[str, Any]:
     """Return what the browser of samples shows: maps, cases, and the rows of scale 1."""
     cases = dict(sorted(by_case(rows).items(), key=lambda item: place(item[0])))
     held = {problem.id: len(problem.samples) for problem in maps}
@@ -74,23 +87,32 @@ def browser_data(rows: Sequence[Row], maps: Sequence[ProblemMap]) -> dict[str, A
     )
     wanted = {map_id for map_id, _ in samples}
     return {
-        'maps': {m.id: _map(m) for m in maps if m.id in wanted},
+        'maps': {m.id: _map(m, rules) for m in maps if m.id in wanted},
         'cases': [case_label(case) for case in cases],
         'samples': [
-            [*sample, [_entry(found.get(sample)) for found in cases.values()]]
+            [
+                *sample,
+                [_entry(found.get(sample)) for found in cases.values()],
+                *_recorded(next(found[sample] for found in cases.values() if sample in found)),
+            ]
             for sample in samples
         ],
     }
 
 
-def _map(problem: ProblemMap) -> dict[str, Any]:
+def _recorded(row: Row) -> tuple[str, str]:
+    """Return which request of a bag a row is of, and the path the robot itself planned then."""
+    return f'{row.bag}, request {row.request}' if row.bag else '', row.recorded_path
+
+
+def _map(problem: ProblemMap, rules: GridRules | None) -> dict[str, Any]:
     """Describe a map in cells, counted from its corner: its barriers, or a picture of its grid."""
     pairs = [
         [*problem.to_cell(sample.start), *problem.to_cell(sample.goal), sample.query]
         for sample in problem.samples
     ]
     if not isinstance(problem, BarrierMap):
-        grid_map = problem.to_grid()
+        grid_map = walled(problem.to_grid(), rules)
         return {
             'size': [grid_map.width, grid_map.height],
             'h': [],
@@ -111,7 +133,7 @@ def _picture(grid_map: GridMap) -> str:
     """Draw a grid, a pixel a cell, row 0 below: blocked dark, unknown grey, free clear."""
     pixels = np.zeros((*grid_map.cells.shape, 4), dtype=np.uint8)
     pixels[grid_map.cells < FREE] = UNKNOWN_COLOUR
-    pixels[grid_map.blocked(GRID_RULES.occupied_threshold)] = WALL_COLOUR
+    pixels[grid_map.blocked()] = WALL_COLOUR
     buffer = io.BytesIO()
     Image.fromarray(pixels[::-1]).quantize().save(buffer, 'PNG')
     return f'data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}'

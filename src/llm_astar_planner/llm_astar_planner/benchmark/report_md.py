@@ -11,6 +11,7 @@ from llm_astar_planner.benchmark.findings import (
     growth_sentence,
     headline,
     label,
+    recorded_sentence,
     sentence,
     verdict,
 )
@@ -51,9 +52,10 @@ WAYPOINT_HEAD = (
     'Case', 'Waypoints a sample', 'Verdicts (% of waypoints)', 'Tokens in', 'Tokens out', 'Cost',
     'Unanswered',
 )  # fmt: skip
+RECORDED_HEAD = 'Length / recorded plan (%)'
 PATH_HEAD = (
     'Case', 'Clearance, least (m)', 'mean', 'Turns, mean', 'Through unknown, mean (m)',
-    'Length / recorded plan (%)', 'worst',
+    RECORDED_HEAD, 'worst',
 )  # fmt: skip
 CONTRAST_HEAD = ('Case', 'Operation / none (%)', 'Length / none (%)', 'Verdict')
 Table = list[tuple[str, ...]]
@@ -64,12 +66,15 @@ def report(
     contrasts: Sequence[Contrast],
     growths: Sequence[Growth],
     metadata: Mapping[str, Any],
+    *,
+    rows: Sequence[Row],
     pictures: Sequence[tuple[str, str]] = (),
 ) -> str:
     """Write the report; `pictures` are (file, caption) beside it."""
     parts = [
-        '# Benchmark report',
+        f'# {title(metadata)}',
         headline(contrasts),
+        recorded_sentence(rows),
         provenance(metadata, summaries),
         '## The table',
         'Geometric means of the ratios to A* on the same sample, in percent, with 95 % confidence '
@@ -87,11 +92,15 @@ def report(
         *left_out_part(metadata),
         *_growth_part(growths),
         *(f'![{caption}]({file})\n\n{caption}' for file, caption in pictures),
-        '## Table 1 of the paper, as printed',
-        'On its own 1000 samples, so not to be set against the rows above unless they are too.',
-        markdown_table(TABLE_HEAD, PAPER_TABLE),
+        *_paper_part(metadata),
     ]
     return '\n\n'.join(part for part in parts if part) + '\n'
+
+
+def title(metadata: Mapping[str, Any]) -> str:
+    """Say what a report is of: samples, or bags by their names."""
+    bags = metadata.get('bags')
+    return f'Evaluation of bags: {", ".join(bags)}' if bags else 'Benchmark report'
 
 
 def results_section(
@@ -184,11 +193,15 @@ def path_table(summaries: Sequence[CaseSummary]) -> Table:
             number(summary.clearance.mean),
             number(summary.turns.mean, 1),
             number(summary.unknown_length.mean),
-            '-' if summary.recorded is None else percent(summary.recorded.mean),
+            _over_recorded(summary),
             '-' if summary.recorded is None else number(100 * summary.recorded.spread.worst),
         )
         for summary in summaries
     ]
+
+
+def _over_recorded(summary: CaseSummary) -> str:
+    return '-' if summary.recorded is None else percent(summary.recorded.mean)
 
 
 def left_out_part(metadata: Mapping[str, Any]) -> list[str]:
@@ -278,12 +291,28 @@ def _growth_part(growths: Sequence[Growth]) -> list[str]:
     ]
 
 
+def _paper_part(metadata: Mapping[str, Any]) -> list[str]:
+    """Show the paper's own figures, beside samples alone."""
+    if metadata.get('bags'):
+        return []
+    return [
+        '## Table 1 of the paper, as printed',
+        'On its own 1000 samples, so not to be set against the rows above unless they are too.',
+        markdown_table(TABLE_HEAD, PAPER_TABLE),
+    ]
+
+
 def text_report(rows: Sequence[Row], seed: int = 0) -> str:
-    """Write the finding and the table for a terminal."""
-    table = [TABLE_HEAD, *main_table(summarise(rows, seed))]
-    widths = [max(len(line[column]) for line in table) for column in range(len(TABLE_HEAD))]
+    """Write the finding and the table for a terminal, of bags the lengths over the robot's own."""
+    summaries = summarise(rows, seed)
+    table = [TABLE_HEAD, *main_table(summaries)]
+    if any(summary.recorded for summary in summaries):
+        over = [RECORDED_HEAD, *map(_over_recorded, summaries)]
+        table = [(*line, cell) for line, cell in zip(table, over)]
+    widths = [max(map(len, column)) for column in zip(*table)]
     lines = [
         '  '.join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip()
         for line in table
     ]
-    return '\n'.join([*lines, '', headline(contrasts_of(rows, seed))])
+    said = [recorded_sentence(rows), headline(contrasts_of(rows, seed))]
+    return '\n'.join([*lines, '', *filter(None, said)])

@@ -26,7 +26,7 @@ import llm_astar_planner
 # The parameters that decide rows, whatever else a run is made with.
 DECIDING = (
     'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
-    'start_tolerance', 'requests', 'plan_window', 'topics',
+    'start_tolerance', 'paper_corners', 'requests', 'plan_window', 'topics',
 )  # fmt: skip
 # The maps of the rows, kept beside them so that a folder can be reported on by itself.
 MAPS_FILE = 'maps.json'

@@ -72,7 +72,7 @@ class ResultsBag:
         """Write what a method made of the request at `stamp` (nanoseconds).
 
         `points` [n, 2] are the plan's in metres, none where there is no plan; `source` is `none`
-        where none was asked. Raises OSError where the disk refuses it.
+        where none was asked. Raises BagWriteError where the disk refuses it.
         """
         stamp = max(stamp, 0)
         self._write_map(grid_map, max(stamp - LEAD, 0))

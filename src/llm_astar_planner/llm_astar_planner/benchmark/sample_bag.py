@@ -36,7 +36,8 @@ def write_sample_bag(
 
     Each map is an OccupancyGrid, its barriers as JSON just before it where it has barriers; each
     sample a request of GetPlan. Times count from a fixed one, a second from each to the next.
-    Raises BagWriteError where the folder exists, OSError where it cannot be written.
+    Raises BagWriteError where the folder exists or the disk takes no more, OSError where it cannot
+    be made.
     """
     with BagWriter(folder, storage) as bag:
         for topic in _topics():

@@ -36,6 +36,7 @@ from llm_astar_planner.benchmark.run import go_on
 from llm_astar_planner.benchmark.samples import BenchmarkSample, SelectionError, load_samples
 from llm_astar_planner.nodes.caller import Caller, CallerError
 from llm_astar_planner.nodes.live_run import LiveRun
+from llm_astar_planner.nodes.run import leave
 from llm_astar_planner.search.methods import METHODS
 from llm_astar_planner.share import find_file
 
@@ -146,7 +147,7 @@ def _replay(
     except KeyboardInterrupt:
         return _complain('interrupted: rows so far are kept; go on with --resume', INTERRUPTED)
     finally:
-        node.destroy_node()
+        leave(node)
         rclpy.try_shutdown()
     return OK
 

@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from llm_astar_planner.nodes.caller import DISCOVERY_SECONDS, Caller, CallerError
 from llm_astar_planner.nodes.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.run import leave
 from llm_astar_planner.plot import Picture, save_picture, steered
 from llm_astar_planner.search.result import Cell
 
@@ -74,7 +75,7 @@ def call_and_draw(ends: tuple[Pose2D, Pose2D], picture: Path) -> bool:
         sys.stderr.write(f'llm-astar: error: {error}\n')
         return False
     finally:
-        node.destroy_node()
+        leave(node)
         rclpy.try_shutdown()
 
 

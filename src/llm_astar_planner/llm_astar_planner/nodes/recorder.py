@@ -18,10 +18,17 @@ from llm_astar_msgs_adapter.bag_types import BagTypeError, define
 from llm_astar_msgs_adapter.bag_writing import BagWriter, Topic
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
 from rclpy.signals import SignalHandlerOptions
-from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.subscription import Subscription
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -31,12 +38,15 @@ from rosbags.interfaces import (
     QosTime,
 )
 
+from llm_astar_planner.nodes.run import leave
+
 # What an evaluation reads, names relative to the namespace recorded.
 TOPICS = (
     'map',
     'map_updates',
     'goal_pose',
     'initialpose',
+    'amcl_pose',
     'plan',
     'planner_node/get_plan/_service_event',
     'planner_node/raw_plan',
@@ -50,6 +60,7 @@ TOPICS = (
     '/tf_static',
     '/diagnostics',
 )
+NAME = 'llm_astar_recorder'
 # How often new topics are looked for, and the user is told that nothing comes, in seconds.
 LOOK_EVERY = 0.25
 TELL_EVERY = 10.0
@@ -65,25 +76,31 @@ class Recorder(Node):
     """Subscribes to topics as their publishers come, and writes what they send."""
 
     def __init__(self, bag: BagWriter, topics: Sequence[str], namespace: str, tell: Tell) -> None:
-        """Record `topics`, those without a slash in front below `namespace`, into an open bag."""
-        super().__init__('llm_astar_recorder', namespace=namespace or None)
+        """Record topics of these full names into an open bag, from within a namespace."""
+        super().__init__(NAME, namespace=namespace)
         self._bag = bag
         self._tell = tell
-        self.wanted = list(dict.fromkeys(self.resolve_topic_name(name) for name in topics))
-        self._waiting = set(self.wanted)
+        self.wanted = topics
+        self._waiting = set(topics)
+        self._subscribed: dict[str, Subscription] = {}
         self.create_timer(LOOK_EVERY, self._look)
 
     def _look(self) -> None:
-        """Subscribe to what is wanted and has a publisher by now."""
+        """Subscribe to what is wanted and has a publisher by now, on terms that suit them all."""
         for name, types in self.get_topic_names_and_types():
+            if name not in self._waiting and name not in self._subscribed:
+                continue
+            offered = [found.qos_profile for found in self.get_publishers_info_by_topic(name)]
+            if not offered:
+                continue
             if name in self._waiting:
-                publishers = self.get_publishers_info_by_topic(name)
-                if publishers:
-                    self._waiting.discard(name)
-                    self._subscribe(name, types[0], publishers)
+                self._waiting.discard(name)
+                self._begin(name, types[0], offered)
+            elif _misses_any(self._subscribed[name].qos_profile, offered):
+                self._subscribe(name, self._subscribed[name].msg_type, offered)
+                self._tell(f'subscribed to {name} anew, as a publisher that came offers less')
 
-    def _subscribe(self, name: str, msgtype: str, publishers: list[TopicEndpointInfo]) -> None:
-        offered = [publisher.qos_profile for publisher in publishers]
+    def _begin(self, name: str, msgtype: str, offered: list[QoSProfile]) -> None:
         try:
             topic = Topic(name, define(msgtype), tuple(dict.fromkeys(map(_qos_in_bag, offered))))
             message_class = _message_class(msgtype)
@@ -91,10 +108,16 @@ class Recorder(Node):
             self._tell(f'not recorded: {name} ({msgtype}): {error}')
             return
         self._bag.add_topic(topic)
-        self.create_subscription(
+        self._subscribe(name, message_class, offered)
+        self._tell(f'recording {name} ({msgtype})')
+
+    def _subscribe(self, name: str, message_class: type, offered: list[QoSProfile]) -> None:
+        """Subscribe in place of what was subscribed before: two would write everything twice."""
+        if name in self._subscribed:
+            self.destroy_subscription(self._subscribed[name])
+        self._subscribed[name] = self.create_subscription(
             message_class, name, partial(self._on_message, name), _matching(offered), raw=True
         )
-        self._tell(f'recording {name} ({msgtype})')
 
     def _on_message(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
         """Write a message at the time it arrived, not the later one at which its turn came."""
@@ -134,8 +157,11 @@ def record(options: Options, tell: Tell) -> dict[str, int]:
     """Record until SIGINT, SIGTERM or the end of `duration`; return the messages by topic.
 
     `tell` gets a line on every topic found, and now and then on what came. Raises BagWriteError
-    where the folder exists, OSError where it cannot be written.
+    where the folder exists or the disk takes no more, OSError where it cannot be made, ValueError
+    for names that cannot be.
     """
+    namespace = '/' + options.namespace.strip('/')
+    topics = _full_names(options.topics, namespace)
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
@@ -143,11 +169,12 @@ def record(options: Options, tell: Tell) -> dict[str, int]:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         with writer as bag:
-            recorder = Recorder(bag, options.topics, options.namespace, tell)
+            recorder = Recorder(bag, topics, namespace, tell)
             _spin(recorder, bag, stopped, options.duration)
             if recorder.missing:
                 tell(f'never there: {", ".join(recorder.missing)}')
-            recorder.destroy_node()
+        # Only now that the bag is closed: it may end the process.
+        leave(recorder)
     finally:
         rclpy.try_shutdown()
     return writer.counts
@@ -179,6 +206,18 @@ def _drain(executor: SingleThreadedExecutor, bag: BagWriter) -> None:
             return
 
 
+def _full_names(topics: Sequence[str], namespace: str) -> list[str]:
+    """Return topics' full names, those without a slash in front below a namespace.
+
+    Raises ValueError for what no topic or no namespace can be called.
+    """
+    try:
+        return list(dict.fromkeys(expand_topic_name(name, NAME, namespace) for name in topics))
+    except ValueError as error:
+        # Behind it stands a place in the source of rcl.
+        raise ValueError(str(error).partition(', at /')[0]) from None
+
+
 def _message_class(msgtype: str) -> type:
     """Return the class of `package/msg/Name` or `package/srv/Name_Event`.
 
@@ -189,6 +228,11 @@ def _message_class(msgtype: str) -> type:
     if kind == 'srv':
         return getattr(module, name.removesuffix('_Event')).Event
     return getattr(module, name)
+
+
+def _misses_any(asked: QoSProfile, offered: list[QoSProfile]) -> bool:
+    """Tell whether a subscription asks for more than some of these publishers offer."""
+    return any(qos_check_compatible(qos, asked)[0] == QoSCompatibility.ERROR for qos in offered)
 
 
 def _matching(offered: list[QoSProfile]) -> QoSProfile:

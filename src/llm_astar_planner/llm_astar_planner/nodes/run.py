@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import signal
 import sys
@@ -37,6 +38,9 @@ USER_ERRORS = (
 LONGEST_WAIT = 0.5
 # What a thread that writes a long path may keep a cancel from being heard, in seconds.
 SWITCH_SECONDS = 0.001
+# Seconds after which a process that cannot leave the graph is ended: `ros2 launch` kills it after
+# ten.
+LONGEST_LEAVE = 8.0
 
 
 def spin(executor: Executor, context: Context, stopped: threading.Event | None = None) -> None:
@@ -81,6 +85,17 @@ class SpinThread:
         self._executor.shutdown()
 
 
+def leave(node: Node) -> None:
+    """Take the last node of a process out of the graph; end the process where that cannot be done.
+
+    Fast DDS may spin there for minutes, with Python's lock held, when a peer leaves at the same
+    moment (eProsima/Fast-DDS issue 6513), so no thread or signal handler of Python's gets to run.
+    """
+    faulthandler.dump_traceback_later(LONGEST_LEAVE, exit=True)
+    node.destroy_node()
+    faulthandler.cancel_dump_traceback_later()
+
+
 def run(
     make_node: Callable[[], Node],
     args: Sequence[str] | None = None,
@@ -97,7 +112,7 @@ def run(
             executor.add_node(node)
             spin(executor, node.context)
         finally:
-            node.destroy_node()
+            leave(node)
     except KeyboardInterrupt:
         pass
     except UnknownROSArgsError as error:

@@ -25,7 +25,7 @@ from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_topic_name import validate_topic_name
 
 from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
-from llm_astar_planner.nodes.run import SpinThread
+from llm_astar_planner.nodes.run import SpinThread, leave
 from llm_astar_planner.watch import Kind, Seen
 
 # What a reader who stands still can catch up on; more is lost, as on the topics themselves.
@@ -124,7 +124,7 @@ def watching(namespace: str, planner: str, client: str) -> Iterator[Watcher]:
             yield watcher
         finally:
             thread.close()
-            node.destroy_node()
+            leave(node)
     finally:
         rclpy.try_shutdown()
 

@@ -28,6 +28,8 @@ from llm_astar_planner.waypoint_source.embedded_routes import (
 
 # The most barriers it was trained on; a map of more is summarised by so many.
 MAX_BARRIERS = 30
+# A map of 4000 x 4000 cells takes 16 MB, and as much again for which of them are blocked.
+MAPS_KEPT = 4
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ class EmbeddedSource:
         return cells, draw_routes(logits, usable, self.candidates, _generator(query))
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=MAPS_KEPT)
 def _barriers_of(grid_map: GridMap) -> NDArray[np.int32]:
     """Return a map's barriers [B, 4] as (horizontal, line, first, last), found once a map."""
     summary = summarise_barriers(grid_map, MAX_BARRIERS)
@@ -85,7 +87,7 @@ def _barriers_of(grid_map: GridMap) -> NDArray[np.int32]:
     return np.array(rows, np.int32).reshape(-1, 4)
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=MAPS_KEPT)
 def _blocked_of(grid_map: GridMap) -> NDArray[np.bool_]:
     return grid_map.blocked()
 

@@ -48,12 +48,14 @@ class Weights:
 
     def linear(self, name: str, x: Floats) -> Floats:
         """Apply a linear layer to the last axis."""
-        result: Floats = x @ self.arrays[f'{name}.weight'].T + self.arrays[f'{name}.bias']
+        result: Floats = x @ self.arrays[f'{name}.weight'].T
+        result += self.arrays[f'{name}.bias']
         return result
 
     def channels(self, name: str, x: Floats) -> Floats:
         """Apply a linear layer to the last axis but one."""
-        result: Floats = self.arrays[f'{name}.weight'] @ x + self.arrays[f'{name}.bias'][:, None]
+        result: Floats = self.arrays[f'{name}.weight'] @ x
+        result += self.arrays[f'{name}.bias'][:, None]
         return result
 
     def norm(self, name: str, x: Floats) -> Floats:
@@ -129,12 +131,15 @@ def _edges(weights: Weights, features: Features) -> Floats:
     left, right = left.transpose(0, 2, 3, 1, 4), right.transpose(0, 2, 3, 4, 1)
     near = pairs[:, None, -1]
     total = np.zeros((n, weights.shape['meet'], nodes * nodes), np.float32)
+    met, said = np.empty((n, forms, nodes, nodes), np.float32), np.empty_like(total)
+    zeros = np.zeros(total.shape[1:], np.float32)
+    bias = zeros + weights.arrays['edges.meet.bias'][:, None]
     # A barrier at a time and in place: the forms of 30 of them would not fit into the caches.
     for k in range(each):
-        met = left[:, k] @ right[:, k]
-        met *= near
-        met = weights.channels('edges.meet', met.reshape(n, forms, -1))
-        total += np.maximum(met, np.float32(0), out=met)
+        np.matmul(left[:, k], right[:, k], out=met)
+        np.multiply(met, near, out=met)
+        np.matmul(weights.arrays['edges.meet.weight'], met.reshape(n, forms, -1), out=said)
+        total += np.maximum(np.add(said, bias, out=said), zeros, out=said)
     edge = np.concatenate([total, pairs.reshape(n, -1, nodes * nodes)], axis=1)
     edge = weights.channels('edges.out', _relu(weights.channels('edges.mix', edge)))
     return edge.reshape(n, -1, nodes, nodes)
@@ -159,7 +164,8 @@ def _layer(weights: Weights, name: str, x: Floats, edge: Floats) -> Floats:
 
 
 def _relu(x: Floats) -> Floats:
-    return np.maximum(x, np.float32(0))
+    # With an array of zeros it takes a third of the time that it takes with the number.
+    return np.maximum(x, np.zeros(x.shape[-2:], np.float32))
 
 
 def _softmax(x: Floats) -> Floats:

@@ -27,7 +27,8 @@ def usable_nodes(cells: NDArray[np.int32], blocked: NDArray[np.bool_]) -> NDArra
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
     on_map = np.where(inside[:, None], cells, 0)
     first = np.zeros(len(cells), dtype=np.bool_)
-    first[np.unique(cells, axis=0, return_index=True)[1]] = True
+    # A node lies at most one cell off the map, so no two cells share a number.
+    first[np.unique(y * (width + 2) + x, return_index=True)[1]] = True
     usable: NDArray[np.bool_] = inside & ~blocked[on_map[:, 1], on_map[:, 0]] & first
     usable[GOAL] = True
     return usable
@@ -40,12 +41,11 @@ def draw_routes(
 
     The others follow hops drawn by their probabilities; `logits` is [N, N].
     """
-    masked = np.where(usable[None, :], logits, -np.inf)
-    routes = [_follow(masked, None)]
+    routes = [follow(logits, usable)]
     for _ in range(DRAWS_A_CANDIDATE * (count - 1)):
         if len(routes) == count:
             break
-        route = _follow(masked, random)
+        route = follow(logits, usable, random)
         if route not in routes:
             routes.append(route)
     return routes
@@ -53,22 +53,26 @@ def draw_routes(
 
 def best_route(routes: Iterable[Route], cells: NDArray[np.int32], walls: Walls) -> Route | None:
     """Return the shortest route whose every leg is a line of sight, None where there is none."""
-    points = {route: cells[list(route)] for route in routes}
-    clear = [route for route in points if walls.clear_along(points[route])]
 
     def length(route: Route) -> float:
-        return float(np.hypot(*np.diff(points[route], axis=0).T).sum())
+        return float(np.hypot(*np.diff(cells[list(route)], axis=0).T).sum())
 
-    return min(clear, key=length, default=None)
+    shortest_first = sorted(routes, key=length)
+    return next((r for r in shortest_first if walls.clear_along(cells[list(r)])), None)
 
 
-def _follow(masked: Floats, random: np.random.Generator | None) -> Route:
-    """Follow the likeliest hops, or drawn ones, from start to goal; no node is visited twice."""
-    masked = masked.copy()
+def follow(
+    logits: Floats, usable: NDArray[np.bool_], random: np.random.Generator | None = None
+) -> Route:
+    """Return a route by the likeliest hops, or by drawn ones; no node is visited twice.
+
+    `logits` is [N, N], `usable` [N].
+    """
+    left = usable.copy()
     route = [START]
     while route[-1] != GOAL:
-        masked[:, route[-1]] = -np.inf
-        row = masked[route[-1]]
+        left[route[-1]] = False
+        row = np.where(left, logits[route[-1]], -np.inf)
         if len(route) > MOST_HOPS:
             route.append(GOAL)
         elif random is None:
