@@ -50,6 +50,19 @@ def test_the_command_is_installed():
     assert json.loads(done.stdout)['code'] == 0
 
 
+def test_a_colcon_workspace_has_the_command_where_a_shell_looks(tmp_path):
+    subprocess.run(
+        [sys.executable, 'setup.py', '--quiet', 'install_data', '--install-dir', tmp_path],
+        cwd=ROOT / 'src' / 'llm_astar_planner',
+        check=True,
+        capture_output=True,
+    )
+    command = tmp_path / 'bin' / 'llm-astar'
+    assert command.stat().st_mode & 0o111
+    done = subprocess.run([sys.executable, command, '--version'], capture_output=True, text=True)
+    assert done.stdout.startswith('llm-astar '), done.stderr
+
+
 @pytest.mark.parametrize('package', PACKAGES)
 def test_package_xml_is_format_3_and_agrees_with_setup(package):
     folder = ROOT / 'src' / package

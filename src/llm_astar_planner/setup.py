@@ -18,6 +18,9 @@ data_files = [
 if 'bdist_wheel' in sys.argv:
     # colcon puts the entry points below lib/, where `ros2 run` looks; pip does not.
     data_files.append((f'lib/{NAME}', glob('scripts/*')))
+else:
+    # And pip puts them into bin/, where a shell looks; colcon does not.
+    data_files.append(('bin', ['scripts/llm-astar']))
 
 setup(
     name=NAME,
@@ -38,6 +41,7 @@ setup(
         'numba',
         'numpy',
         'pillow',
+        'pyyaml',
         'rosbags',
         'scipy',
         'shapely>=2',

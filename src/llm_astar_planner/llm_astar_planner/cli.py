@@ -3,45 +3,29 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import sys
 from collections.abc import Sequence
 
-from llm_astar_msgs_adapter.barrier_map import BarrierMapError
-from llm_astar_msgs_adapter.grid_map import GridMapError
+from llm_astar_planner import __version__
 
-from llm_astar_planner import (
-    __version__,
-    cli_bench,
-    cli_dataset,
-    cli_demo,
-    cli_doctor,
-    cli_draw,
-    cli_evaluate,
-    cli_plan,
-    cli_record,
-    cli_report,
-    cli_serve,
-    cli_speed,
-    cli_watch,
-)
-
-COMMANDS = (
-    cli_plan,
-    cli_watch,
-    cli_demo,
-    cli_bench,
-    cli_evaluate,
-    cli_report,
-    cli_draw,
-    cli_dataset,
-    cli_record,
-    cli_speed,
-    cli_doctor,
-    cli_serve,
-)
-# Mistakes in what the user gave: one line on stderr, exit code 2.
-USER_ERRORS = (BarrierMapError, GridMapError, OSError, ValueError)
+# A command's module is `cli_` and its name, imported for the command that is run alone: `doctor`
+# must run where what the others need is missing.
+COMMANDS = {
+    'plan': 'plan from start to goal on a map, without ROS',
+    'watch': 'print the plans of a running planner as they are made',
+    'demo': 'start the graph, ask for a plan, draw it, stop the graph',
+    'bench': 'run methods with and without waypoints over a dataset',
+    'evaluate': 'plan what recorded bags asked for, and compare',
+    'report': 'write the reports of a results folder anew',
+    'draw': 'draw A* beside LLM-A* on one sample',
+    'dataset': 'make, check or convert datasets',
+    'record': 'record maps, requests, plans and exchanges of the live graph into a bag',
+    'speed': 'time the exact search against installed peers',
+    'doctor': 'what is installed, what is missing, how to get it',
+    'serve-llm': 'serve a GGUF model on loopback, OpenAI-compatible',
+}
 
 EPILOG = """\
 exit codes: 0 done, 1 no plan or something missing, 2 bad usage or input, 3 something was left out,
@@ -51,6 +35,28 @@ exit codes: 0 done, 1 no plan or something missing, 2 bad usage or input, 3 some
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command of `llm-astar`; return its exit code."""
+    argv = sys.argv[1:] if argv is None else list(argv)
+    try:
+        arguments = _parser(argv).parse_args(argv)
+        return int(arguments.run(arguments))
+    except BrokenPipeError:
+        # The reader, `head` say, has seen enough; Python must not flush to it at its exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except ImportError as error:
+        return _fail(f'{error}; `llm-astar doctor` tells what to install', 1)
+    except OSError as error:
+        named = error.filename is not None and error.strerror
+        return _fail(f'{error.filename}: {error.strerror}' if named else str(error), 2)
+    except ValueError as error:
+        return _fail(str(error), 2)
+    except KeyboardInterrupt:
+        sys.stderr.write('llm-astar: interrupted\n')
+        return 130
+
+
+def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
+    """Make the parser, with the options of the command that `argv` begins with."""
     parser = argparse.ArgumentParser(
         prog='llm-astar',
         description='LLM-A*: plan with the waypoints of a language model, and see what they add.',
@@ -59,21 +65,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument('--version', action='version', version=f'llm-astar {__version__}')
     commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
-    for command in COMMANDS:
-        command.add_parser(commands)
-    arguments = parser.parse_args(argv)
-    try:
-        return int(arguments.run(arguments))
-    except BrokenPipeError:
-        # The reader, `head` say, has seen enough; Python must not flush to it at its exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except USER_ERRORS as error:
-        sys.stderr.write(f'llm-astar: error: {error}\n')
-        return 2
-    except KeyboardInterrupt:
-        sys.stderr.write('llm-astar: interrupted\n')
-        return 130
+    for name, summary in COMMANDS.items():
+        if argv[:1] == [name]:
+            module = f'llm_astar_planner.cli_{name.replace("-", "_")}'
+            importlib.import_module(module).add_parser(commands)
+        else:
+            commands.add_parser(name, help=summary)
+    return parser
+
+
+def _fail(message: str, code: int) -> int:
+    sys.stderr.write(f'llm-astar: error: {message}\n')
+    return code
 
 
 if __name__ == '__main__':

@@ -36,6 +36,7 @@ from llm_astar_planner.cli_run import (
     deciding_files,
     live_settings,
     make_executor,
+    seed,
 )
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
 from llm_astar_planner.share import find_file
@@ -62,7 +63,6 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     """Add the sub-command `bench`."""
     parser = subparsers.add_parser(
         'bench',
-        help='run methods with and without waypoints over a dataset',
         description='Replay start-goal samples with every method and source of waypoints, and '
         'write a results folder: rows, summary, report.md, report.html, pictures.',
         epilog=EPILOG,
@@ -99,7 +99,7 @@ def _add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
         metavar='N',
         help='samples drawn to compare scales on (10)',
     )
-    group.add_argument('--seed', type=int, default=0, help='of every draw (0)')
+    group.add_argument('--seed', type=seed, default=0, metavar='N', help='of every draw (0)')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -146,6 +146,9 @@ def _say_which_ablations(args: argparse.Namespace, maps: Sequence[ProblemMap]) -
 
 def _sweep(args: argparse.Namespace, dataset: Path, maps: Sequence[ProblemMap]) -> Sweep:
     scales = parse_ranges(args.scales, '--scales')
+    if scales[0] < 1:
+        message = f'--scales {args.scales}: a map is scaled by 1 or more'
+        raise ValueError(message)
     grids = [item for item in maps if isinstance(item, GridProblem)]
     for problem in grids:
         check_grid_run(problem, scales, args.source)

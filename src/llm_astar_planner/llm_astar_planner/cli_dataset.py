@@ -21,7 +21,9 @@ OK, BAD_INPUT = 0, 2
 
 def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the sub-command `dataset` with `generate`, `check` and `to-bag`."""
-    parser = subparsers.add_parser('dataset', help='make, check or convert datasets')
+    parser = subparsers.add_parser(
+        'dataset', description='Make, check or convert datasets of samples.'
+    )
     actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
     make = actions.add_parser('generate', help='make a dataset, the same one for the same seed')
     make.add_argument('--seed', type=int, default=0, help='what the maps are drawn from (0)')

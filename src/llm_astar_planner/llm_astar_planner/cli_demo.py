@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -15,6 +16,7 @@ from typing import IO, Any
 from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.grid_map import Pose2D
 
+from llm_astar_planner.plan import GridRules
 from llm_astar_planner.share import find_file
 
 Ends = tuple[Pose2D, Pose2D]
@@ -28,7 +30,6 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'demo',
-        help='start the graph, ask for a plan, draw it, stop the graph',
         description='Start map_node, llm_client_node and planner_node as processes, call the '
         "planner's GetPlan as another stack would, print the plan and what guided it, draw it, "
         'and stop everything. The waypoints come from the embedded model, which is learned and '
@@ -39,13 +40,14 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         '--png', default='out/demo.png', metavar='FILE', help='picture (default: %(default)s)'
     )
     parser.add_argument(
-        '--pair', type=int, default=0, choices=range(3), help='which pair of the demo map'
+        '--pair', type=int, default=0, choices=range(4), help='which pair of the demo map'
     )
     parser.add_argument(
         '--map', metavar='FILE', help='another map: a map_server yaml or barrier maps (with ends)'
     )
-    parser.add_argument('--start', type=float, nargs=2, metavar=('X', 'Y'), help='metres')
-    parser.add_argument('--goal', type=float, nargs=2, metavar=('X', 'Y'), help='metres')
+    metres: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
+    parser.add_argument('--start', **metres, help='in metres, in the frame of the map')
+    parser.add_argument('--goal', **metres, help='likewise')
     parser.add_argument(
         '--robot-radius', type=float, default=0.0, metavar='METRES', help='(default: %(default)s)'
     )
@@ -55,13 +57,11 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
 def run(arguments: argparse.Namespace) -> int:
     """Run the demo; return 0 where a plan came, else 1. Raises ValueError on bad input."""
     map_file, ends = _question(arguments)
+    GridRules(robot_radius=arguments.robot_radius)  # which says what is wrong with it
     os.environ['ROS_DOMAIN_ID'] = str(FIRST_DOMAIN + os.getpid() % DOMAINS)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    try:
-        from llm_astar_planner.nodes.demo_caller import call_and_draw  # noqa: PLC0415
-    except ImportError as error:
-        sys.stderr.write(f'llm-astar: error: {error}; `llm-astar doctor` tells what to install\n')
-        return 1
+    from llm_astar_planner.nodes.demo_caller import call_and_draw  # noqa: PLC0415
+
     with (
         tempfile.TemporaryFile('w+') as log,
         _graph(
@@ -124,5 +124,6 @@ def _graph(parameters: str, settings: dict[str, object], log: IO[str] | None) ->
             except subprocess.TimeoutExpired:
                 node.kill()
                 code = node.wait()
-            if code:
+            # Ended before it could see to the signal: stopped all the same.
+            if code not in (0, -signal.SIGTERM):
                 sys.stderr.write(f'{name} ended with exit code {code}\n')

@@ -34,10 +34,15 @@ REQUIRED = {
     'scipy': ('the planner', 'pip install scipy'),
     'matplotlib': ('pictures', 'pip install matplotlib'),
     'shapely': ('the benchmark', 'pip install shapely'),
+    'PIL': ('map images', 'pip install pillow'),
+    'yaml': ('map and parameter files', 'pip install pyyaml'),
+    'httpx': ('language models', 'pip install httpx'),
     'jinja2': ('the benchmark', 'pip install jinja2'),
     'tqdm': ('the benchmark', 'pip install tqdm'),
     'rosbags.rosbag2': ('bags', 'pip install rosbags'),
     'mcap': ('bags', 'pip install mcap'),
+    'zstandard': ('bags', 'pip install zstandard'),
+    'lz4.frame': ('bags', 'pip install lz4'),
 }
 ROS = {
     'rclpy.node': ('the nodes', 'apt install ros-jazzy-rclpy, or make install for the wheels'),
@@ -68,7 +73,6 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'doctor',
-        help='what is installed, what is missing, how to get it',
         description='Look for everything the planner uses. Exit code 1 where something that is '
         'required is missing.',
     )
@@ -163,12 +167,12 @@ def _kernels() -> Finding:
 
 def _weights() -> Finding:
     """Read the embedded model's weights, which are a file that an install may miss."""
-    from llm_astar_planner.waypoint_source.embedded_network import (  # noqa: PLC0415
-        packaged_weights,
-    )
-
     try:
+        from llm_astar_planner.waypoint_source.embedded_network import (  # noqa: PLC0415
+            packaged_weights,
+        )
+
         digest = packaged_weights().digest
-    except (OSError, ValueError) as error:
+    except (ImportError, OSError, ValueError) as error:
         return Finding('embedded', False, True, f'{error}; install the package again')
     return Finding('embedded', True, True, f'learned waypoint model {digest}, not an LLM')

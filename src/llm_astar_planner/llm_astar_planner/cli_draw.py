@@ -27,25 +27,34 @@ from llm_astar_planner.benchmark.points import parse_points
 from llm_astar_planner.benchmark.results import Case, Row
 from llm_astar_planner.benchmark.samples import BenchmarkSample
 from llm_astar_planner.share import find_file
-from llm_astar_planner.waypoint_source.factory import SourceSettings
+from llm_astar_planner.waypoint_source.factory import SOURCES, SourceSettings
 
 
 def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the sub-command `draw`."""
     parser = subparsers.add_parser(
         'draw',
-        help='draw A* beside LLM-A* on one sample',
         description='Draw what A* and LLM-A* expand on one sample: a picture (.png, .svg, .pdf), '
         'an animation (.gif), or a window where there is a display.',
     )
     parser.set_defaults(run=run)
-    parser.add_argument('--dataset', default='samples_1000.json', metavar='FILE')
-    parser.add_argument('--map-id', type=int, default=0, metavar='ID')
-    parser.add_argument('--pair', type=int, default=0, metavar='N')
-    parser.add_argument('--source', default='oracle', metavar='NAME', help='(%(default)s)')
-    parser.add_argument('--transcript', default='', metavar='FILE', help='for the source replay')
-    parser.add_argument('--prompt', default='', metavar='NAME')
-    parser.add_argument('--model', default='', metavar='NAME')
+    parser.add_argument(
+        '--dataset', default='samples_1000.json', metavar='FILE',
+        help='barrier-map JSON, a path or a name in maps/ (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument('--map-id', type=int, default=0, metavar='ID', help='(default: 0)')
+    parser.add_argument('--pair', type=int, default=0, metavar='N', help='(default: 0)')
+    parser.add_argument(
+        '--source', default='oracle', metavar='NAME',
+        help=f'whose waypoints: of {", ".join(SOURCES)} (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--transcript', default='', metavar='FILE', help='what replay answers from'
+    )
+    parser.add_argument(
+        '--prompt', default='', metavar='NAME', help='whose exchanges are replayed'
+    )
+    parser.add_argument('--model', default='', metavar='NAME', help='whose exchanges are replayed')
     target = parser.add_mutually_exclusive_group(required=True)
     target.add_argument('--out', metavar='FILE', help='its ending chooses picture or animation')
     target.add_argument('--show', action='store_true', help='open a window')
@@ -97,13 +106,13 @@ def _save_picture(
 ) -> None:
     # matplotlib takes most of a second to import, and bad usage should not wait for it.
     from llm_astar_planner.benchmark.figures import case_label, compare_figure  # noqa: PLC0415
+    from llm_astar_planner.plot import write_figure  # noqa: PLC0415
 
     plans = [plan_again(barrier_map, sample, row, Settings()) for row in rows]
     ends = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
     titles = [case_label(row.case) for row in rows]
     figure = compare_figure(barrier_map.to_grid(), plans, titles, ends)
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=120)
+    write_figure(figure, path)
 
 
 def _animate(

@@ -77,7 +77,6 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     """Add the sub-command `evaluate`."""
     parser = subparsers.add_parser(
         'evaluate',
-        help='plan what recorded bags asked for, and compare',
         description='Plan every request in rosbag2 bags (mcap or sqlite3) with every method and '
         'source, hold it against the recorded plan, and write a results folder as bench does.',
         epilog=EPILOG,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Collection
 from typing import Any
 
 from llm_astar_msgs_adapter.barrier_map import BarrierMap, Point, find_barrier_map
@@ -15,10 +14,11 @@ from llm_astar_planner.cli_source import add_source_arguments, source_settings
 from llm_astar_planner.planner import GridRules, Plan, Planner, PlanRequest
 from llm_astar_planner.prompts.instruction import clean_instruction
 from llm_astar_planner.prompts.query import parse_query
+from llm_astar_planner.request_check import request_problem
 from llm_astar_planner.search.methods import HEURISTICS, METHODS, compile_kernels
 from llm_astar_planner.share import find_file
 from llm_astar_planner.waypoint_source.base import SampleKey, WaypointSource
-from llm_astar_planner.waypoint_source.factory import SOURCES, make_asker, make_source
+from llm_astar_planner.waypoint_source.factory import make_asker, make_source
 from llm_astar_planner.waypoint_source.fixed import FixedReply
 
 EPILOG = """\
@@ -39,7 +39,6 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'plan',
-        help='plan from start to goal on a barrier map',
         description='Plan from start to goal on a barrier map, without ROS, under the '
         "paper's rules; or on a grid, in cells, where no corner is cut.",
         epilog=EPILOG,
@@ -62,8 +61,9 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         metavar='N',
         help='start-goal pair of the map, where --start and --goal are not given (default: 0)',
     )
-    where.add_argument('--start', type=int, nargs=2, metavar=('X', 'Y'))
-    where.add_argument('--goal', type=int, nargs=2, metavar=('X', 'Y'))
+    cell: dict[str, Any] = {'type': int, 'nargs': 2, 'metavar': ('X', 'Y')}
+    where.add_argument('--start', **cell, help='a cell, not metres')
+    where.add_argument('--goal', **cell, help='likewise')
     where.add_argument(
         '--query',
         metavar='TEXT',
@@ -74,7 +74,11 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     how.add_argument(
         '--method', default='guided', help=f'one of {", ".join(METHODS)} (default: guided)'
     )
-    how.add_argument('--heuristic', default='euclidean', help=f'one of {", ".join(HEURISTICS)}')
+    how.add_argument(
+        '--heuristic',
+        default='euclidean',
+        help=f"the paper's methods': one of {', '.join(HEURISTICS)} (default: euclidean)",
+    )
     how.add_argument('--weight', type=float, default=2.0, help="weighted_astar's (default: 2)")
     how.add_argument(
         '--no-corner-cutting',
@@ -90,7 +94,13 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         '(default: %(default)s)',
     )
     how.add_argument('--any-angle', action='store_true', help='shorten the path at any angle')
-    how.add_argument('--time-limit', type=float, default=60.0, metavar='SECONDS')
+    how.add_argument(
+        '--time-limit',
+        type=float,
+        default=60.0,
+        metavar='SECONDS',
+        help='for waypoints and search together (default: %(default)s)',
+    )
     guide = parser.add_argument_group('guidance')
     add_source_arguments(guide)
     guide.add_argument('--reply', metavar='TEXT', help="a model's reply, used instead of a source")
@@ -106,7 +116,9 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
 
 
 def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
-    robot = parser.add_argument_group('robot', 'in metres; a barrier map has one a unit')
+    robot = parser.add_argument_group(
+        'robot', 'in metres, 0 by default; a cell of a barrier map is one'
+    )
     metres: dict[str, Any] = {'type': float, 'default': 0.0, 'metavar': 'METRES'}
     robot.add_argument('--robot-radius', **metres, help='stay this far from obstacles')
     robot.add_argument(
@@ -140,15 +152,12 @@ def run(arguments: argparse.Namespace) -> int:
     """
     _check(arguments)
     maps, (problem, start, goal) = _problem(arguments)
-    compile_kernels()
     barriers = problem if isinstance(problem, BarrierMap) else None
     rules = GridRules(
         corner_cutting=barriers is not None and not arguments.no_corner_cutting,
         robot_radius=arguments.robot_radius,
         inflation_radius=arguments.inflation_radius,
     )
-    planner = Planner(problem.to_grid(), rules, barriers)
-    planner.prepare()
     offset = _corner(problem)
     request = PlanRequest(
         problem.to_cell(start),
@@ -166,6 +175,11 @@ def run(arguments: argparse.Namespace) -> int:
         via=tuple(problem.to_cell((x, y)) for x, y in arguments.via),
         instruction=clean_instruction(arguments.instruction),
     )
+    wrong = request_problem(request)
+    if wrong:
+        raise ValueError(wrong)
+    compile_kernels()
+    planner = Planner(problem.to_grid(), rules, barriers).prepare()
     plan = planner.plan(request)
     if arguments.json:
         print(json.dumps(plan_to_json(plan, offset)))
@@ -178,22 +192,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> None:
     """Raise ValueError on what argparse could not know to be wrong."""
-    known: dict[str, Collection[str]] = {
-        'method': METHODS,
-        'heuristic': HEURISTICS,
-        'source': SOURCES,
-    }
-    for name, choices in known.items():
-        value = getattr(arguments, name)
-        if value not in choices:
-            raise ValueError(f'--{name} {value!r} is unknown; there is {", ".join(choices)}')
     if (arguments.start is None) != (arguments.goal is None):
         raise ValueError('--start and --goal go together; leave both out to take --pair')
-    if not arguments.weight >= 1.0:
-        raise ValueError(f'--weight {arguments.weight} is not 1 or more')
-    bound = arguments.max_suboptimality
-    if bound != 0.0 and not bound >= 1.0:
-        raise ValueError(f'--max-suboptimality {bound} is neither 0 nor 1 or more')
+    if arguments.record and arguments.source != 'endpoint':
+        raise ValueError('--record keeps exchanges with --source endpoint; no other has any')
     if not arguments.time_limit > 0.0:
         raise ValueError(f'--time-limit {arguments.time_limit} is not above 0 seconds')
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from typing import Any
 
 MEGABYTE = 1_000_000
@@ -24,7 +23,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'record',
-        help='record maps, requests, plans, reports and exchanges of the live graph into a bag',
+        description='Record the live graph into a rosbag2 bag, to be evaluated later.',
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -53,11 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Record; return 0, or 1 where nothing came. Raises ValueError, OSError."""
     if not arguments.duration > 0 or not arguments.max_size >= 0:
         raise ValueError('--duration S, --max-size MB: a number above 0 is expected')
-    try:
-        from llm_astar_planner.nodes.recorder import TOPICS, Options, record  # noqa: PLC0415
-    except ImportError as error:
-        sys.stderr.write(f'llm-astar: error: {error}; `llm-astar doctor` tells what to install\n')
-        return 1
+    from llm_astar_planner.nodes.recorder import TOPICS, Options, record  # noqa: PLC0415
+
     options = Options(
         arguments.out,
         arguments.storage,

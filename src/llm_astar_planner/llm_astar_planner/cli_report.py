@@ -17,7 +17,6 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     """Add the sub-command `report`."""
     parser = subparsers.add_parser(
         'report',
-        help='write the reports of a results folder anew',
         description='Write summary, figures and reports of a results folder anew from its rows; '
         'with --readme only replace the results section of a README.',
     )

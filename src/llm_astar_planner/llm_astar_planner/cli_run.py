@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -20,6 +21,7 @@ from llm_astar_planner.benchmark.run import unanswered
 from llm_astar_planner.benchmark.samples import load_kept_maps
 from llm_astar_planner.benchmark.summary import summarise
 from llm_astar_planner.benchmark.thresholds import Threshold, missed, parse_threshold
+from llm_astar_planner.cli_source import add_endpoint_arguments
 from llm_astar_planner.prompts.template import TEMPLATES, template_path
 from llm_astar_planner.search.methods import HEURISTICS
 from llm_astar_planner.waypoint_source.ablation import ablation_sources
@@ -49,34 +51,21 @@ def add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
         f'beside every other source; on a grid {" and ".join(GRID_ABLATIONS)} alone: the others '
         'need a visibility graph, slow there and refused on large maps)',
     )
-    group.add_argument('--prompt', type=names, default=[], metavar='NAMES')
-    group.add_argument('--model', type=names, default=[], metavar='NAMES')
     group.add_argument(
-        '--transcript', default='', metavar='FILE', help='what the source replay answers from'
-    )
+        '--prompt', type=names, default=[], metavar='NAMES',
+        help=f"for endpoint and replay: of {', '.join(TEMPLATES)}, or templates' paths",
+    )  # fmt: skip
     group.add_argument(
-        '--base-url',
-        default=SourceSettings.base_url,
-        metavar='URL',
-        help="endpoint's (OpenAI)",
+        '--model', type=names, default=[], metavar='NAMES', help='for endpoint and replay'
     )
-    group.add_argument(
-        '--api-key-env', default='', metavar='NAME', help='the variable that holds its key'
-    )
-    group.add_argument(
-        '--repair-rounds',
-        type=int,
-        default=0,
-        metavar='N',
-        help='how often a live model is told what collides and asked again (0)',
-    )
+    add_endpoint_arguments(group)
     group.add_argument('--heuristic', default='euclidean', choices=tuple(HEURISTICS))
     group.add_argument('--weight', type=float, default=2.0, metavar='W', help="weighted A*'s (2)")
     group.add_argument(
         '--max-suboptimality',
-        type=float,
+        type=bound,
         metavar='W',
-        help='have guided prove its paths within W, 1 or more (default: its first path)',
+        help='have guided prove its paths within W, 1 or more; 0: take its first path (0)',
     )
     group.add_argument(
         '--price',
@@ -98,9 +87,7 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
         help='samples at once, so requests in flight too (default: 1, or 8 with a live source)',
     )
     group.add_argument('--time-limit', type=float, default=60.0, metavar='SECONDS', help='(60)')
-    group.add_argument(
-        '--dask', metavar='ADDRESS', help='spread over this Dask cluster (extra: cluster)'
-    )
+    group.add_argument('--dask', metavar='ADDRESS', help='spread over this Dask cluster')
     group.add_argument(
         '--fail-under',
         type=threshold,
@@ -122,9 +109,6 @@ def check_cases(args: argparse.Namespace) -> None:
                 raise ValueError(message)
     if not args.weight >= 1.0:
         message = f'--weight {args.weight} is not 1 or more'
-        raise ValueError(message)
-    if args.max_suboptimality is not None and not args.max_suboptimality >= 1.0:
-        message = f'--max-suboptimality {args.max_suboptimality} is not 1 or more'
         raise ValueError(message)
     if not args.time_limit > 0.0:
         message = f'--time-limit {args.time_limit} is not above 0 seconds'
@@ -210,8 +194,11 @@ def complain(args: argparse.Namespace, message: str, code: int) -> int:
 
 
 def names(text: str) -> list[str]:
-    """Read names with commas between them."""
-    return [name for name in text.split(',') if name]
+    """Read names with commas between them, one at least."""
+    found = [name for name in text.split(',') if name]
+    if not found:
+        raise argparse.ArgumentTypeError('names are expected, with commas between them')
+    return found
 
 
 def threshold(text: str) -> Threshold:
@@ -224,7 +211,30 @@ def threshold(text: str) -> Threshold:
 
 def count(text: str) -> int:
     """Read a whole number, 1 or more."""
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f'{number} is not 1 or more')
+    return _whole(text, 1)
+
+
+def seed(text: str) -> int:
+    """Read a whole number, 0 or more."""
+    return _whole(text, 0)
+
+
+def bound(text: str) -> float | None:
+    """Read a factor, 1 or more; 0 for none."""
+    try:
+        factor = float(text)
+    except ValueError:
+        factor = math.nan
+    if factor and not factor >= 1.0:
+        raise argparse.ArgumentTypeError(f'{text!r} is neither 0 nor a number from 1')
+    return factor or None
+
+
+def _whole(text: str, least: int) -> int:
+    try:
+        number = int(text)
+    except ValueError:
+        number = least - 1
+    if number < least:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number from {least}')
     return number

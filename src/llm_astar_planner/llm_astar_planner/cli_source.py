@@ -1,4 +1,4 @@
-"""The options that choose a waypoint source, the same for every command that asks one."""
+"""The options that choose a waypoint source, for every command that asks one."""
 
 from __future__ import annotations
 
@@ -18,37 +18,21 @@ def add_source_arguments(group: Any) -> None:  # noqa: ANN401 - argparse keeps i
     group.add_argument(
         '--source',
         default=DEFAULTS.source,
-        help=f'one of {", ".join(SOURCES)}; embedded is a learned waypoint model, not an LLM',
+        help=f'one of {", ".join(SOURCES)}; embedded is a learned waypoint model, not an LLM '
+        '(default: %(default)s)',
     )
-    group.add_argument('--transcript', default='', metavar='FILE', help='what replay answers from')
-    group.add_argument('--record', default='', metavar='FILE', help='add each exchange to FILE')
+    group.add_argument(
+        '--record', default='', metavar='FILE', help='add each exchange with endpoint to FILE'
+    )
     group.add_argument('--model', default='', help='model asked, or whose exchanges are replayed')
     group.add_argument(
         '--prompt',
         default='',
         help="few_shot (default), cot, repe, a template's path, or whose exchanges are replayed",
     )
-    group.add_argument(
-        '--base-url',
-        default=DEFAULTS.base_url,
-        metavar='URL',
-        help='OpenAI-compatible endpoint, without /chat/completions (default: %(default)s)',
-    )
-    group.add_argument(
-        '--api-key-env',
-        default='',
-        metavar='NAME',
-        help='NAME of the environment variable that holds its key',
-    )
+    add_endpoint_arguments(group)
     group.add_argument(
         '--response-format', default=DEFAULTS.response_format, choices=tuple(RESPONSE_FORMATS)
-    )
-    group.add_argument(
-        '--repair-rounds',
-        type=int,
-        default=0,
-        metavar='N',
-        help='how often a colliding route is asked for again (default: 0)',
     )
     group.add_argument(
         '--candidates',
@@ -63,6 +47,30 @@ def add_source_arguments(group: Any) -> None:  # noqa: ANN401 - argparse keeps i
         default=TIMEOUT_S,
         metavar='SECONDS',
         help='for the whole question (default: %(default)s)',
+    )
+
+
+def add_endpoint_arguments(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add where a model's answers come from, live or recorded; `add_source_arguments` does too."""
+    group.add_argument('--transcript', default='', metavar='FILE', help='what replay answers from')
+    group.add_argument(
+        '--base-url',
+        default=DEFAULTS.base_url,
+        metavar='URL',
+        help='OpenAI-compatible endpoint, without /chat/completions (default: %(default)s)',
+    )
+    group.add_argument(
+        '--api-key-env',
+        default='',
+        metavar='NAME',
+        help='NAME of the environment variable that holds its key',
+    )
+    group.add_argument(
+        '--repair-rounds',
+        type=int,
+        default=0,
+        metavar='N',
+        help='how often a model is told what collides and asked again (default: 0)',
     )
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
+import threading
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +34,6 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'watch',
-        help='print the plans of a running planner as they are made',
         description='Print a line for each plan of a running planner_node, each exchange of its '
         'llm_client_node with its source, and each change of their state.',
         epilog=EPILOG,
@@ -54,25 +55,25 @@ def run(arguments: argparse.Namespace) -> int:
     """Watch until Ctrl-C or so many plans; return 0. Raises ValueError on bad input."""
     if arguments.count is not None and arguments.count < 1:
         raise ValueError(f'--count {arguments.count} is not 1 or more')
-    try:
-        from llm_astar_planner.nodes.watcher import watching  # noqa: PLC0415
-    except ImportError as error:
-        sys.stderr.write(f'llm-astar: error: {error}; `llm-astar doctor` tells what to install\n')
-        return 1
+    from llm_astar_planner.nodes.watcher import watching  # noqa: PLC0415
+
+    stopped = threading.Event()
+    # No exception: raised while the node is made, it would leave half of one that aborts at exit.
+    before = signal.signal(signal.SIGINT, lambda *_: stopped.set())
     try:
         with watching(arguments.namespace, arguments.node, arguments.client) as watcher:
-            _follow(watcher, arguments)
-    except KeyboardInterrupt:
-        pass  # how a watch ends
+            _follow(watcher, arguments, stopped)
+    finally:
+        signal.signal(signal.SIGINT, before)
     return 0
 
 
-def _follow(watcher: Watcher, arguments: argparse.Namespace) -> None:
-    """Print what is seen until there were enough plans."""
+def _follow(watcher: Watcher, arguments: argparse.Namespace, stopped: threading.Event) -> None:
+    """Print what is seen until there were enough plans, or the watch is stopped."""
     left = arguments.count
     colour = sys.stdout.isatty() and 'NO_COLOR' not in os.environ
     silent_at = time.monotonic() + SILENCE_SECONDS
-    while left is None or left > 0:
+    while not stopped.is_set() and (left is None or left > 0):
         seen = watcher.next(LONGEST_WAIT)
         if seen is not None:
             text = to_json(seen) if arguments.json else to_line(seen, colour=colour)

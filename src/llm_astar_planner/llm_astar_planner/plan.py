@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import index
+from typing import SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +81,7 @@ class PlanRequest:
     metres off; where the start is not free, the nearest free cell, at most `start_tolerance` off.
     `via` are cells the path must pass, in order. `instruction` is a wish in plain language of at
     most 500 characters: where the source answers it, its waypoints become `via`, else it is
-    ignored; the plan says which.
+    ignored; the plan says which. Raises ValueError on a start, goal or via that is no cell.
     """
 
     start: Cell
@@ -98,6 +101,20 @@ class PlanRequest:
     start_tolerance: float = 0.0
     via: tuple[Cell, ...] = ()
     instruction: str = ''
+
+    def __post_init__(self) -> None:
+        """Take cells of any whole numbers, numpy's too. Raises ValueError on what is no cell."""
+        object.__setattr__(self, 'start', _as_cell('start', self.start))
+        object.__setattr__(self, 'goal', _as_cell('goal', self.goal))
+        object.__setattr__(self, 'via', tuple(_as_cell('via', cell) for cell in self.via))
+
+
+def _as_cell(name: str, cell: Sequence[SupportsIndex]) -> Cell:
+    try:
+        x, y = cell
+        return index(x), index(y)
+    except (TypeError, ValueError):
+        raise ValueError(f'{name}: {cell!r} is no cell: two whole numbers (x, y)') from None
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import fill
 
 import matplotlib as mpl
 import numpy as np
@@ -24,6 +25,8 @@ VERDICT_MARKERS = {
     'occupied': ('#d62728', 'X'),
     'out_of_bounds': ('#7f7f7f', 'X'),
 }
+# Of a title in its font.
+CHARACTERS_AN_INCH = 10
 EXPANDED, UNKNOWN, OBSTACLE, PATH = '#bcd7f0', '#e8e4da', '#222222', '#d62728'
 
 
@@ -68,12 +71,19 @@ def save_picture(picture: Picture, path: str | Path) -> None:
 
     Raises OSError where the file cannot be written, ValueError where its ending names no format.
     """
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
     aspect = picture.grid_map.width / picture.grid_map.height
     figure = Figure(figsize=(min(14.0, max(7.0, 5.2 * aspect)), 6.0), layout='constrained')
     draw(figure.add_subplot(), picture)
     figure.legend(loc='outside lower center', ncols=6, frameon=False)
-    figure.savefig(path, dpi=120)
+    write_figure(figure, path)
+
+
+def write_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure to that very file, its folders made; raises as `save_picture` does."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # Without a format matplotlib would add an ending to a name that has none.
+    figure.savefig(path, dpi=120, format=path.suffix[1:] or 'png')
 
 
 def draw(axes: Axes, picture: Picture) -> None:
@@ -91,7 +101,14 @@ def draw(axes: Axes, picture: Picture) -> None:
         axes.annotate(str(number), place, (7, 7), textcoords='offset points', zorder=5)
     _mark(axes, picture, picture.start, ('#1f77b4', 's'), 'start', size=9)
     _mark(axes, picture, picture.goal, ('#17becf', 'D'), 'goal', size=9)
-    axes.set_title(picture.title)
+    axes.set_title(_fitted(picture.title, axes.figure.bbox.width / axes.figure.dpi))
+
+
+def _fitted(title: str, inches: float) -> str:
+    """Break a title that is too long, first behind its colon."""
+    width = int(CHARACTERS_AN_INCH * inches)
+    parts = [title] if len(title) <= width else title.split(': ', 1)
+    return '\n'.join(fill(part, width) for part in parts)
 
 
 def _draw_cells(axes: Axes, picture: Picture) -> None:

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from llm_astar_planner.cli import main
+from llm_astar_planner.cli import COMMANDS, main
 from llm_astar_planner.share import find_file
 from PIL import Image
 
@@ -192,19 +192,22 @@ def test_the_picture_is_drawn_where_asked(capsys, tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (['--method', 'theta'], ['--method', 'theta', 'weighted_astar']),
-        (['--heuristic', 'l7'], ['--heuristic', 'octile']),
-        (['--source', 'oracle9'], ['--source', 'oracle9', 'replay']),
+        (['--method', 'theta'], ["method 'theta'", 'weighted_astar']),
+        (['--heuristic', 'l7'], ["heuristic 'l7'", 'octile']),
+        (['--source', 'oracle9'], ['source', 'oracle9', 'replay']),
         (['--source', 'replay'], ['transcript']),
         (['--source', 'replay', '--transcript', 'nowhere.jsonl'], ['nowhere.jsonl']),
         (['--map', 'nowhere.json'], ['nowhere.json', 'demo.json']),
         (['--map-id', '99'], ['99', 'holds 0, 1, 2']),
         (['--pair', '99'], ['--pair 99']),
         (['--start', '1', '1'], ['--goal']),
-        (['--weight', '0.5'], ['--weight']),
+        (['--weight', '0.5'], ['weight 0.5']),
         (['--time-limit', '-1'], ['--time-limit']),
-        (['--max-suboptimality', '0.9'], ['--max-suboptimality', '0.9']),
+        (['--record', 'a.jsonl', '--source', 'embedded'], ['--record', '--source endpoint']),
+        (['--max-suboptimality', '0.9'], ['max_suboptimality 0.9']),
+        (['--tolerance', '-1'], ['tolerance -1']),
         (['--png', 'plan.xyz'], ['xyz']),
+        (['--png', '.'], ['.: Is a directory']),
         (['--instruction', 'x' * 501], ['instruction', '501', '500']),
         (['--robot-radius', '-1'], ['robot_radius', '-1.0', '0 to 10']),
     ],
@@ -245,12 +248,38 @@ def test_doctor_tells_how_to_get_what_is_missing(capsys, monkeypatch):
     assert 'make install' in line
 
 
-def test_help_teaches(capsys):
-    for arguments in ([], ['plan'], ['demo'], ['doctor']):
-        with pytest.raises(SystemExit) as end:
-            main([*arguments, '--help'])
-        assert end.value.code == 0
-        assert 'usage: llm-astar' in capsys.readouterr().out
+@pytest.mark.parametrize('command', COMMANDS)
+def test_every_command_says_what_it_does(capsys, command):
+    with pytest.raises(SystemExit) as end:
+        main([command, '--help'])
+    assert end.value.code == 0
+    usage, description, *_ = capsys.readouterr().out.split('\n\n')
+    assert usage.startswith(f'usage: llm-astar {command} ')
+    assert description.rstrip().endswith('.')
+
+
+def without(module, *arguments):
+    """Run a command where a module is not installed."""
+    program = (
+        f'import sys; sys.modules[{module!r}] = None; '
+        f'from llm_astar_planner.cli import main; sys.exit(main({list(arguments)!r}))'
+    )
+    return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+
+
+@pytest.mark.parametrize('module', ['numpy', 'numba', 'httpx'])
+def test_doctor_runs_without_what_it_finds_missing(module):
+    done = without(module, 'doctor')
+    assert done.returncode == 1
+    assert f'MISSING  {module} ' in done.stdout, done.stderr
+
+
+def test_a_command_that_misses_a_module_names_the_doctor():
+    done = without('numba', 'plan')
+    assert done.returncode == 1
+    assert done.stderr.count('\n') == 1
+    assert 'numba' in done.stderr
+    assert 'llm-astar doctor' in done.stderr
 
 
 def test_plan_needs_no_ros():

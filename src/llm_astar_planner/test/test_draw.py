@@ -10,6 +10,8 @@ from llm_astar_planner.benchmark.figures import (
     cell_image,
 )
 from llm_astar_planner.benchmark.trace import distance, trace
+from llm_astar_planner.plot import Picture, draw
+from matplotlib.figure import Figure
 from PIL import Image
 
 from llm_astar_planner import cli
@@ -76,3 +78,17 @@ def test_only_traced_heuristics_are_known():
     assert distance('chebyshev', (0, 0), (3, 4)) == 4
     with pytest.raises(ValueError, match='octile'):
         distance('octile', (0, 0), (1, 1))
+
+
+def test_a_title_is_never_wider_than_its_picture(tmp_path):
+    grid_map = SHOWCASE.to_grid()
+    nothing = np.zeros(grid_map.cells.shape, dtype=bool)
+    title = 'guided, guided by a model with quite a long name for itself: 49 expansions, ' * 3
+    path = np.empty((0, 2), dtype=np.int32)
+    picture = Picture(grid_map, (1, 1), (9, 9), path, nothing, (), title)
+    figure = Figure(figsize=(7.0, 6.0), layout='constrained')
+    draw(figure.add_subplot(), picture)
+    figure.savefig(tmp_path / 'a.png')
+    box = figure.axes[0].title.get_window_extent()
+    assert box.x0 >= 0.0
+    assert box.x1 <= figure.bbox.width

@@ -49,6 +49,24 @@ def walled(*, gap):
     return GridMap(cells)
 
 
+@pytest.mark.parametrize('kind', [list, np.array, lambda cell: tuple(np.int16(x) for x in cell)])
+def test_cells_may_be_whole_numbers_of_any_kind(kind):
+    request = PlanRequest(kind(START), kind(GOAL), via=[kind((3, 7))])
+    assert (request.start, request.goal, request.via) == (START, GOAL, ((3, 7),))
+    assert PLANNER.plan(request).code is ResultCode.NONE
+
+
+@pytest.mark.parametrize('cell', [(1.0, 2), (1, 2, 3), 'ab', None, 7])
+def test_what_is_no_cell_is_refused_by_name(cell):
+    for name, make in {
+        'start': lambda: PlanRequest(cell, GOAL),
+        'goal': lambda: PlanRequest(START, cell),
+        'via': lambda: PlanRequest(START, GOAL, via=(cell,)),
+    }.items():
+        with pytest.raises(ValueError, match=f'{name}: .* is no cell'):
+            make()
+
+
 def test_a_plan_tells_its_path_its_work_and_what_guided_it():
     plan = PLANNER.plan(PlanRequest(START, GOAL, source=Source([(3, 7), (40, 7), (8, 7)])))
     assert plan.code is ResultCode.NONE

@@ -3,6 +3,7 @@ import json
 import numpy as np
 from llm_astar_planner.benchmark import speed
 from llm_astar_planner.benchmark.speed import OURS, Case, Problem
+from llm_astar_planner.cli import main
 
 
 def corner():
@@ -49,7 +50,7 @@ def test_synthetic_queries_have_paths():
 
 def test_the_rows_are_printed_as_json(capsys, monkeypatch):
     monkeypatch.setattr(speed, 'installed_planners', lambda: {OURS: speed._prepare_ours})
-    assert speed.main(['--size', '60', '--rounds', '1', '--json']) == 0
+    assert main(['speed', '--size', '60', '--rounds', '1', '--json']) == 0
     (row,) = json.loads(capsys.readouterr().out)
     assert row['planner'] == OURS
     assert row['optimal'] == 1.0

@@ -28,7 +28,7 @@ def connect(address: str, askers: Sequence[Asker]) -> Iterator[tuple[Executor, i
     try:
         from distributed import Client  # noqa: PLC0415 - an extra
     except ImportError:
-        message = "--dask needs the extra: pip install 'llm_astar_planner[cluster]'"
+        message = "--dask needs Dask: pip install 'dask[distributed]'"
         raise ValueError(message) from None
     try:
         client = Client(address, timeout=CONNECT_S)

@@ -172,8 +172,7 @@ def waypoint_table(summaries: Sequence[CaseSummary]) -> Table:
         (
             str(summary.case),
             number(summary.waypoints),
-            ', '.join(f'{name} {100 * part:.1f}' for name, part in summary.verdicts.items())
-            or '-',
+            _shares(summary.verdicts),
             str(summary.prompt_tokens),
             str(summary.completion_tokens),
             '-' if summary.cost is None else f'{summary.cost:.4f}',

@@ -7,6 +7,7 @@ one.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import dataclasses
 import hashlib
@@ -209,7 +210,8 @@ class ResultsFolder:
             draft.write_text(text, encoding='utf-8', newline='')
             draft.replace(path)
         except OSError as error:
-            draft.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                draft.unlink()
             message = f'{path}: {error.strerror or error}'
             raise ResultsError(message) from None
         return path

@@ -7,20 +7,18 @@ nano-astar, pyastar2d, w9-pathfinding and the paper's llm-astar.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import csv
 import importlib
 import importlib.metadata
 import importlib.util
 import io
-import json
 import math
 import statistics
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any, NamedTuple
@@ -204,30 +202,14 @@ def synthetic_case(size: int = 4000, *, queries: int = 8, seed: int = 0) -> Case
     return Case(f'{size}x{size} boxes', (Problem(blocked, tuple(pairs)),))
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the comparison: `python -m llm_astar_planner.benchmark.speed --help`."""
-    parser = argparse.ArgumentParser(prog='llm-astar speed', description=main.__doc__)
-    parser.add_argument('--reference', type=Path, help='a folder of maps and scenarios')
-    parser.add_argument(
-        '--size', type=int, default=1000, help='cells a side of the boxes; 0: none'
-    )
-    parser.add_argument('--rounds', type=int, default=ROUNDS)
-    parser.add_argument('--json', action='store_true', help='print the rows as JSON')
-    options = parser.parse_args(arguments)
-    cases: list[Case] = []
-    if options.reference is not None:
-        datasets = sorted(options.reference.glob('barrier_maps*.json'))
-        cases.extend(barrier_case(dataset) for dataset in datasets)
-        cases.extend(barrier_case(dataset, most=10) for dataset in datasets)
-        cases.extend(scenario_cases(options.reference / 'grids'))
-    if options.size:
-        cases.append(synthetic_case(options.size))
-    rows = measure(cases, rounds=options.rounds)
-    text = json.dumps([asdict(row) for row in rows], indent=1) if options.json else table(rows)
-    sys.stdout.write(text + '\n')
-    if len({row.planner for row in rows}) == 1:
-        sys.stderr.write('no peer is installed: pip install nano-astar pyastar2d w9-pathfinding\n')
-    return 0
+def reference_cases(folder: Path) -> list[Case]:
+    """Return the cases of a folder: barrier maps, also few for slow planners, and `grids/`."""
+    datasets = sorted(folder.glob('barrier_maps*.json'))
+    return [
+        *(barrier_case(dataset) for dataset in datasets),
+        *(barrier_case(dataset, most=10) for dataset in datasets),
+        *scenario_cases(folder / 'grids'),
+    ]
 
 
 def _solve(case: Case, plans: Sequence[Plan]) -> tuple[float, list[Path2D]]:
@@ -406,7 +388,3 @@ def _prepare_paper(blocked: NDArray[np.bool_]) -> Plan:
             return _cells(search.extract_path(search.PARENT)[::-1], rows_first=False)
 
     return plan
-
-
-if __name__ == '__main__':
-    raise SystemExit(main())

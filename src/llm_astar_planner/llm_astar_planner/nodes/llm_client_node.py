@@ -112,7 +112,7 @@ PARAMETERS = (
         maximum=2**31 - 1,
     ),
     Parameter('cache_size', DEFAULTS.cache_size, 'Answers kept', minimum=1, maximum=1000000),
-    Parameter('record', '', 'A transcript to add each exchange to'),
+    Parameter('record', '', 'A transcript to add each exchange with an endpoint to'),
     Parameter('transcript', '', 'What replay answers from: a path, or a name in maps/'),
     Parameter('instruction', '', 'The wish asked with; planner_node sets its own before it asks'),
     Parameter('dataset', '', 'Barrier maps whose ids key transcripts: a path, or a name in maps/'),

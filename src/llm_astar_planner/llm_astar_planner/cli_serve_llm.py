@@ -22,7 +22,6 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'serve-llm',
-        help='serve a GGUF model on loopback, OpenAI-compatible',
         description="Serve a GGUF model by llama.cpp's OpenAI-compatible server, on loopback, "
         'until Ctrl-C. Needs `pip install xllamacpp`.',
         epilog=EPILOG,
