@@ -389,7 +389,10 @@ def test_a_parameter_that_cannot_be_is_one_line_at_start(name, parameter, words)
 
 @pytest.mark.parametrize(
     ('arguments', 'word'),
-    [(['--params-file', 'nowhere.yaml'], 'nowhere.yaml'), (['--bogus'], '--bogus')],
+    [
+        (['--params-file', 'nowhere.yaml'], 'nowhere.yaml'),
+        (['--bogus'], "unknown ROS arguments: ['--bogus']"),
+    ],
 )
 def test_arguments_that_ros_cannot_read_are_one_line_too(arguments, word):
     with process('map_node', *arguments, namespace=ALONE) as node:

@@ -15,6 +15,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.occupancy_grid import grid_to_message, yaw_of
 from llm_astar_msgs_adapter.path import path_from_message, path_to_message, pose_to_message
+from llm_astar_planner.nodes.map_keeper import MapKeeper
 from llm_astar_planner.nodes.planner_node import ManagedPlannerNode, PlannerNode
 from llm_astar_planner.nodes.qos import LATCHED, RELIABLE
 from nav_msgs.msg import OccupancyGrid, Path
@@ -25,7 +26,8 @@ from rclpy.parameter import Parameter
 
 LONG = 60.0
 # Each node out of the others' sight: a call may still find one that has just left.
-WORLD, MANAGED, AGAIN, APART = '/world', '/managed', '/managed_again', '/managed_apart'
+WORLD, MANAGED, WAITING = '/world', '/managed', '/managed_waiting'
+AGAIN, APART = '/managed_again', '/managed_apart'
 START, GOAL, OTHER_GOAL = Pose2D(5.5, 5.5), Pose2D(35.5, 5.5, 1.0), Pose2D(5.5, 20.5)
 CELLS = np.zeros((30, 40), dtype=np.int8)
 CELLS[:25, 20] = 100
@@ -287,6 +289,7 @@ def test_a_path_that_cannot_be_replanned_is_told_with_its_code(world):
     world.show(*[(20, y) for y in range(25, 30)])
     report = world.wait_for_report(lambda report: 'replanned' in report.message, 'the report')
     assert report.code_name == 'NO_VALID_PATH'
+    wait_for(lambda: world.health().get('last_path') == report.message, 'the end of the path')
     world.caller._reports.clear()
     # There is no path left to look at.
     world.show((2, 26), *[(20, y) for y in range(25, 30)])
@@ -387,6 +390,27 @@ def test_a_managed_node_answers_while_it_is_active_and_says_why_not_otherwise():
         assert state(caller) == 'finalized'
 
 
+def test_a_managed_node_tells_its_state_while_a_parameter_waits_for_the_map(monkeypatch):
+    waits, go = threading.Event(), threading.Event()
+
+    def refresh(_):
+        waits.set()
+        go.wait(PATIENCE)
+
+    monkeypatch.setattr(MapKeeper, 'refresh', refresh)
+    node = node_of(ManagedPlannerNode, WAITING, lifecycle=True, llm_client='')
+    with running(node), calling(WAITING) as caller:
+        assert change_state(caller, Transition.TRANSITION_CONFIGURE)
+        setting = threading.Thread(
+            target=set_parameter, args=(caller, 'planner_node', 'robot_radius', 0.1)
+        )
+        setting.start()
+        assert waits.wait(PATIENCE)
+        assert state(caller) == 'inactive'
+        go.set()
+        setting.join()
+
+
 def test_a_path_of_before_a_deactivation_is_not_replanned_after_it():
     node = node_of(ManagedPlannerNode, AGAIN, lifecycle=True, llm_client='')
     with running(node), calling(AGAIN) as caller:
@@ -408,12 +432,13 @@ def test_a_path_of_before_a_deactivation_is_not_replanned_after_it():
         assert [one.message for one in caller._reports.values() if 'replan' in one.message] == []
 
 
-def test_the_parameter_makes_it_a_managed_node():
+def test_the_parameter_makes_it_a_managed_node_which_outlives_a_wrong_transition():
     with (
         process('planner_node', '-p', 'lifecycle:=true', namespace=APART) as planner,
         calling(APART) as caller,
     ):
         wait_for(lambda: 'ready to be configured' in ''.join(planner.output), 'the node')
+        assert not change_state(caller, Transition.TRANSITION_ACTIVATE)
         assert state(caller) == 'unconfigured'
         assert change_state(caller, Transition.TRANSITION_CONFIGURE)
         assert change_state(caller, Transition.TRANSITION_ACTIVATE)

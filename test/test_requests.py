@@ -16,29 +16,34 @@ from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.occupancy_grid import quaternion_of
 from llm_astar_msgs_adapter.path import path_to_message, pose_to_message
 from llm_astar_planner.nodes import nav2_actions
-from llm_astar_planner.nodes.answering import Answer
-from llm_astar_planner.nodes.frames import FrameError, Frames
+from llm_astar_planner.nodes.answering import Answer, Answering
+from llm_astar_planner.nodes.cancelling import Cancel
+from llm_astar_planner.nodes.frames import LOOK, PATIENCE, FrameError, Frames
 from llm_astar_planner.nodes.nav2_actions import PathAction, PathCheck, fill_result, question_of
 from llm_astar_planner.nodes.planner_parameters import PARAMETERS
 from llm_astar_planner.nodes.requests import Question, Reader, RefusalError
 from llm_astar_planner.planner import GridRules, Planner
+from llm_astar_planner.recall import Recall
 from llm_astar_planner.result_code import ResultCode
 from nav_msgs.msg import Path
 
+LONG = 60.0
 STAMP = Time(sec=7, nanosec=5)
 MAP = GridMap(np.zeros((20, 30), dtype=np.int8), 0.5)
 
 
 class Buffer:
-    """Knows some transforms, as x, y and yaw by target and source, and what it was asked."""
+    """Knows some transforms, as x, y and yaw by source, from the `after`-th look on."""
 
-    def __init__(self, **transforms):
+    def __init__(self, after=1, on_look=lambda: None, **transforms):
         self.transforms = transforms
+        self.after, self.on_look = after, on_look
         self.asked = []
 
-    def lookup_transform(self, target_frame, source_frame, time, timeout):
-        self.asked.append((time.nanoseconds, timeout.nanoseconds / 1e9))
-        if source_frame not in self.transforms:
+    def lookup_transform(self, target_frame, source_frame, time):
+        self.asked.append(time.nanoseconds)
+        self.on_look()
+        if source_frame not in self.transforms or len(self.asked) < self.after:
             raise LookupError(f'"{source_frame}" passed to lookupTransform does not exist')
         x, y, yaw = self.transforms[source_frame]
         transform = TransformStamped()
@@ -70,14 +75,55 @@ def test_a_pose_of_another_frame_is_transformed_at_its_stamp():
     buffer = Buffer(odom=(10.0, 2.0, math.pi / 2))
     place = Frames(buffer).locate(pose(1.0, 0.0, 0.0, 'odom'), 'map', 'goal')
     assert place == pytest.approx((10.0, 3.0, math.pi / 2))
-    assert buffer.asked[0][0] == 7 * 10**9 + 5
-    assert 0.0 < buffer.asked[0][1] < 1.0
+    assert buffer.asked == [7 * 10**9 + 5]
 
 
 def test_stamp_zero_means_the_latest_transform():
     buffer = Buffer(odom=(0.0, 0.0, 0.0))
     Frames(buffer).locate(pose(1.0, 0.0, frame='odom', stamp=Time()), 'map', 'goal')
-    assert buffer.asked[0][0] == 0
+    assert buffer.asked == [0]
+
+
+def answered(buffer, max_planning_time=LONG, cancel=None):
+    """Answer a question whose goal is in another frame."""
+    settings = {parameter.name: parameter.default for parameter in PARAMETERS}
+    settings['max_planning_time'] = max_planning_time
+    node = Mock()
+    node.get_clock().now().to_msg.return_value = STAMP
+    answering = Answering(
+        node,
+        settings,
+        SimpleNamespace(planner=Planner(MAP)),
+        Reader(settings, Frames(buffer), None),
+        recall=Recall(0),
+        announcer=Mock(wants_expanded=False),
+    )
+    answering.is_active = True
+    answer = answering.answer(Question((pose(1.0, 1.0, frame='odom'),), pose(2.0, 2.0)), cancel)
+    return answer.code, answer.message
+
+
+def test_a_transform_that_comes_late_is_waited_for():
+    buffer = Buffer(after=3, odom=(0.0, 0.0, 0.0))
+    assert answered(buffer)[0] is ResultCode.NONE
+    assert len(buffer.asked) == 3
+
+
+def test_the_wait_for_a_transform_ends_with_patience_or_with_the_planning_time():
+    for seconds, most in ((LONG, PATIENCE / LOOK), (2.0 * LOOK, 2)):
+        buffer = Buffer()
+        code, message = answered(buffer, seconds)
+        assert code is ResultCode.TF_ERROR
+        assert 'no transform is known' in message
+        assert 1 < len(buffer.asked) <= most + 1
+
+
+def test_a_cancel_ends_the_wait_for_a_transform():
+    cancel = Cancel()
+    buffer = Buffer(on_look=lambda: cancel('a newer goal came'))
+    code, message = answered(buffer, cancel=cancel)
+    assert (code, message) == (ResultCode.TIMEOUT, 'canceled: a newer goal came')
+    assert len(buffer.asked) == 1
 
 
 def test_poses_of_the_maps_frame_or_of_none_need_no_tf2():
@@ -178,7 +224,7 @@ def test_an_unknown_planner_id_is_an_invalid_planner():
 class ToPose:
     """A result with ComputePathToPose's numbers, of before it had error_msg."""
 
-    UNKNOWN, TF_ERROR, NONE = 200, 202, 0
+    UNKNOWN, TF_ERROR, TIMEOUT, NONE = 200, 202, 207, 0
 
 
 class ThroughPoses:
@@ -190,8 +236,8 @@ class ThroughPoses:
         self.error_msg = 'x'
 
 
-def answer(code, message='because'):
-    return Answer(Path(), code, message, 1.25)
+def answer(code, message='because', points=()):
+    return Answer(path_to_message(points, 'map', STAMP), code, message, 1.25)
 
 
 def test_results_carry_each_actions_own_numbers():
@@ -308,16 +354,16 @@ class Goal:
             goal=pose(1.0, 1.0), start=pose(2.0, 1.0), use_start=True, planner_id=''
         )
         self.is_cancel_requested = False
-        self.action = None
+        self.action = self.result = None
         self.ended = ''
         self.canceled, self.abort = (partial(setattr, self, 'ended', end) for end in 'ca')
 
     def execute(self):
-        self.action._execute(self)
+        self.result = self.action._execute(self)
 
 
 class LateAnswering:
-    """Waits until it is canceled; rclpy notes that a moment later."""
+    """Has a path just when it is canceled; rclpy notes that a moment later."""
 
     is_active = True
 
@@ -327,10 +373,10 @@ class LateAnswering:
     def answer(self, _, cancel, on_better):
         assert cancel.stop[0]
         Timer(0.05, setattr, (self.goal, 'is_cancel_requested', True)).start()
-        return answer(ResultCode.UNKNOWN)
+        return answer(ResultCode.NONE, points=[(1.0, 1.0)])
 
 
-def test_a_goal_canceled_before_it_is_taken_up_ends_at_once_and_as_canceled(monkeypatch):
+def test_a_goal_canceled_before_it_is_taken_up_ends_as_canceled_and_has_no_path(monkeypatch):
     monkeypatch.setattr(nav2_actions, 'ActionServer', Mock())
     goal = Goal()
     kind = SimpleNamespace(Result=ToPose, Feedback=object)
@@ -338,4 +384,5 @@ def test_a_goal_canceled_before_it_is_taken_up_ends_at_once_and_as_canceled(monk
     goal.action._on_cancel(goal)
     goal.action._on_accepted(goal)
     assert goal.ended == 'c'
+    assert (goal.result.error_code, len(goal.result.path.poses)) == (207, 0)
     assert goal.action._cancels == {}

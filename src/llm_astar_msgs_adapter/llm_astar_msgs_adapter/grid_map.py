@@ -60,7 +60,9 @@ class GridMap:
         """Check the fields and make the cells read-only."""
         cells = np.asarray(self.cells)
         if cells.ndim != 2 or cells.size == 0:
-            raise GridMapError('cells', f'shape {cells.shape} is not [height, width]')
+            raise GridMapError(
+                'cells', f'shape {cells.shape} is not [height, width], both above 0'
+            )
         if cells.min() < UNKNOWN or cells.max() > OCCUPIED:
             raise GridMapError('cells', 'values must lie in -1 to 100')
         if not (math.isfinite(self.resolution) and self.resolution > MIN_RESOLUTION):

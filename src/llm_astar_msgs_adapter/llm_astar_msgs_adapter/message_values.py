@@ -56,12 +56,15 @@ def path_from_message(message: Any) -> NDArray[np.float64]:  # noqa: ANN401 - of
 def pose_from_message(pose: Any, field: str = 'pose') -> Pose2D:  # noqa: ANN401
     """Read a geometry_msgs/Pose in the plane, its heading projected on it; of either world.
 
-    Raises GridMapError naming `field` where a number is not finite.
+    A quaternion of any length will do, one of zeros looks along x. Raises GridMapError naming
+    `field` where a number is not finite.
     """
     position, quaternion = pose.position, pose.orientation
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
     if not all(map(math.isfinite, (position.x, position.y, x, y, z, w))):
         raise GridMapError(field, 'holds a number that is not finite')
+    norm = math.hypot(x, y, z, w) or 1.0
+    x, y, z, w = (part / norm for part in (x, y, z, w))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return Pose2D(position.x, position.y, yaw)
 

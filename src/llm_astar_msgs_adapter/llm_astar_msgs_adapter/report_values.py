@@ -100,8 +100,8 @@ class ExchangeReport:
     @property
     def summary(self) -> str:
         """One line for a person."""
-        count = f'{self.status}: {len(self.waypoints)} waypoints by {self.label}'
-        return _sayable(self.detail or count)
+        count = f'{len(self.waypoints)} waypoints by {self.label}'
+        return _sayable(f'{self.status}: {self.detail or count}')
 
 
 def _sayable(words: str) -> str:

@@ -154,6 +154,14 @@ def test_a_pose_comes_back_and_one_that_is_not_finite_is_named():
         pose_from_message(broken, 'goal')
 
 
+@pytest.mark.parametrize(('length', 'yaw'), [(1e-9, 1.2), (5.0, 1.2), (1e300, 1.2), (0.0, 0.0)])
+def test_a_heading_is_that_of_its_quaternion_whatever_its_length(length, yaw):
+    message = pose_to_message(Pose2D(0.0, 0.0, 1.2), 'map', STAMP)
+    message.pose.orientation.z *= length
+    message.pose.orientation.w *= length
+    assert pose_from_message(message).yaw == pytest.approx(yaw)
+
+
 @pytest.mark.parametrize(
     'report',
     [

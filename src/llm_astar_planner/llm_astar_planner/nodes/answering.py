@@ -59,11 +59,12 @@ class Standing:
 
 @dataclass(eq=False)
 class _Job:
-    """One question being answered."""
+    """One question being answered, since `begin` (monotonic) and for `limit` seconds."""
 
     question: Question
     stamp: Time
     begin: float
+    limit: float
     cancel: Cancel
     on_better: Callable[[], None]
     why: str
@@ -72,6 +73,11 @@ class _Job:
         """Raise RefusalError where the question was given up."""
         if self.cancel.reason:
             raise RefusalError(ResultCode.TIMEOUT, f'canceled: {self.cancel.reason}')
+
+    def may_wait(self) -> bool:
+        """Tell whether there is time left. Raises RefusalError where it was given up."""
+        self.refuse_if_canceled()
+        return time.monotonic() < self.begin + self.limit
 
 
 class Answering:
@@ -119,7 +125,8 @@ class Answering:
         question is asked at all, where nobody has just asked it.
         """
         stamp = self._node.get_clock().now().to_msg()
-        job = _Job(question, stamp, time.monotonic(), cancel or Cancel(), on_better, why)
+        limit = self._settings['max_planning_time']
+        job = _Job(question, stamp, time.monotonic(), limit, cancel or Cancel(), on_better, why)
         with self._running_until_told(job.cancel):
             return self._told(job)
 
@@ -169,7 +176,7 @@ class Answering:
             raise RefusalError(ResultCode.UNKNOWN, INACTIVE)
         if planner is None:
             raise RefusalError(ResultCode.UNKNOWN, 'no map has arrived yet')
-        ends = self._reader.ends(job.question, planner.grid_map)
+        ends = self._reader.ends(job.question, planner.grid_map, job.may_wait)
         paths = self._paths(job, ends, planner.grid_map)
         plan, how = self._searched(job, ends, planner, paths)
         job.refuse_if_canceled()
@@ -209,8 +216,8 @@ class Answering:
     ) -> tuple[Plan | None, str]:
         wants = self._announcer.wants_expanded
         request = self._reader.request(job.question, ends, planner.grid_map, want_expanded=wants)
-        limit = request.time_limit
-        spent = time.monotonic() - job.begin + min(FINISH_SECONDS, FINISH_SHARE * limit)
+        finish = min(FINISH_SECONDS, FINISH_SHARE * job.limit)
+        time_left = job.begin + job.limit - finish - time.monotonic()
 
         def publish_better(better: Improvement) -> None:
             path = None if job.cancel.reason else paths.message(better.path)
@@ -219,7 +226,7 @@ class Answering:
                 job.on_better()
 
         return self._recall.plan(
-            planner, request, max(LEAST_SECONDS, limit - spent), job.cancel.stop, publish_better
+            planner, request, max(LEAST_SECONDS, time_left), job.cancel.stop, publish_better
         )
 
     def _publish(self, job: _Job, path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import rclpy
@@ -9,7 +11,6 @@ from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.grid_map import Pose2D
 from llm_astar_msgs_adapter.path import pose_from_message
 from llm_astar_msgs_adapter.transforms import flat_pose, matrix_of, moved
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time
 
@@ -24,6 +25,17 @@ else:
 
 # Seconds to wait for a transform: the robot's own come many times a second.
 PATIENCE = 0.2
+# Seconds between two looks for it: what a cancel may take to be seen.
+LOOK = 0.01
+
+
+# Whether whoever asks has time to wait; may raise what ends the whole question.
+MayWait = Callable[[], bool]
+
+
+def never() -> bool:
+    """Take what is known already."""
+    return False
 
 
 class FrameError(RuntimeError):
@@ -33,9 +45,7 @@ class FrameError(RuntimeError):
 class Buffer(Protocol):
     """What is used of tf2_ros.Buffer."""
 
-    def lookup_transform(
-        self, target_frame: str, source_frame: str, time: Time, timeout: Duration
-    ) -> Any:  # noqa: ANN401 - a TransformStamped
+    def lookup_transform(self, target_frame: str, source_frame: str, time: Time) -> Any:  # noqa: ANN401 - a TransformStamped
         """Return the transform from source to target; raises where it is not known."""
 
 
@@ -46,11 +56,15 @@ class Frames:
         """Take tf2's buffer, None where there is no tf2."""
         self._buffer = buffer
 
-    def locate(self, pose: PoseStamped, frame_id: str, name: str) -> Pose2D:
+    def locate(
+        self, pose: PoseStamped, frame_id: str, name: str, may_wait: MayWait = never
+    ) -> Pose2D:
         """Return a pose in `frame_id`, by the transform at its stamp, or the latest for stamp 0.
 
+        A transform that is not known yet is waited for, up to PATIENCE and while `may_wait()`.
         An empty frame means `frame_id`. Raises FrameError naming the pose by `name` where the
-        transform is not known, GridMapError where a number is not finite.
+        transform is not known, GridMapError where a number is not finite, and what `may_wait`
+        raises.
         """
         place = pose_from_message(pose, name)
         frame = pose.header.frame_id
@@ -58,24 +72,31 @@ class Frames:
             return place
         what = f'the {name} is in frame {frame!r}, the map in {frame_id!r}'
         stamp = Time.from_msg(pose.header.stamp)
-        found = self._look_up(frame_id, frame, stamp, PATIENCE, what)
+        found = self._look_up(frame_id, frame, stamp, may_wait, what)
         return moved(place, matrix_of(found.transform))
 
-    def robot(self, base_frame: str, frame_id: str, patience: float = PATIENCE) -> Pose2D:
-        """Return the robot's latest pose in `frame_id`. Raises FrameError."""
+    def robot(self, base_frame: str, frame_id: str, may_wait: MayWait = never) -> Pose2D:
+        """Return the robot's latest pose in `frame_id`, waiting as `locate` does.
+
+        Raises FrameError, and what `may_wait` raises.
+        """
         what = f'the pose of the robot ({base_frame!r} in {frame_id!r}) is needed'
-        found = self._look_up(frame_id, base_frame, Time(), patience, what)
+        found = self._look_up(frame_id, base_frame, Time(), may_wait, what)
         return flat_pose(matrix_of(found.transform))
 
-    def _look_up(self, target: str, source: str, stamp: Time, patience: float, what: str) -> Any:  # noqa: ANN401 - a TransformStamped
+    def _look_up(self, target: str, source: str, stamp: Time, may_wait: MayWait, what: str) -> Any:  # noqa: ANN401 - a TransformStamped
         if self._buffer is None:
             raise FrameError(f'{what}, and tf2_ros is not installed')
-        try:
-            return self._buffer.lookup_transform(
-                target, source, stamp, timeout=Duration(seconds=patience)
-            )
-        except Exception as error:  # noqa: BLE001 - tf2's exceptions have no common class of ours
-            raise FrameError(f'{what}, and no transform is known: {error}') from None
+        # Not tf2's own wait: that one sees no cancel, and never ends while simulated time rests.
+        deadline = time.monotonic() + PATIENCE
+        while True:
+            try:
+                return self._buffer.lookup_transform(target, source, stamp)
+            except Exception as error:  # noqa: BLE001 - tf2's exceptions have no class in common
+                problem = f'{what}, and no transform is known: {error}'
+            if not may_wait() or time.monotonic() >= deadline:
+                raise FrameError(problem)
+            time.sleep(LOOK)
 
 
 class TransformListener:

@@ -172,7 +172,10 @@ class LlmClientNode(Node):
         reply = _refusal(query) if isinstance(query, str) else self._ask(query)
         self._last = _exchange_report(reply, query, wish)
         self._exchange_publisher.publish(report_to_message(self._last, self.get_name(), stamp))
-        self.get_logger().info(self._last.summary)
+        if self._last.level == DiagnosticStatus.OK:
+            self.get_logger().info(self._last.summary)
+        else:
+            self.get_logger().warning(self._last.summary)
         if grid_map is not None:
             points = grid_map.grid_to_world(reply.waypoints)
             response.plan = path_to_message(points, grid_map.frame_id, stamp)

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Duration
 from llm_astar_msgs_adapter.grid_map import FREE, GridMapError
+from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -119,6 +121,9 @@ class PathAction:
         if cancel.reason == CANCELED:
             _wait_for_cancel(handle)
         if handle.is_cancel_requested:
+            # The path may have been there just before: it is not taken any more.
+            message = f'canceled: {cancel.reason or CANCELED}'
+            answer = replace(answer, path=Path(), code=ResultCode.TIMEOUT, message=message)
             handle.canceled()
         elif answer.code is ResultCode.NONE:
             handle.succeed()
@@ -161,7 +166,7 @@ class PathCheck:
         frame_id, path_frame = grid_map.frame_id, path.header.frame_id
         for pose in path.poses:
             pose.header.frame_id = pose.header.frame_id or path_frame
-        places = [self._frames.locate(pose, frame_id, 'path') for pose in path.poses]
+        places = [self._frames.locate(pose, frame_id, 'path', lambda: True) for pose in path.poses]
         points = np.array([place[:2] for place in places])
         cells = np.array([grid_map.world_to_cell(x, y) for x, y in points.tolist()])
         blocked = planner.blocked
@@ -171,7 +176,7 @@ class PathCheck:
 
     def _first(self, points: NDArray[np.float64], frame_id: str) -> int:
         try:
-            robot = self._frames.robot(self._base_frame(), frame_id, patience=0.0)
+            robot = self._frames.robot(self._base_frame(), frame_id)
         except (FrameError, GridMapError):
             return 0
         return nearest_pose(points, robot.x, robot.y)

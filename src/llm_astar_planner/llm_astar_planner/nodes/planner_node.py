@@ -6,14 +6,18 @@ from collections.abc import Sequence
 from typing import Any
 
 import rclpy
+from lifecycle_msgs.srv import ChangeState
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.parameters import Parameters
 from llm_astar_planner.nodes.planner_parameters import PARAMETERS, problem
 from llm_astar_planner.nodes.planner_server import PlannerServer
 from llm_astar_planner.nodes.run import run
+from llm_astar_planner.search.methods import compile_kernels
 
 NAME = 'planner_node'
 # Callers served at once; more wait their turn. Waiting for waypoints takes a thread, no core.
@@ -24,7 +28,8 @@ class PlannerNode(Node):
     """Plans from the start; see the README for its topics, services and parameters."""
 
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
-        """Join the graph and compile the searches."""
+        """Compile the searches and join the graph."""
+        compile_kernels()
         super().__init__(NAME, **node_options)
         self._server = PlannerServer(self, Parameters(self, PARAMETERS, problem))
         self._server.is_active = True
@@ -36,12 +41,18 @@ class PlannerNode(Node):
         super().destroy_node()
 
 
-class ManagedPlannerNode(LifecycleNode):
-    """The same as a managed node: configure compiles and joins, activate answers."""
+class ManagedPlannerNode(LifecycleNodeMixin, Node):
+    """The same as a managed node: configure joins the graph, activate answers."""
 
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
-        """Declare the parameters, and wait to be configured."""
-        super().__init__(NAME, **node_options)
+        """Compile the searches, declare the parameters, and wait to be configured."""
+        # Before its services are there: who brings nodes up waits for these first.
+        compile_kernels()
+        Node.__init__(self, NAME, **node_options)
+        # To set a parameter may take as long as a large map does; its manager waits two seconds.
+        LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
+        self._change_state = self._service_change_state.callback
+        self._service_change_state.callback = self._on_change_state
         self._settings = Parameters(self, PARAMETERS, problem)
         self._server: PlannerServer | None = None
         self.get_logger().info('ready to be configured')
@@ -52,7 +63,7 @@ class ManagedPlannerNode(LifecycleNode):
         super().destroy_node()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Compile the searches and join the graph; maps are taken from here on."""
+        """Join the graph; maps are taken from here on."""
         try:
             self._server = PlannerServer(self, self._settings)
         except Exception as error:  # noqa: BLE001 - the manager is told, and may try again
@@ -86,6 +97,16 @@ class ManagedPlannerNode(LifecycleNode):
         """Leave the graph, and be ready to be configured anew."""
         self._close()
         return TransitionCallbackReturn.SUCCESS
+
+    def _on_change_state(
+        self, request: ChangeState.Request, response: ChangeState.Response
+    ) -> ChangeState.Response:
+        """Refuse a transition that the state does not have, which in rclpy ends the process."""
+        try:
+            return self._change_state(request, response)
+        except RCLError:  # rcl has logged it
+            response.success = False
+            return response
 
     def _close(self) -> None:
         if self._server is not None:

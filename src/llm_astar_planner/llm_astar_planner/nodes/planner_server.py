@@ -26,10 +26,9 @@ from llm_astar_planner.nodes.planner_parameters import grid_rules
 from llm_astar_planner.nodes.qos import RELIABLE
 from llm_astar_planner.nodes.remote_source import RemoteSource
 from llm_astar_planner.nodes.requests import Question, Reader
-from llm_astar_planner.nodes.revalidation import Revalidation
+from llm_astar_planner.nodes.revalidation import QUIET_SECONDS, Revalidation
 from llm_astar_planner.planner import Planner
 from llm_astar_planner.recall import Recall
-from llm_astar_planner.search.methods import compile_kernels
 
 NEWER_GOAL = 'a newer goal came'
 
@@ -42,8 +41,7 @@ class PlannerServer:
     """
 
     def __init__(self, node: Node, settings: Parameters) -> None:
-        """Compile the searches and join the graph, not active yet."""
-        compile_kernels()
+        """Join the graph, not active yet."""
         self._node = node
         self._settings = settings
         self._entities = entities = Entities(node)
@@ -136,7 +134,9 @@ class PlannerServer:
         self._maps.refresh()
 
     def _on_planner(self, planner: Planner) -> None:
-        self._node.get_logger().info(f'planning on {self._maps.name}')
+        self._node.get_logger().info(
+            f'planning on {self._maps.name}', throttle_duration_sec=QUIET_SECONDS
+        )
         self._health.publish()
         self._revalidation.look(planner)
 

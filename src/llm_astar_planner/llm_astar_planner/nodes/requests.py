@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError, Pose2D
 
-from llm_astar_planner.nodes.frames import FrameError, Frames
+from llm_astar_planner.nodes.frames import FrameError, Frames, MayWait, never
 from llm_astar_planner.nodes.parameters import Parameters
 from llm_astar_planner.plan import PlanRequest
 from llm_astar_planner.result_code import ResultCode
@@ -61,31 +61,36 @@ class Reader:
         self._frames = frames
         self._source = source
 
-    def ends(self, question: Question, grid_map: GridMap) -> Ends:
-        """Return the question's poses on a map. Raises RefusalError."""
+    def ends(self, question: Question, grid_map: GridMap, may_wait: MayWait = never) -> Ends:
+        """Return the question's poses on a map; a transform is waited for while `may_wait()`.
+
+        Raises RefusalError, and what `may_wait` raises.
+        """
         frame_id = grid_map.frame_id
         if not question.goals:
             raise RefusalError(ResultCode.UNKNOWN, 'no goal is given')
         try:
-            start = self._start(question, frame_id)
-            goals = tuple(self._frames.locate(goal, frame_id, 'goal') for goal in question.goals)
+            start = self._start(question, frame_id, may_wait)
+            goals = tuple(
+                self._frames.locate(goal, frame_id, 'goal', may_wait) for goal in question.goals
+            )
         except FrameError as error:
             raise RefusalError(ResultCode.TF_ERROR, str(error)) from None
         except GridMapError as error:
             raise RefusalError(ResultCode.UNKNOWN, str(error)) from None
         return Ends(start, goals)
 
-    def _start(self, question: Question, frame_id: str) -> Pose2D:
+    def _start(self, question: Question, frame_id: str, may_wait: MayWait) -> Pose2D:
         """Return the start given, or the robot's pose, or the one to fall back on."""
         if question.start is not None:
-            return self._frames.locate(question.start, frame_id, 'start')
+            return self._frames.locate(question.start, frame_id, 'start', may_wait)
         base, fallback = self._settings['robot_base_frame'], question.fallback_start
         if fallback is None:
-            return self._frames.robot(base, frame_id)
+            return self._frames.robot(base, frame_id, may_wait)
         try:
-            return self._frames.robot(base, frame_id, patience=0.0)
+            return self._frames.robot(base, frame_id)
         except FrameError:
-            return self._frames.locate(fallback, frame_id, 'start')
+            return self._frames.locate(fallback, frame_id, 'start', may_wait)
 
     def request(
         self, question: Question, ends: Ends, grid_map: GridMap, *, want_expanded: bool

@@ -14,6 +14,9 @@ from llm_astar_planner.planner import Planner
 from llm_astar_planner.result_code import ResultCode
 from llm_astar_planner.standing import standing_problem
 
+# A costmap changes every second: what is well is logged once in so many.
+QUIET_SECONDS = 10.0
+
 
 class Revalidation:
     """Keeps the last published path true to the map, on a thread of its own."""
@@ -50,7 +53,7 @@ class Revalidation:
         if problem is None and not self._settings['replan_on_map']:
             self._settle(standing, replace(standing, grid_map=planner.grid_map))
             self.last = f'the path stands on map {digest}'
-            self._logger.info(self.last)
+            self._logger.info(self.last, throttle_duration_sec=QUIET_SECONDS)
             return
         cause = problem or 'replan_on_map is set'
         self._replan(standing, cancel, f'replanned on map {digest}: {cause}')
@@ -59,8 +62,9 @@ class Revalidation:
         self.last = why
         answer = self._answering.answer(standing.question, cancel, why=why)
         if answer.code is not ResultCode.NONE and not cancel.reason:
-            # There is no path any more to look at; the report has told so.
+            # There is no path any more to look at.
             self._settle(standing, None)
+            self.last = answer.message
 
     def _settle(self, before: Standing, after: Standing | None) -> None:
         """Note what became of the path looked at, unless a newer one was published."""
