@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from numbers import Integral
 
 from llm_astar_planner.plan import PlanRequest
 from llm_astar_planner.search.methods import HEURISTICS, METHODS
@@ -25,10 +24,6 @@ def _problems(request: PlanRequest) -> Iterator[str]:
         yield f'no method {request.method!r}; there is {", ".join(METHODS)}'
     if request.heuristic not in HEURISTICS:
         yield f'no heuristic {request.heuristic!r}; there is {", ".join(HEURISTICS)}'
-    vias = ((f'via {number}', cell) for number, cell in enumerate(request.via, start=1))
-    for name, cell in (('start', request.start), ('goal', request.goal), *vias):
-        if not _is_cell(cell):
-            yield f'{name} {cell} is no cell; a tuple (x, y) of whole numbers is expected'
     bound = request.max_suboptimality
     if bound is not None and not 1.0 <= bound <= MAX_BOUND:
         yield f'max_suboptimality {bound} is not in 1 to {MAX_BOUND:g}'
@@ -42,9 +37,3 @@ def _problems(request: PlanRequest) -> Iterator[str]:
             yield f'{name} {getattr(request, name)} is not in 0 to {MAX_TOLERANCE:g} metres'
     if len(request.via) > MAX_VIA:
         yield f'{len(request.via)} via points, over the {MAX_VIA} that are planned through'
-
-
-def _is_cell(cell: object) -> bool:
-    if not isinstance(cell, tuple) or len(cell) != 2:
-        return False
-    return all(isinstance(value, Integral) for value in cell)
