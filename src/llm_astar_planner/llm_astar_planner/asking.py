@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ from llm_astar_planner.waypoint_source.wish import with_outcome
 # A source that keeps its time limit answers then, and with a better reason than ours: wait for it
 # so many seconds longer, or this part of the limit.
 GRACE_SECONDS, GRACE_SHARE = 0.05, 0.1
+# More waypoints than any route needs; to judge any number of them would take any time.
+MAX_WAYPOINTS = 1000
 
 
 def ask(
@@ -29,8 +32,8 @@ def ask(
     """Return a source's reply and the seconds it took; what it raises becomes an ERROR.
 
     A source that outlasts the query's time limit, or its caller's `stop[0] = 1`, is left behind
-    and its reply is a TIMEOUT. The reply to a wish says what became of it, whatever the source
-    says.
+    and its reply is a TIMEOUT. Of its waypoints the first 1000 are taken, and the detail says so
+    where there were more. The reply to a wish says what became of it, whatever the source says.
     """
     begin = time.monotonic()
     asking = Asking(source, query, lambda _: None)
@@ -98,8 +101,17 @@ class Asking:
 def _asked(source: WaypointSource, query: WaypointQuery) -> tuple[WaypointReply, float]:
     begin = time.monotonic()
     try:
-        reply = source.waypoints(query)
+        reply = _bounded(source.waypoints(query))
     except Exception as error:  # noqa: BLE001 - no source may ever stop a plan
         detail = f'{type(error).__name__} in source {source.name}'
         reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
     return with_outcome(reply, query, source.name), time.monotonic() - begin
+
+
+def _bounded(reply: WaypointReply) -> WaypointReply:
+    count = len(reply.waypoints)
+    if count <= MAX_WAYPOINTS:
+        return reply
+    cut = f'only the first {MAX_WAYPOINTS} of {count} waypoints are taken'
+    detail = f'{reply.detail}; {cut}' if reply.detail else cut
+    return replace(reply, waypoints=reply.waypoints[:MAX_WAYPOINTS], detail=detail)

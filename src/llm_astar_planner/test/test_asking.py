@@ -49,6 +49,10 @@ def be_late(source, query):
     return lie(source, query)
 
 
+def babble(source, query):
+    return WaypointReply(((50.0, 30.0), (3.0, 30.0)) * 50_000, detail='chatty')
+
+
 @pytest.fixture
 def source(request):
     source = Source(request.param)
@@ -56,7 +60,7 @@ def source(request):
     source.end.set()
 
 
-@pytest.mark.parametrize('source', [hang, die, lie, be_late], indirect=True)
+@pytest.mark.parametrize('source', [hang, die, lie, be_late, babble], indirect=True)
 @pytest.mark.parametrize('method', ['guided', 'llm_astar'])
 @pytest.mark.parametrize('waiting', [True, False])
 def test_whatever_a_source_does_there_is_a_path_in_time(source, method, waiting):
@@ -99,3 +103,10 @@ def test_a_cancel_ends_the_waiting_for_waypoints(source, method):
     assert time.monotonic() - began < LONG / 4
     assert plans[0].code.name in ('TIMEOUT', 'NONE')
     assert plans[0].guided_by == 'none'
+
+
+def test_of_any_number_of_waypoints_only_the_first_thousand_are_taken():
+    query = WaypointQuery(GridMap(CELLS), (2, 2), (55, 3), LONG)
+    reply, _ = ask(Source(babble), query)
+    assert reply.waypoints == babble(None, query).waypoints[:1000]
+    assert reply.detail == 'chatty; only the first 1000 of 100000 waypoints are taken'

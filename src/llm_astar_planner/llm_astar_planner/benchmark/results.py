@@ -329,11 +329,14 @@ def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
 
 
 def _digest(*paths: str | Path) -> str:
-    """Return the SHA-256 of files one after the other, of folders' files by their names."""
+    """Return the SHA-256 of files one after the other, of folders' files by their names.
+
+    Less what SQLite keeps beside a bag for its locks, which reading changes.
+    """
     digest = hashlib.sha256()
     for path in map(Path, paths):
         for file in sorted(path.iterdir()) if path.is_dir() else [path]:
-            if file.is_file():
+            if file.is_file() and not file.name.endswith('-shm'):
                 _add_file(digest, file)
     return digest.hexdigest()
 
