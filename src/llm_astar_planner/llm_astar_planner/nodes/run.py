@@ -92,8 +92,10 @@ def leave(node: Node) -> None:
     moment (eProsima/Fast-DDS issue 6513), so no thread or signal handler of Python's gets to run.
     """
     faulthandler.dump_traceback_later(LONGEST_LEAVE, exit=True)
-    node.destroy_node()
-    faulthandler.cancel_dump_traceback_later()
+    try:
+        node.destroy_node()
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 def run(
