@@ -285,3 +285,4 @@ def test_too_long_a_path_falls_back_to_coarse_units():
         result = guided(huge, (0, 0), (399, 1), waypoints, max_suboptimality=1.0)
         assert result.length == fine.length
         assert result.ratio == 1.0
+        assert result.guided_operation > 0
