@@ -19,7 +19,6 @@ from llm_astar_planner.search.fast_grid import (
     BoundedResult,
     FastGrid,
     PathTooLongError,
-    Workspace,
     as_grid,
     exact_astar,
     path_length,
@@ -32,7 +31,7 @@ from llm_astar_planner.search.shortcut import can_see, shorten
 # How greedily the waypoints are followed: the weight of the way still to go.
 WEIGHT = 1.2
 # The expansions that waypoints may cost, as a part of those A* surely needs.
-SLACK = 1.1
+SLACK = 2.0
 # Within how many cells a waypoint counts as met.
 RADIUS = 3.0
 # Expansions between two looks at the clock and at new waypoints.
@@ -224,6 +223,98 @@ def warm_up() -> None:
         shorten(grid, result.path)
 
 
+class _Search:
+    """One of a run's two searches: its records, its queue, its counts."""
+
+    def __init__(
+        self,
+        grid: FastGrid,
+        ends: tuple[int, int],
+        marks: NDArray[np.int32],
+        active: NDArray[np.int64],
+    ) -> None:
+        self.workspace = grid.borrow()
+        self._grid, self._marks, self._active = grid, marks, active
+        self.control = control = np.zeros(kernels.G_SIZE, dtype=np.int64)
+        control[kernels.G_START], control[kernels.G_GOAL] = ends
+        control[kernels.G_GENERATION] = self.workspace.next_generation()
+        control[kernels.G_STRAIGHT], control[kernels.G_DIAGONAL] = grid.straight, grid.diagonal
+        control[kernels.G_WIDTH] = grid.width
+        control[kernels.G_SHIFT] = plain_kernels.BUCKET_BITS
+        self._heads = np.zeros(_BUCKETS + 1, dtype=np.int32)
+        self._keys: NDArray[np.int64] = np.empty(self.workspace.pool.size, dtype=np.int64)
+        self.targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
+        kernels.begin(
+            self.workspace.records,
+            self.workspace.pool,
+            self._keys,
+            self._heads,
+            grid.price.size > 0,
+            marks,
+            active,
+            control,
+        )
+
+    @property
+    def best(self) -> int:
+        """The cost of the best path known to it, in units."""
+        return int(self.control[kernels.G_BEST])
+
+    @property
+    def operation(self) -> int:
+        """Expansions so far."""
+        return int(self.control[kernels.G_GUIDED] + self.control[kernels.G_PROOF])
+
+    def advance(self, quota: int, stop: NDArray[np.uint8]) -> int:
+        """Expand up to `quota` cells; tell how that ended, room being made where it needs some."""
+        workspace = self.workspace
+        ended = kernels.advance(
+            self._grid.moves,
+            self._grid.price,
+            workspace.records,
+            workspace.pool,
+            self._keys,
+            self._heads,
+            self.targets,
+            self._marks,
+            self._active,
+            self.control,
+            quota,
+            stop,
+        )
+        if ended != plain_kernels.NEED_SPACE:
+            return int(ended)
+        workspace.grow_pool()
+        self._keys = np.concatenate((self._keys, np.empty_like(self._keys)))
+        return plain_kernels.RUNNING
+
+    def rekey(self, shift: int, *, proving: bool) -> None:
+        """Queue the open cells anew: for the proof, or for new targets."""
+        kernels.rekey(
+            self.workspace.records,
+            self.workspace.pool,
+            self._keys,
+            self._heads,
+            self.targets,
+            self._marks,
+            self._active,
+            proving,
+            shift,
+            self.control,
+        )
+
+    def raise_bound(self) -> None:
+        """Take what the open cells prove."""
+        kernels.raise_bound(
+            self.workspace.records,
+            self.workspace.pool,
+            self._heads,
+            self._marks,
+            self._active,
+            self.control,
+        )
+
+
 class _Run:
     """One run of a guided search on one grid: the led search and the plain A* behind it."""
 
@@ -245,78 +336,59 @@ class _Run:
         walled_in = self.ends[0] != self.ends[1] and not grid.moves[self.ends[1]]
         if walled_in or any(grid.blocked[y, x] for x, y in (search._start, search._goal)):
             self.status = SearchStatus.EXHAUSTED
-        self.led = grid.borrow()
-        self.plain: Workspace | None = None
-        self.best_of: Workspace | None = None
+        self.led = self._make_search()
+        self.led.control[kernels.G_WEIGHT] = round(search._weight * kernels.ONE)
+        self.led.control[kernels.G_SLACK] = round(search._slack * kernels.ONE)
+        self.led.control[kernels.G_RADIUS] = round(RADIUS * grid.straight)
+        self.plain: _Search | None = None
+        self.best_of = self.led
         self.best_path: NDArray[np.int32] | None = None
         self.first_operation = 0
         self.first_cost = math.inf
-        self._begin()
 
-    def _begin(self) -> None:
-        search, grid = self.search_for, self.grid
-        self.control = control = np.zeros(kernels.G_SIZE, dtype=np.int64)
-        control[kernels.G_START], control[kernels.G_GOAL] = self.ends
-        control[kernels.G_GENERATION] = self.led.next_generation()
-        control[kernels.G_STRAIGHT], control[kernels.G_DIAGONAL] = grid.straight, grid.diagonal
-        control[kernels.G_WIDTH] = grid.width
-        control[kernels.G_WEIGHT] = round(search._weight * kernels.ONE)
-        control[kernels.G_SLACK] = round(search._slack * kernels.ONE)
-        control[kernels.G_RADIUS] = round(RADIUS * grid.straight)
-        control[kernels.G_SHIFT] = plain_kernels.BUCKET_BITS
-        control[kernels.G_PLAIN_BEST] = plain_kernels.NO_PATH
+    def _make_search(self) -> _Search:
+        made = _Search(self.grid, self.ends, self.marks, self.active)
         # Rounded down: the ratio reported is never over the one asked for.
-        wanted = search._max_suboptimality
-        control[kernels.G_RATIO] = 0 if wanted is None else math.floor(wanted * kernels.ONE)
-        self.heads = np.zeros(_BUCKETS + 1, dtype=np.int32)
-        self.keys: NDArray[np.int64] = np.empty(self.led.pool.size, dtype=np.int64)
-        self.targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
-        kernels.begin(
-            self.led.records,
-            self.led.pool,
-            self.keys,
-            self.heads,
-            grid.price.size > 0,
-            self.marks,
-            self.active,
-            control,
-        )
+        wanted = self.search_for._max_suboptimality
+        made.control[kernels.G_RATIO] = 0 if wanted is None else math.floor(wanted * kernels.ONE)
+        return made
 
     @property
     def operation(self) -> int:
         """Expansions so far."""
-        control = self.control
-        led = int(control[kernels.G_GUIDED] + control[kernels.G_PROOF])
-        return led + self._plain(plain_kernels.A_OPERATION)
+        return self.led.operation + (0 if self.plain is None else self.plain.operation)
 
     def close(self) -> None:
         """Give the workspaces back."""
-        self.grid.give_back(self.led)
-        if self.plain is not None:
-            self.grid.give_back(self.plain)
+        for one in (self.led, self.plain):
+            if one is not None:
+                self.grid.give_back(one.workspace)
 
     def search(self) -> Iterator[Improvement]:
         """Search to the end; yield each better path."""
         while self.status is None:
-            before = int(self.control[kernels.G_BEST])
+            before = self.led.best
             if before == 0:  # the start is the goal
-                self.status, self.best_of = SearchStatus.FOUND, self.led
+                self.status = SearchStatus.FOUND
                 before = plain_kernels.NO_PATH
             elif self.stop[0]:
                 self.status = SearchStatus.STOPPED
             else:
                 self._step()
-            if self.control[kernels.G_BEST] < before:
+            if self.led.best < before:
                 yield self._improvement()
 
     def result(self, *, want_expanded: bool) -> GuidedResult:
         """Return what is known now."""
-        control, grid = self.control, self.grid
+        control, grid = self.led.control, self.grid
         status = SearchStatus.STOPPED if self.status is None else self.status
         expanded = np.zeros(grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
         drawn = want_expanded and self.stop[0] != GIVEN_UP
-        for workspace in (self.led, self.plain):
-            if drawn and workspace is not None:
+        storage = 0
+        for one in filter(None, (self.led, self.plain)):
+            storage += int(one.control[kernels.G_STORAGE])
+            if drawn:
+                workspace = one.workspace
                 plain_kernels.add_expanded(workspace.records, workspace.generation, expanded)
         path, bound = self.best_path, int(control[kernels.G_BOUND])
         length, cost, ratio = math.nan, math.inf, math.inf
@@ -330,7 +402,7 @@ class _Run:
         return GuidedResult(
             status,
             self.operation,
-            int(control[kernels.G_STORAGE]) + self._plain(plain_kernels.A_STORAGE),
+            storage,
             expanded,
             np.empty((0, 2), dtype=np.int32) if path is None else path,
             length,
@@ -341,7 +413,7 @@ class _Run:
             self.first_cost,
             int(control[kernels.G_GUIDED]),
             int(control[kernels.G_PROOF]),
-            self._plain(plain_kernels.A_OPERATION),
+            0 if self.plain is None else self.plain.operation,
         )
 
     def _step(self) -> None:
@@ -353,80 +425,38 @@ class _Run:
             self._step_plain(SLICE)
             return
         led = self.led
-        ended = kernels.advance(
-            self.grid.moves,
-            self.grid.price,
-            led.records,
-            led.pool,
-            self.keys,
-            self.heads,
-            self.targets,
-            self.marks,
-            self.active,
-            self.control,
-            SLICE,
-            self.stop,
-        )
-        if self.control[kernels.G_BEST] < self.control[kernels.G_PLAIN_BEST]:
+        before = led.best
+        ended = led.advance(SLICE, self.stop)
+        if led.best < before:
             self.best_of = led
-        if ended == plain_kernels.NEED_SPACE:
-            led.grow_pool()
-            self.keys = np.concatenate((self.keys, np.empty_like(self.keys)))
-        elif ended == plain_kernels.FOUND:
-            kernels.raise_bound(
-                led.records, led.pool, self.heads, self.marks, self.active, self.control
-            )
-            if self.control[kernels.G_RATIO] == 0 or kernels.is_met(self.control):
+        if ended == plain_kernels.FOUND:
+            led.raise_bound()
+            if led.control[kernels.G_RATIO] == 0 or kernels.is_met(led.control):
                 self.status = SearchStatus.FOUND
             else:
-                self._rekey(proving=True)
+                led.rekey(plain_kernels.BUCKET_BITS, proving=True)
         elif ended == kernels.WORKED:
-            self._step_plain(max(_PLAIN_STEP, self._plain(plain_kernels.A_OPERATION) // 8))
+            done = 0 if self.plain is None else self.plain.operation
+            self._step_plain(max(_PLAIN_STEP, done // 8))
         else:
             self._end(ended)
 
     def _step_plain(self, quota: int) -> None:
         """Let the plain A* expand `quota` cells, for its own sake and for the led search's."""
-        grid, control = self.grid, self.control
         if self.plain is None:
-            self.plain = grid.borrow()
-            self.plain.control[:] = 0
-            self.plain.next_generation()
-        plain = self.plain
-        known = plain.control
-        if (
-            known[plain_kernels.A_STARTED]
-            and control[kernels.G_BEST] < known[plain_kernels.A_BEST]
-        ):
-            # The led search's path prunes this one's too.
-            known[plain_kernels.A_BEST] = control[kernels.G_BEST]
-        ended = plain_kernels.astar(
-            grid.moves,
-            grid.price,
-            grid.width,
-            grid.straight,
-            grid.diagonal,
-            *self.ends,
-            grid.price.size > 0,
-            plain.generation,
-            plain.records,
-            plain.pool,
-            plain.heads,
-            known,
-            self.stop,
-            quota,
-        )
-        if known[plain_kernels.A_BEST] < control[kernels.G_BEST]:
-            control[kernels.G_BEST] = known[plain_kernels.A_BEST]
-            control[kernels.G_PLAIN_BEST] = known[plain_kernels.A_BEST]
-            self.best_of = plain
-        floor = int(known[plain_kernels.A_BUCKET]) << plain_kernels.BUCKET_BITS
-        bound = control[kernels.G_BEST] if ended == plain_kernels.FOUND else floor
-        control[kernels.G_BOUND] = max(control[kernels.G_BOUND], bound)
-        control[kernels.G_LEAST] = max(control[kernels.G_LEAST], known[plain_kernels.A_OPERATION])
-        if ended == plain_kernels.NEED_SPACE:
-            plain.grow_pool()
-        elif ended == plain_kernels.FOUND or kernels.is_met(control):
+            self.plain = self._make_search()
+            self.plain.control[kernels.G_PROVING] = 1
+            self.plain.control[kernels.G_SLACK] = kernels.UNBOUNDED
+        known, control = self.plain.control, self.led.control
+        # The led search's path prunes this one's too.
+        known[kernels.G_BEST] = min(self.plain.best, self.led.best)
+        ended = self.plain.advance(quota, self.stop)
+        if self.plain.best < self.led.best:
+            control[kernels.G_BEST] = self.plain.best
+            self.best_of = self.plain
+        control[kernels.G_BOUND] = max(control[kernels.G_BOUND], known[kernels.G_BOUND])
+        control[kernels.G_LEAST] = max(control[kernels.G_LEAST], self.plain.operation)
+        if ended == plain_kernels.FOUND or kernels.is_met(control):
             self.status = SearchStatus.FOUND
         else:
             self._end(ended)
@@ -437,56 +467,33 @@ class _Run:
         if ended == plain_kernels.STOPPED:
             self.status = SearchStatus.STOPPED
         elif ended == plain_kernels.EXHAUSTED:
-            found = self.control[kernels.G_BEST] < plain_kernels.NO_PATH
+            found = self.led.best < plain_kernels.NO_PATH
             self.status = SearchStatus.FOUND if found else SearchStatus.EXHAUSTED
 
     def _lead(self, points: NDArray[np.float64]) -> None:
-        """Follow new waypoints from here on, unless a path is known already."""
-        if self.control[kernels.G_BEST] < plain_kernels.NO_PATH:
+        """Follow new waypoints from here on, unless there are none or a path is known already."""
+        if not len(points) or self.led.best < plain_kernels.NO_PATH:
             return
-        self.waypoints = points
-        self.targets = _targets(self.grid, points, self.search_for._start, self.search_for._goal)
-        self._rekey(proving=False)
-
-    def _rekey(self, *, proving: bool) -> None:
+        self.waypoints, led = points, self.led
+        led.targets = _targets(self.grid, points, self.search_for._start, self.search_for._goal)
+        # The window spans the keys from the least the path may cost to half as much again
+        # as the way along the list; the search copes with those beyond, more slowly.
+        way = 1.5 * self.search_for._weight * float(led.targets[:, 2].max(initial=0))
         shift = plain_kernels.BUCKET_BITS
-        if not proving:
-            # The window spans the keys from the least the path may cost to half as much again
-            # as the way along the list; the search copes with those beyond, more slowly.
-            way = 1.5 * self.search_for._weight * float(self.targets[:, 2].max(initial=0))
-            span = way + 64.0 * self.grid.straight
-            while _BUCKETS << shift < span:
-                shift += 1
-        kernels.rekey(
-            self.led.records,
-            self.led.pool,
-            self.keys,
-            self.heads,
-            self.targets,
-            self.marks,
-            self.active,
-            proving,
-            shift,
-            self.control,
-        )
+        while _BUCKETS << shift < way + 64.0 * self.grid.straight:
+            shift += 1
+        led.rekey(shift, proving=False)
 
     def _improvement(self) -> Improvement:
-        path = self._trace()
+        path = self.best_of.workspace.trace(self.grid.width, *self.ends)
         units = path_units(self.grid, path)
         cost = units / self.grid.straight
-        bound = int(self.control[kernels.G_BOUND])
+        bound = int(self.led.control[kernels.G_BOUND])
         if self.best_path is None:
             self.first_operation, self.first_cost = self.operation, cost
         self.best_path = path
         lower_bound = min(bound, units) / self.grid.straight
         return Improvement(path, cost, lower_bound, _ratio(units, bound), self.operation)
-
-    def _trace(self) -> NDArray[np.int32]:
-        workspace = self.led if self.best_of is None else self.best_of
-        return workspace.trace(self.grid.width, *self.ends)
-
-    def _plain(self, slot: int) -> int:
-        return 0 if self.plain is None else int(self.plain.control[slot])
 
 
 def _ratio(units: int, bound: int) -> float:

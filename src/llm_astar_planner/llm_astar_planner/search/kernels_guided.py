@@ -63,13 +63,14 @@ COUNTED = 1 << 11
     G_SURE,
     G_PENDING,
     G_STORAGE,
-    G_PLAIN_BEST,
     G_SIZE,
-) = range(27)
+) = range(26)
 # One more way a call can end: all the work A* surely needs is used up.
 WORKED = 6
 # Weights, ratios and slacks are whole numbers of this size.
 ONE = 1 << 16
+# A slack for a search that may do any work.
+UNBOUNDED = -1
 
 _jit: Any = njit(cache=True, nogil=True)
 
@@ -376,8 +377,8 @@ def advance(
             control[G_PENDING] = 0
         if proving and is_met(control):
             return FOUND
-        work = max(control[G_SURE], control[G_LEAST])
-        if (control[G_GUIDED] + control[G_PROOF] + 1) * ONE > work * control[G_SLACK]:
+        work = max(control[G_SURE], control[G_LEAST]) * control[G_SLACK]
+        if 0 <= work < (control[G_GUIDED] + control[G_PROOF] + 1) * ONE:
             return WORKED
         cell = _drop(control, heads, pool)
         if proving:
@@ -417,7 +418,7 @@ def advance(
             if other_g + estimate >= control[G_BEST]:
                 continue
             counted = 0 if new else old_tag & COUNTED
-            if counted == 0 and other_g + octile < control[G_BOUND]:
+            if counted == 0 and other_g + estimate < control[G_BOUND]:
                 counted = COUNTED
                 control[G_SURE] += 1
             index = 0
