@@ -30,7 +30,7 @@ from llm_astar_planner.search.shortcut import can_see, shorten
 
 # How greedily the waypoints are followed: the weight of the way still to go.
 WEIGHT = 1.2
-# The expansions that waypoints may cost, as a part of those A* surely needs.
+# The expansions that waypoints may cost, as a part of those the search surely needs without any.
 SLACK = 2.0
 # Within how many cells a waypoint counts as met.
 RADIUS = 3.0
@@ -70,10 +70,10 @@ class GuidedSearch:
 
     `improvements()` runs it and yields each better path; `result()` then tells what it found.
     `guide(waypoints)` may be called before the run or during it, from any thread, and again;
-    until it is called the search is a plain exact A*. With `max_suboptimality` w >= 1 it ends
+    without waypoints the search is a plain exact A*. With `max_suboptimality` w >= 1 it ends
     when the path is proven within w of the optimum, without it at the first path. `landmarks`,
-    which must hold on the grid, make the proof cheap. `weight` is how greedily waypoints are
-    followed, `slack` how much work they may cost, as a part of A*'s.
+    which must hold on the grid, make search and proof cheap. `weight` is how greedily waypoints
+    are followed, `slack` how much work they may cost, as a part of the search's without any.
     """
 
     def __init__(
@@ -119,7 +119,8 @@ class GuidedSearch:
 
         Any values may be given: what is not finite is dropped, what is off the map is moved
         to its border, and more than the search can count are thinned out evenly. They count
-        from the next slice of the search on, and for nothing once a path was found.
+        from the next slice of the search on, and for nothing once a path was found. An empty
+        list changes nothing.
         Raises ValueError for an array of another shape.
         """
         points = np.asarray(waypoints, dtype=np.float64)

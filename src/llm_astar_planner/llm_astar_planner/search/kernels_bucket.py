@@ -139,9 +139,8 @@ def astar(
     heads: NDArray[np.int32],
     control: NDArray[np.int64],
     stop: NDArray[np.uint8],
-    quota: int,
 ) -> int:
-    """Run or resume an exact A* for `quota` expansions; return how the call ended.
+    """Run or resume an exact A*; return how the call ended.
 
     `heads` is a ring of buckets, each 1 << BUCKET_BITS units of f wide and last in, first out;
     entries live in `pool` as `cell << 32 | next entry + 1`. After NEED_SPACE call again with a
@@ -182,8 +181,6 @@ def astar(
         free = control[A_FREE]
         top = control[A_TOP]
         live = control[A_LIVE]
-    status = RUNNING
-    spent = 0
     entry: Any
     while True:
         while live > 0 and heads[bucket & ring] == 0:
@@ -193,8 +190,6 @@ def astar(
             break
         if top + 8 > pool.size:
             status = NEED_SPACE
-            break
-        if spent >= quota:
             break
         slot = bucket & ring
         entry = heads[slot]
@@ -209,7 +204,6 @@ def astar(
             continue
         records[2 * cell + 1] = cell_tag | CLOSED
         operation += 1
-        spent += 1
         if operation & POLL_MASK == 0 and stop[0] != 0:
             records[2 * cell + 1] = cell_tag
             operation -= 1
@@ -335,7 +329,6 @@ def solve(
         heads,
         control,
         stop,
-        NO_PATH,
     )
     if status != FOUND and not (status == STOPPED and control[A_BEST] < NO_PATH):
         return status, 0, 0, NO_PATH
