@@ -18,6 +18,7 @@ from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.grid_map import Pose2D
 from llm_astar_msgs_adapter.occupancy_grid import grid_to_message
 from llm_astar_msgs_adapter.path import path_from_message
+from llm_astar_planner.nodes.caller import CallerError
 from llm_astar_planner.nodes.qos import LATCHED
 from llm_astar_planner.planner import Planner
 from llm_astar_planner.share import find_file
@@ -99,7 +100,7 @@ def soak(rounds, calls_a_round):
         for turn in tqdm(range(rounds), disable=rounds < 100):
             if turn % 4 == 0:
                 process_client = client.enter_context(waypoint_client())
-                callers[0].wait_until_ready(client='llm_client_node')
+                wait_for_client(callers[0])
             answers = [
                 threads.submit(call_on, caller, planners, tally, calls_a_round // CALLERS, turn)
                 for caller in callers
@@ -130,6 +131,14 @@ def map_publisher(caller):
 
 def waypoint_client():
     return process('llm_client_node', '-p', 'source:=straight', namespace=NAMESPACE)
+
+
+def wait_for_client(caller):
+    """Wait until the planner sees the client; a node just killed may be in the way for 20 s."""
+    try:
+        caller.wait_until_ready(client='llm_client_node')
+    except CallerError:
+        caller.wait_until_ready(client='llm_client_node')
 
 
 def call_on(caller, planners, tally, count, seed):
