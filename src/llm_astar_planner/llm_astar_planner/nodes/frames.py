@@ -14,6 +14,7 @@ from llm_astar_msgs_adapter.transforms import flat_pose, matrix_of, moved
 from rclpy.node import Node
 from rclpy.time import Time
 
+from llm_astar_planner.halting import LOOK
 from llm_astar_planner.nodes.run import SpinThread
 
 try:
@@ -25,9 +26,6 @@ else:
 
 # Seconds to wait for a transform: the robot's own come many times a second.
 PATIENCE = 0.2
-# Seconds between two looks for it: what a cancel may take to be seen.
-LOOK = 0.01
-
 
 # Whether whoever asks has time to wait; may raise what ends the whole question.
 MayWait = Callable[[], bool]

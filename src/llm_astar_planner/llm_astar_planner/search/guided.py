@@ -357,7 +357,12 @@ class _Run:
     @property
     def operation(self) -> int:
         """Expansions so far."""
-        return self.led.operation + (0 if self.plain is None else self.plain.operation)
+        return self.led.operation + self.plain_operation
+
+    @property
+    def plain_operation(self) -> int:
+        """Those of the plain A*."""
+        return 0 if self.plain is None else self.plain.operation
 
     def close(self) -> None:
         """Give the workspaces back."""
@@ -414,7 +419,7 @@ class _Run:
             self.first_cost,
             int(control[kernels.G_GUIDED]),
             int(control[kernels.G_PROOF]),
-            0 if self.plain is None else self.plain.operation,
+            self.plain_operation,
         )
 
     def _step(self) -> None:
@@ -437,8 +442,7 @@ class _Run:
             else:
                 led.rekey(plain_kernels.BUCKET_BITS, proving=True)
         elif ended == kernels.WORKED:
-            done = 0 if self.plain is None else self.plain.operation
-            self._step_plain(max(_PLAIN_STEP, done // 8))
+            self._step_plain(max(_PLAIN_STEP, self.plain_operation // 8))
         else:
             self._end(ended)
 
