@@ -8,10 +8,11 @@ import threading
 import time
 
 import rclpy
-from llm_astar_msgs_adapter.grid_map import Pose2D
-from llm_astar_planner.nodes.caller import Caller
-from llm_astar_planner.nodes.run import spin
-from llm_astar_planner.share import find_file
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+from llm_astar_planner.nodes import MODULES
+from llm_astar_planner.nodes.common.spin import spin
+from llm_astar_planner.nodes.tools.planner_client import Caller
+from llm_astar_planner.resources import find_file
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.parameter import Parameter
@@ -29,7 +30,7 @@ PATIENCE = 60.0
 def process(name, *arguments, namespace=''):
     """Run a node as a process of its own; give it back, and end it as Ctrl-C would."""
     remap = ['-r', f'__ns:={namespace}'] if namespace else []
-    command = [sys.executable, '-m', f'llm_astar_planner.nodes.{name}']
+    command = [sys.executable, '-m', f'llm_astar_planner.nodes.{MODULES[name]}']
     options = ['--ros-args', '--params-file', DEMO, '--params-file', REPLAY, *remap, *arguments]
     node = subprocess.Popen(
         [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True

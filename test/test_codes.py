@@ -6,16 +6,20 @@ import math
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from llm_astar_msgs_adapter.grid_map import GridMap
-from llm_astar_msgs_adapter.report import PlanReport, report_from_message, report_to_message
-from llm_astar_planner.cli_plan_output import plan_to_json, plan_to_text
-from llm_astar_planner.leg import Leg
-from llm_astar_planner.plan_reports import plan_report
-from llm_astar_planner.planner import GridRules, Planner, PlanRequest
-from llm_astar_planner.request_check import MAX_VIA
-from llm_astar_planner.result_code import ResultCode
-from llm_astar_planner.search.fast_grid import PathTooLongError
-from llm_astar_planner.search.methods import no_stop
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.messages.diagnostics import (
+    PlanReport,
+    report_from_message,
+    report_to_message,
+)
+from llm_astar_planner.cli.plan_output import plan_to_json, plan_to_text
+from llm_astar_planner.planning.planner import CostmapConfig, Planner, PlanRequest
+from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.request_check import MAX_VIA
+from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.segment import Leg
+from llm_astar_planner.search.grid_graph import PathTooLongError
+from llm_astar_planner.search.paper import no_stop
 
 # A wall with a box behind it: (25, 5) is free and cut off; unknown cells on the right.
 CELLS = np.zeros((20, 40), dtype=np.int8)
@@ -24,7 +28,7 @@ CELLS[3:8, 23:28] = 100
 CELLS[5, 25] = 0
 CELLS[15, 5] = -1
 GRID = GridMap(CELLS, 0.1)
-OPEN, BODY = GridRules(), GridRules(robot_radius=0.25, allow_unknown=False)
+OPEN, BODY = CostmapConfig(), CostmapConfig(robot_radius=0.25, allow_unknown=False)
 START, GOAL = (3, 3), (15, 15)
 CODE = ResultCode
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from llm_astar_planner.nodes.planner_parameters import PARAMETERS, problem
+from llm_astar_planner.nodes.planner.parameters import PARAMETERS, problem
 
 DEFAULTS = {parameter.name: parameter for parameter in PARAMETERS}
 

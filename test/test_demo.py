@@ -8,7 +8,7 @@ from PIL import Image
 
 
 def demo(*arguments):
-    command = [sys.executable, '-m', 'llm_astar_planner.cli', 'demo', *arguments]
+    command = [sys.executable, '-m', 'llm_astar_planner.cli.main', 'demo', *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 

@@ -1,7 +1,7 @@
 """What `evaluate` takes for the planner node's defaults are the node's defaults."""
 
-from llm_astar_planner.nodes.planner_parameters import PARAMETERS
-from llm_astar_planner.planner_options import OPTIONS
+from llm_astar_planner.nodes.planner.parameters import PARAMETERS
+from llm_astar_planner.planning.parameters import OPTIONS
 
 
 def test_options_have_the_nodes_names_and_defaults():

@@ -24,15 +24,15 @@ from graph_tools import (
     set_parameter,
     wait_for,
 )
-from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
-from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.occupancy_grid import grid_from_message, grid_to_message
-from llm_astar_msgs_adapter.path import path_from_message, pose_to_message
-from llm_astar_planner.cli import main
-from llm_astar_planner.nodes.caller import CallerError
-from llm_astar_planner.nodes.qos import LATCHED, RELIABLE
-from llm_astar_planner.planner import Planner, PlanRequest
-from llm_astar_planner.share import find_file
+from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.occupancy_grid import grid_from_message, grid_to_message
+from llm_astar_msgs_adapter.messages.path import path_from_message, pose_to_message
+from llm_astar_planner.cli.main import main
+from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.tools.planner_client import CallerError
+from llm_astar_planner.planning.planner import Planner, PlanRequest
+from llm_astar_planner.resources import find_file
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetMap
 from rcl_interfaces.srv import DescribeParameters
@@ -447,7 +447,8 @@ def test_the_live_benchmark_gives_the_rows_of_the_benchmark_without_a_graph(tmp_
 
 def test_the_benchmark_node_without_a_planner_says_so_and_loses_nothing(tmp_path):
     impatient = """
-from llm_astar_planner.nodes import benchmark_node, caller
+from llm_astar_planner.nodes import benchmark_node
+from llm_astar_planner.nodes.tools import planner_client as caller
 caller.DISCOVERY_SECONDS = 0.5
 raise SystemExit(benchmark_node.main())
 """

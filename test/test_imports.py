@@ -1,4 +1,4 @@
-"""Imports go one way: nodes and command line, planner and sources, search; adapter below all."""
+"""Imports go one way, room by room: cli, nodes, benchmark, planning, waypoints, search, maps."""
 
 import ast
 from pathlib import Path
@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).resolve().parents[1] / 'src'
-ADAPTER = SOURCE / 'llm_astar_msgs_adapter' / 'llm_astar_msgs_adapter'
-PLANNER = SOURCE / 'llm_astar_planner' / 'llm_astar_planner'
+ADAPTER = 'llm_astar_msgs_adapter'
+PLANNER = 'llm_astar_planner'
 ROS = {
     'rclpy',
     'nav_msgs',
@@ -22,36 +22,26 @@ ROS = {
     'nav2_msgs',
     'tf2_ros',
 }
-# Adapter modules that hold values and know no message.
-PLAIN = {
-    f'llm_astar_msgs_adapter.{name}'
-    for name in (
-        'bag_decoding',
-        'bag_file',
-        'bag_idl',
-        'bag_mcap',
-        'bag_messages',
-        'bag_paths',
-        'bag_problems',
-        'bag_reading',
-        'bag_sqlite',
-        'bag_storage',
-        'bag_topics',
-        'bag_types',
-        'bag_writing',
-        'barrier_map',
-        'barrier_summary',
-        'grid_map',
-        'grid_problem',
-        'headings',
-        'map_server',
-        'map_update',
-        'message_values',
-        'movingai',
-        'report_values',
-        'transforms',
-    )
+# What each room of the planner may import, besides itself, of the planner's other rooms.
+ROOMS = {
+    'search': set(),
+    'costmap': {'search'},
+    'waypoints': {'search', 'costmap', 'resources'},
+    'planning': {'search', 'costmap', 'waypoints', 'resources'},
+    'visualization': {'search', 'costmap', 'planning'},
+    'benchmark': {'search', 'costmap', 'waypoints', 'planning', 'visualization', 'resources'},
+    'nodes': {
+        'search',
+        'costmap',
+        'waypoints',
+        'planning',
+        'visualization',
+        'benchmark',
+        'resources',
+    },
 }
+# Of the adapter's messages, those that read any object with a message's fields: no ROS needed.
+PLAIN_MESSAGES = {'fields', 'map_update', 'report', 'transforms'}
 
 
 def imports(path):
@@ -72,47 +62,57 @@ def imported(path, *prefixes):
     }
 
 
-def modules(folder):
-    return sorted(folder.rglob('*.py'))
+def modules(*parts):
+    return sorted(SOURCE.joinpath(*parts).rglob('*.py'))
 
 
 def identify(path):
     return str(path.relative_to(SOURCE))
 
 
-@pytest.mark.parametrize('path', modules(ADAPTER), ids=identify)
-def test_the_adapter_never_imports_the_planner(path):
-    assert not imported(path, 'llm_astar_planner')
-    if f'llm_astar_msgs_adapter.{path.stem}' in PLAIN:
+def rooms_of(path, package):
+    return {name.split('.')[1] for name in imported(path, package) if '.' in name}
+
+
+@pytest.mark.parametrize('path', modules(ADAPTER, ADAPTER), ids=identify)
+def test_the_adapter_never_imports_the_planner_and_only_messages_imports_ros(path):
+    assert not imported(path, PLANNER)
+    room = path.parent.name
+    if room != 'messages' or path.stem in PLAIN_MESSAGES:
         assert not imported(path, *ROS)
+    if room == 'maps':
+        assert rooms_of(path, ADAPTER) <= {'maps', 'errors'}
 
 
-@pytest.mark.parametrize('path', modules(PLANNER / 'search'), ids=identify)
-def test_the_search_knows_neither_maps_nor_sources_nor_ros(path):
-    own = imported(path, 'llm_astar_planner')
-    assert all(name.startswith('llm_astar_planner.search') for name in own)
-    assert not imported(path, 'llm_astar_msgs_adapter', *ROS)
+@pytest.mark.parametrize(
+    ('room', 'path'),
+    [(room, path) for room in ROOMS for path in modules(PLANNER, PLANNER, room)],
+    ids=lambda value: value if isinstance(value, str) else identify(value),
+)
+def test_rooms_import_one_way(room, path):
+    known = {entry.stem for entry in (SOURCE / PLANNER / PLANNER).iterdir()}
+    assert (rooms_of(path, PLANNER) & known) - {room, '__init__'} <= ROOMS[room]
+
+
+@pytest.mark.parametrize('path', modules(PLANNER, PLANNER, 'search'), ids=identify)
+def test_the_search_knows_numbers_alone(path):
+    assert not {name for name in imported(path, ADAPTER) if name != f'{ADAPTER}.errors'} - {
+        f'{ADAPTER}.errors.LlmAstarError'
+    }
 
 
 @pytest.mark.parametrize(
     'path',
-    [path for path in modules(PLANNER) if path.relative_to(PLANNER).parts[0] != 'nodes'],
+    [path for path in modules(PLANNER, PLANNER) if 'nodes' not in path.parts],
     ids=identify,
 )
-def test_only_nodes_know_ros_and_only_the_command_line_knows_nodes(path):
-    messages = imported(path, *ROS)
-    if path.stem != 'cli_doctor':  # which looks whether it is there
-        assert not messages
-        adapter = {
-            '.'.join(name.split('.')[:2]) for name in imported(path, 'llm_astar_msgs_adapter')
-        }
-        assert adapter <= PLAIN | {'llm_astar_msgs_adapter'}
-    if not path.stem.startswith('cli'):
-        assert not imported(path, 'llm_astar_planner.nodes', 'llm_astar_planner.cli')
-
-
-@pytest.mark.parametrize(
-    'path', modules(PLANNER / 'prompts') + modules(PLANNER / 'waypoint_source'), ids=identify
-)
-def test_prompts_and_sources_never_import_the_planner(path):
-    assert not imported(path, 'llm_astar_planner.planner', 'llm_astar_planner.benchmark')
+def test_only_nodes_know_ros(path):
+    if path.parts[-2:] == ('cli', 'doctor.py'):  # which looks whether it is there
+        return
+    assert not imported(path, *ROS)
+    messages = {
+        name.split('.')[2]
+        for name in imported(path, f'{ADAPTER}.messages')
+        if len(name.split('.')) > 2
+    }
+    assert messages <= PLAIN_MESSAGES

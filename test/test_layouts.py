@@ -9,8 +9,8 @@ import yaml
 from graph_tools import wait_for
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode
 from llm_astar_planner.nodes.map_node import MapNode
-from llm_astar_planner.nodes.planner_node import PlannerNode
-from llm_astar_planner.share import find_file
+from llm_astar_planner.nodes.planner.planner_node import PlannerNode
+from llm_astar_planner.resources import find_file
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 SPACE = '/layouts'

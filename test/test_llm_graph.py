@@ -10,12 +10,12 @@ import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from graph_tools import ALONE, GOAL, START, calling, process, set_parameter, wait_for
-from llm_astar_msgs_adapter.path import pose_to_message
-from llm_astar_msgs_adapter.report import ExchangeReport, report_from_message
-from llm_astar_planner.local_llm import LocalLlm, ServeOptions
+from llm_astar_msgs_adapter.messages.diagnostics import ExchangeReport, report_from_message
+from llm_astar_msgs_adapter.messages.path import pose_to_message
+from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.llm_client_node import PARAMETERS
-from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
-from llm_astar_planner.waypoint_source.transcript import read_transcript
+from llm_astar_planner.waypoints.transcript import read_transcript
+from local_llm import LocalLlm, ServeOptions
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import Log, ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters

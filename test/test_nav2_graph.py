@@ -10,11 +10,15 @@ import rclpy
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from graph_tools import PATIENCE, calling, running, wait_for
-from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.occupancy_grid import grid_to_message
-from llm_astar_msgs_adapter.path import path_from_message, path_to_message, pose_to_message
-from llm_astar_planner.nodes.planner_node import ManagedPlannerNode, PlannerNode
-from llm_astar_planner.nodes.qos import LATCHED
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message
+from llm_astar_msgs_adapter.messages.path import (
+    path_from_message,
+    path_to_message,
+    pose_to_message,
+)
+from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.planner.planner_node import ManagedPlannerNode, PlannerNode
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetPlan
 from rclpy.action import ActionClient

@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from llm_astar_planner.share import find_file
+from llm_astar_planner.resources import find_file
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ('llm_astar_msgs_adapter', 'llm_astar_planner')

@@ -12,12 +12,16 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from graph_tools import PATIENCE, calling, process, running, set_parameter, wait_for
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.occupancy_grid import grid_to_message, yaw_of
-from llm_astar_msgs_adapter.path import path_from_message, path_to_message, pose_to_message
-from llm_astar_planner.nodes.map_keeper import MapKeeper
-from llm_astar_planner.nodes.planner_node import ManagedPlannerNode, PlannerNode
-from llm_astar_planner.nodes.qos import LATCHED, RELIABLE
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message, yaw_of
+from llm_astar_msgs_adapter.messages.path import (
+    path_from_message,
+    path_to_message,
+    pose_to_message,
+)
+from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.planner.map_manager import MapManager
+from llm_astar_planner.nodes.planner.planner_node import ManagedPlannerNode, PlannerNode
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetPlan
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -397,7 +401,7 @@ def test_a_managed_node_tells_its_state_while_a_parameter_waits_for_the_map(monk
         waits.set()
         go.wait(PATIENCE)
 
-    monkeypatch.setattr(MapKeeper, 'refresh', refresh)
+    monkeypatch.setattr(MapManager, 'refresh', refresh)
     node = node_of(ManagedPlannerNode, WAITING, lifecycle=True, llm_client='')
     with running(node), calling(WAITING) as caller:
         assert change_state(caller, Transition.TRANSITION_CONFIGURE)

@@ -12,18 +12,18 @@ import time
 import pytest
 import rclpy
 from graph_tools import DEMO, PATIENCE, calling, process, wait_for
-from llm_astar_msgs_adapter.bag_types import bag_types
-from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
-from llm_astar_msgs_adapter.grid_map import Pose2D
-from llm_astar_msgs_adapter.path import path_from_message
-from llm_astar_planner.cli import main
-from llm_astar_planner.share import find_file
+from llm_astar_msgs_adapter.bags.types import bag_types
+from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+from llm_astar_msgs_adapter.messages.path import path_from_message
+from llm_astar_planner.cli.main import main
+from llm_astar_planner.resources import find_file
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
-from rosbags.rosbag2 import Reader
+from rosbags.rosbag2 import RequestConverter
 from std_msgs.msg import String
 
 ALONE = '/recorded'
@@ -45,7 +45,7 @@ def _context():
 @contextlib.contextmanager
 def recording(folder, *options, namespace=ALONE, ending=signal.SIGINT):
     """Run `llm-astar record` as a process; end it by a signal, sent twice."""
-    command = [sys.executable, '-m', 'llm_astar_planner.cli', 'record', '--out', str(folder)]
+    command = [sys.executable, '-m', 'llm_astar_planner.cli.main', 'record', '--out', str(folder)]
     recorder = subprocess.Popen(
         [*command, '--namespace', namespace, *options],
         stdout=subprocess.PIPE,
@@ -141,7 +141,7 @@ def test_mcaps_own_reader_checks_every_checksum_of_a_recording(drive):
 
 def test_a_recording_keeps_what_publishers_offered(drive):
     folder, _, recorder = drive
-    with Reader(folder) as reader:
+    with RequestConverter(folder) as reader:
         offered = {c.topic: c.ext.offered_qos_profiles[0].durability for c in reader.connections}
     assert offered[f'{ALONE}/map'] is QosDurability.TRANSIENT_LOCAL
     assert offered[f'{ALONE}/plan'] is QosDurability.VOLATILE
@@ -185,7 +185,7 @@ def test_messages_are_written_as_they_come_and_split_by_size(tmp_path):
     node.destroy_node()
     assert recorder.returncode == 0, recorder.lines
     assert len(list(bag.glob('bag_*'))) >= 3
-    with Reader(bag) as reader:
+    with RequestConverter(bag) as reader:
         messages = list(reader.messages())
     texts = [
         bag_types().deserialize_cdr(data, 'std_msgs/msg/String').data for *_, data in messages

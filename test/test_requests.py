@@ -12,19 +12,28 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError, Pose2D
-from llm_astar_msgs_adapter.occupancy_grid import quaternion_of
-from llm_astar_msgs_adapter.path import path_to_message, pose_to_message
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.messages.occupancy_grid import quaternion_of
+from llm_astar_msgs_adapter.messages.path import path_to_message, pose_to_message
 from llm_astar_planner.nodes import nav2_actions
-from llm_astar_planner.nodes.answering import Answer, Answering
-from llm_astar_planner.nodes.cancelling import Cancel
-from llm_astar_planner.nodes.frames import LOOK, PATIENCE, FrameError, Frames
-from llm_astar_planner.nodes.nav2_actions import PathAction, PathCheck, fill_result, question_of
-from llm_astar_planner.nodes.planner_parameters import PARAMETERS
-from llm_astar_planner.nodes.requests import Question, Reader, RefusalError
-from llm_astar_planner.planner import GridRules, Planner
-from llm_astar_planner.recall import Recall
-from llm_astar_planner.result_code import ResultCode
+from llm_astar_planner.nodes.common.tf import PATIENCE, POLL_PERIOD_S, FrameError, Frames
+from llm_astar_planner.nodes.planner.nav2_server import (
+    PathAction,
+    PathCheck,
+    fill_result,
+    question_of,
+)
+from llm_astar_planner.nodes.planner.parameters import PARAMETERS
+from llm_astar_planner.nodes.planner.preemption import CancellationToken
+from llm_astar_planner.nodes.planner.request_conversion import (
+    PlanGoal,
+    RequestConverter,
+    RequestError,
+)
+from llm_astar_planner.nodes.planner.request_handler import Answer, RequestHandler
+from llm_astar_planner.planning.planner import CostmapConfig, Planner
+from llm_astar_planner.planning.recall import Recall
+from llm_astar_planner.planning.result_code import ResultCode
 from nav_msgs.msg import Path
 
 LONG = 60.0
@@ -59,14 +68,14 @@ def pose(x, y, yaw=0.0, frame='map', stamp=STAMP):
 
 def reader(buffer=None, source=None, **changes):
     settings = {parameter.name: parameter.default for parameter in PARAMETERS} | changes
-    return Reader(settings, Frames(buffer), source)
+    return RequestConverter(settings, Frames(buffer), source)
 
 
 def refusal(reader, question):
     def read():
         reader.request(question, reader.ends(question, MAP), MAP, want_expanded=False)
 
-    with pytest.raises(RefusalError) as caught:
+    with pytest.raises(RequestError) as caught:
         read()
     return caught.value.code.name, str(caught.value)
 
@@ -90,16 +99,16 @@ def answered(buffer, max_planning_time=LONG, cancel=None):
     settings['max_planning_time'] = max_planning_time
     node = Mock()
     node.get_clock().now().to_msg.return_value = STAMP
-    answering = Answering(
+    answering = RequestHandler(
         node,
         settings,
         SimpleNamespace(planner=Planner(MAP)),
-        Reader(settings, Frames(buffer), None),
+        RequestConverter(settings, Frames(buffer), None),
         recall=Recall(0),
         announcer=Mock(wants_expanded=False),
     )
     answering.is_active = True
-    answer = answering.answer(Question((pose(1.0, 1.0, frame='odom'),), pose(2.0, 2.0)), cancel)
+    answer = answering.answer(PlanGoal((pose(1.0, 1.0, frame='odom'),), pose(2.0, 2.0)), cancel)
     return answer.code, answer.message
 
 
@@ -110,7 +119,7 @@ def test_a_transform_that_comes_late_is_waited_for():
 
 
 def test_the_wait_for_a_transform_ends_with_patience_or_with_the_planning_time():
-    for seconds, most in ((LONG, PATIENCE / LOOK), (2.0 * LOOK, 2)):
+    for seconds, most in ((LONG, PATIENCE / POLL_PERIOD_S), (2.0 * POLL_PERIOD_S, 2)):
         buffer = Buffer()
         code, message = answered(buffer, seconds)
         assert code is ResultCode.TF_ERROR
@@ -119,7 +128,7 @@ def test_the_wait_for_a_transform_ends_with_patience_or_with_the_planning_time()
 
 
 def test_a_cancel_ends_the_wait_for_a_transform():
-    cancel = Cancel()
+    cancel = CancellationToken()
     buffer = Buffer(on_look=lambda: cancel('a newer goal came'))
     code, message = answered(buffer, cancel=cancel)
     assert (code, message) == (ResultCode.TIMEOUT, 'canceled: a newer goal came')
@@ -137,8 +146,8 @@ def test_poses_of_the_maps_frame_or_of_none_need_no_tf2():
 )
 def test_what_cannot_be_transformed_is_a_tf_error_with_the_reason(buffer, words):
     for question in (
-        Question((pose(1.0, 1.0, frame='odom'),), pose(2.0, 2.0)),
-        Question((pose(1.0, 1.0),), pose(2.0, 2.0, frame='odom')),
+        PlanGoal((pose(1.0, 1.0, frame='odom'),), pose(2.0, 2.0)),
+        PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0, frame='odom')),
     ):
         code, message = refusal(reader(buffer), question)
         assert code == 'TF_ERROR'
@@ -148,7 +157,7 @@ def test_what_cannot_be_transformed_is_a_tf_error_with_the_reason(buffer, words)
 
 def test_without_a_start_the_robots_pose_counts():
     buffer = Buffer(base_link=(3.0, 4.0, 0.5), robot_base=(5.0, 6.0, 0.0))
-    question = Question((pose(1.0, 1.0),))
+    question = PlanGoal((pose(1.0, 1.0),))
     assert reader(buffer).ends(question, MAP).start == pytest.approx((3.0, 4.0, 0.5))
     named = reader(buffer, robot_base_frame='robot_base')
     assert named.ends(question, MAP).start == pytest.approx((5.0, 6.0, 0.0))
@@ -158,7 +167,7 @@ def test_without_a_start_the_robots_pose_counts():
 
 
 def test_a_fallback_serves_where_the_robots_pose_is_not_known():
-    question = Question((pose(1.0, 1.0),), fallback_start=pose(9.0, 8.0))
+    question = PlanGoal((pose(1.0, 1.0),), fallback_start=pose(9.0, 8.0))
     assert reader(None).ends(question, MAP).start[:2] == (9.0, 8.0)
     assert reader(Buffer()).ends(question, MAP).start[:2] == (9.0, 8.0)
     known = Buffer(base_link=(3.0, 4.0, 0.0))
@@ -166,7 +175,7 @@ def test_a_fallback_serves_where_the_robots_pose_is_not_known():
 
 
 def test_a_pose_that_is_not_finite_is_no_pose():
-    question = Question((pose(math.nan, 1.0),), pose(2.0, 2.0))
+    question = PlanGoal((pose(math.nan, 1.0),), pose(2.0, 2.0))
     assert refusal(reader(), question) == ('UNKNOWN', 'goal: holds a number that is not finite')
     with pytest.raises(GridMapError):
         Frames(None).locate(pose(1.0, math.inf), 'map', 'goal')
@@ -174,13 +183,13 @@ def test_a_pose_that_is_not_finite_is_no_pose():
 
 @pytest.mark.parametrize(('asked', 'counts'), [(0.0, 0.5), (-1.0, 0.5), (0.2, 0.2)])
 def test_the_callers_tolerance_counts_where_it_states_one(asked, counts):
-    question = Question((pose(1.0, 1.0),), pose(2.0, 2.0), asked)
+    question = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), asked)
     ends = reader().ends(question, MAP)
     assert reader().request(question, ends, MAP, want_expanded=False).tolerance == counts
 
 
 def test_a_tolerance_that_is_not_finite_is_the_cores_to_refuse():
-    question = Question((pose(1.0, 1.0),), pose(2.0, 2.0), math.nan)
+    question = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), math.nan)
     request = reader().request(question, reader().ends(question, MAP), MAP, want_expanded=False)
     assert Planner(MAP).plan(request).code.name == 'INVALID_PLANNER'
 
@@ -193,7 +202,7 @@ def test_parameters_reach_the_request():
         'instruction': 'keep to the south side',
         'use_waypoints': False,
     }
-    question = Question((pose(1.0, 1.0), pose(3.0, 3.0), pose(4.1, 5.0)), pose(2.0, 2.0))
+    question = PlanGoal((pose(1.0, 1.0), pose(3.0, 3.0), pose(4.1, 5.0)), pose(2.0, 2.0))
     asker = reader(source=object(), **changes)
     request = asker.request(question, asker.ends(question, MAP), MAP, want_expanded=True)
     assert (request.start, request.via, request.goal) == ((4, 4), ((2, 2), (6, 6)), (8, 10))
@@ -208,13 +217,13 @@ def test_parameters_reach_the_request():
     [('', 'guided'), ('LLMAStar', 'guided'), ('GridBased', 'guided'), ('astar', 'astar')],
 )
 def test_planner_ids_name_this_planner_or_a_method(planner_id, method):
-    question = Question((pose(1.0, 1.0),), pose(2.0, 2.0), planner_id=planner_id)
+    question = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), planner_id=planner_id)
     ends = reader().ends(question, MAP)
     assert reader().request(question, ends, MAP, want_expanded=False).method == method
 
 
 def test_an_unknown_planner_id_is_an_invalid_planner():
-    question = Question((pose(1.0, 1.0),), pose(2.0, 2.0), planner_id='SmacHybrid')
+    question = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), planner_id='SmacHybrid')
     code, message = refusal(reader(), question)
     assert code == 'INVALID_PLANNER'
     assert "'SmacHybrid'" in message
@@ -241,7 +250,7 @@ def answer(code, message='because', points=()):
 
 
 def test_results_carry_each_actions_own_numbers():
-    question = Question((pose(1.0, 1.0),))
+    question = PlanGoal((pose(1.0, 1.0),))
     to = fill_result(ToPose(), question, answer(ResultCode.TF_ERROR))
     assert (to.error_code, hasattr(to, 'error_msg')) == (202, False)
     assert (to.planning_time.sec, to.planning_time.nanosec) == (1, 250_000_000)
@@ -249,7 +258,7 @@ def test_results_carry_each_actions_own_numbers():
     assert (through.error_code, through.error_msg) == (302, 'because')
     fine = fill_result(ThroughPoses(), question, answer(ResultCode.NONE))
     assert (fine.error_code, fine.error_msg) == (0, '')
-    nothing = fill_result(ThroughPoses(), Question(()), answer(ResultCode.UNKNOWN))
+    nothing = fill_result(ThroughPoses(), PlanGoal(()), answer(ResultCode.UNKNOWN))
     assert nothing.error_code == 309
 
 
@@ -322,15 +331,15 @@ def test_whatever_is_asked_there_is_a_code_and_a_sentence(
     cells = np.random.default_rng(3).choice([0, 0, 0, 40, 100, -1], (20, 30)).astype(np.int8)
     grid_map = GridMap(cells, 0.5, Pose2D(-2.0, 1.0, 0.4))
     asker = reader(Buffer(odom=(1.0, 2.0, 0.5), base_link=(3.0, 3.0, 0.0)), **parameters)
-    question = Question(tuple(goals), start, tolerance, planner_id)
+    question = PlanGoal(tuple(goals), start, tolerance, planner_id)
     try:
         ends = asker.ends(question, grid_map)
         request = asker.request(question, ends, grid_map, want_expanded=False)
-    except RefusalError as error:
+    except RequestError as error:
         assert error.code is not ResultCode.NONE
         assert str(error)
         return
-    planner = Planner(grid_map, GridRules(robot_radius=robot_radius))
+    planner = Planner(grid_map, CostmapConfig(robot_radius=robot_radius))
     plan = planner.plan(request)
     assert plan.message
     assert (plan.code is ResultCode.NONE) == (len(plan.path) > 0)

@@ -5,7 +5,7 @@ import sys
 from types import SimpleNamespace
 
 import pytest
-from llm_astar_planner.nodes.run import spin
+from llm_astar_planner.nodes.common.spin import spin
 from rclpy._rclpy_pybind11 import RCLError
 
 GONE = "Failed to add 'rcl_action_server_t' to wait set: action server pointer is invalid"
@@ -39,7 +39,7 @@ def test_another_failure_of_the_middleware_ends_it():
 
 HANGS = """
 import ctypes
-from llm_astar_planner.nodes import run
+from llm_astar_planner.nodes.common import spin as run
 class Node:
     def destroy_node(self):
         ctypes.PyDLL(None).sleep(60)  # and keeps Python's lock, as the middleware may

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 import rclpy
 from graph_tools import calling, process
-from llm_astar_msgs_adapter.barrier_map import load_barrier_maps
-from llm_astar_msgs_adapter.grid_map import Pose2D
-from llm_astar_msgs_adapter.occupancy_grid import grid_to_message
-from llm_astar_msgs_adapter.path import path_from_message
-from llm_astar_planner.nodes.caller import CallerError
-from llm_astar_planner.nodes.qos import LATCHED
-from llm_astar_planner.planner import Planner
-from llm_astar_planner.share import find_file
+from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message
+from llm_astar_msgs_adapter.messages.path import path_from_message
+from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.tools.planner_client import CallerError
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.resources import find_file
 from nav_msgs.msg import OccupancyGrid
 from tqdm import tqdm
 
@@ -52,7 +52,7 @@ def _context():
 
 
 @dataclass
-class Tally:
+class PlanStatistics:
     """What the callers saw; each entry of `wrong` is a sentence."""
 
     guided: int = 0
@@ -86,7 +86,7 @@ def soak(rounds, calls_a_round):
         planner.grid_map.digest: planner
         for planner in map(planner_of, load_barrier_maps(find_file('samples_1000.json', 'maps')))
     }
-    tally, memory = Tally(), []
+    tally, memory = PlanStatistics(), []
     with (
         process('planner_node', *SETTINGS, namespace=NAMESPACE) as node,
         ThreadPoolExecutor(CALLERS) as threads,

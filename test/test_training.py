@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from llm_astar_msgs_adapter.barrier_map import Barrier, BarrierMap, load_barrier_maps
-from llm_astar_planner.benchmark.generate import MapRules, generate
-from llm_astar_planner.share import find_file
-from llm_astar_planner.sight import Walls
-from llm_astar_planner.waypoint_source.ablation import any_angle_length
-from llm_astar_planner.waypoint_source.embedded_features import featurise, place_nodes
-from llm_astar_planner.waypoint_source.embedded_network import hop_logits, read_weights
+from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, load_barrier_maps
+from llm_astar_planner.benchmark.datasets.generate import MapRules, generate
+from llm_astar_planner.resources import find_file
+from llm_astar_planner.search.visibility import LineOfSightChecker
+from llm_astar_planner.waypoints.baselines import any_angle_length
+from llm_astar_planner.waypoints.learned.features import featurise, place_nodes
+from llm_astar_planner.waypoints.learned.network import hop_logits, read_weights
 from llm_astar_training.batches import (
     HELD_OUT_SEED,
     MOST_BARRIERS,
@@ -59,7 +59,7 @@ def test_sights_are_those_of_the_planner(batches):
             both = batch.usable[n, i] & batch.usable[n, j]
             i, j = i[both], j[both]
             assert not blocked[nodes[i][:, 1], nodes[i][:, 0]].any()
-            seen = Walls(blocked).clear(nodes[i], nodes[j])
+            seen = LineOfSightChecker(blocked).clear(nodes[i], nodes[j])
             assert np.array_equal(np.isfinite(batch.apart[n, i, j]), seen)
 
 

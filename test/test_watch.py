@@ -11,14 +11,14 @@ from dataclasses import asdict
 import pytest
 import rclpy
 from graph_tools import GOAL, START, calling, spinning, wait_for
-from llm_astar_msgs_adapter.grid_map import Pose2D
-from llm_astar_planner.cli import main
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+from llm_astar_planner.cli.main import main
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode
 from llm_astar_planner.nodes.map_node import MapNode
-from llm_astar_planner.nodes.planner_node import PlannerNode
-from llm_astar_planner.plan_reports import failure_report
-from llm_astar_planner.result_code import ResultCode
-from llm_astar_planner.watch import Kind, Seen, to_json, to_line
+from llm_astar_planner.nodes.planner.planner_node import PlannerNode
+from llm_astar_planner.nodes.tools.monitor_lines import Kind, Seen, to_json, to_line
+from llm_astar_planner.planning.report import failure_report
+from llm_astar_planner.planning.result_code import ResultCode
 from rclpy.parameter import Parameter
 
 SPACE = '/watched'
@@ -64,7 +64,7 @@ def graph():
 @contextlib.contextmanager
 def watch(*arguments):
     """Run the command as a process of its own; give it back with the lines it has printed."""
-    command = [sys.executable, '-m', 'llm_astar_planner.cli', 'watch', *arguments]
+    command = [sys.executable, '-m', 'llm_astar_planner.cli.main', 'watch', *arguments]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
     )

@@ -6,7 +6,12 @@ from glob import glob
 from setuptools import find_packages, setup
 
 NAME = 'llm_astar_planner'
-NODES = ('map_node', 'llm_client_node', 'planner_node', 'benchmark_node')
+NODES = {
+    'map_node': 'nodes.map_node',
+    'llm_client_node': 'nodes.llm_client_node',
+    'planner_node': 'nodes.planner.planner_node',
+    'benchmark_node': 'nodes.benchmark_node',
+}
 
 data_files = [
     ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
@@ -28,7 +33,14 @@ setup(
     description='LLM-A*: a ROS 2 global planner guided by a language model',
     license='Apache-2.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'prompts/*.txt', 'benchmark/*.j2', 'waypoint_source/*.npz']},
+    package_data={
+        NAME: [
+            'py.typed',
+            'waypoints/prompts/*.txt',
+            'waypoints/learned/*.npz',
+            'benchmark/report/*.j2',
+        ]
+    },
     data_files=data_files,
     python_requires='>=3.10',
     # The ROS messages come from apt or from the wheels; `make install` picks.
@@ -59,8 +71,8 @@ setup(
     },
     entry_points={
         'console_scripts': [
-            'llm-astar = llm_astar_planner.cli:main',
-            *(f'{node} = {NAME}.nodes.{node}:main' for node in NODES),
+            'llm-astar = llm_astar_planner.cli.main:main',
+            *(f'{node} = {NAME}.{module}:main' for node, module in NODES.items()),
         ]
     },
     zip_safe=False,

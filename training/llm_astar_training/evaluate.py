@@ -14,9 +14,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
 
-from llm_astar_msgs_adapter.barrier_map import BarrierMap, load_barrier_maps
-from llm_astar_planner.benchmark.askers import GRID_ABLATIONS, embedded_askers
-from llm_astar_planner.benchmark.engine import (
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, load_barrier_maps
+from llm_astar_planner.benchmark.analysis.summary import CaseSummary, summarise
+from llm_astar_planner.benchmark.datasets.generate import MapRules, generate
+from llm_astar_planner.benchmark.datasets.samples import (
+    ProblemMap,
+    load_maps,
+    select_samples,
+)
+from llm_astar_planner.benchmark.report.markdown import markdown_table
+from llm_astar_planner.benchmark.runner.engine import (
     LLM_ONLY,
     Asker,
     Settings,
@@ -24,17 +31,10 @@ from llm_astar_planner.benchmark.engine import (
     plan_tasks,
     run_task,
 )
-from llm_astar_planner.benchmark.generate import MapRules, generate
-from llm_astar_planner.benchmark.report_md import markdown_table
-from llm_astar_planner.benchmark.samples import (
-    ProblemMap,
-    load_maps,
-    select_samples,
-)
-from llm_astar_planner.benchmark.summary import CaseSummary, summarise
-from llm_astar_planner.share import find_file
-from llm_astar_planner.waypoint_source.ablation import ablation_sources
-from llm_astar_planner.waypoint_source.base import WaypointQuery, WaypointReply, WaypointSource
+from llm_astar_planner.benchmark.runner.sources import GRID_ABLATIONS, embedded_askers
+from llm_astar_planner.resources import find_file
+from llm_astar_planner.waypoints.baselines import ablation_sources
+from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply, WaypointSource
 from tqdm import tqdm
 
 SEED = 606

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from llm_astar_planner.waypoint_source.embedded_network import FORMAT
+from llm_astar_planner.waypoints.learned.network import FORMAT
 from numpy.typing import NDArray
 
 

@@ -1,4 +1,4 @@
-"""The network in torch; `llm_astar_planner.waypoint_source.embedded_network` is it in numpy.
+"""The network in torch; `llm_astar_planner.waypoints.learned.network` is it in numpy.
 
 A transformer over the nodes whose attention and next-hop logits take a learned term for every
 pair of nodes: forms bilinear in how each barrier sees the two, through a small perceptron, summed
@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from llm_astar_planner.waypoint_source.embedded_features import (
+from llm_astar_planner.waypoints.learned.features import (
     BARRIER_FEATURES,
     NODE_FEATURES,
     PAIR_FEATURES,

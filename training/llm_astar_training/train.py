@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from llm_astar_planner.waypoint_source.embedded_features import featurise
+from llm_astar_planner.waypoints.learned.features import featurise
 from torch import Tensor
 from torch.nn import functional as fn
 from tqdm import tqdm

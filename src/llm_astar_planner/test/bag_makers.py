@@ -3,16 +3,16 @@
 import json
 
 import numpy as np
-from llm_astar_msgs_adapter.bag_messages import (
+from llm_astar_msgs_adapter.bags.messages import (
     NANOSECONDS,
     get_plan_request,
     occupancy_grid,
     path,
     status,
 )
-from llm_astar_msgs_adapter.bag_types import bag_types, define
-from llm_astar_msgs_adapter.bag_writing import BagWriter, Topic
-from llm_astar_msgs_adapter.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.bags.types import bag_types, define
+from llm_astar_msgs_adapter.bags.writing import BagWriter, Topic
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 
 TYPES = {
     '/map': 'nav_msgs/msg/OccupancyGrid',

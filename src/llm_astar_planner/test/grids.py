@@ -6,10 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 from hypothesis import strategies as st
-from llm_astar_planner.search.fast_grid import FastGrid, path_units
+from llm_astar_planner.search.grid_graph import GridGraph, path_units
 
 
-def dijkstra(grid: FastGrid, start, goal) -> float:
+def dijkstra(grid: GridGraph, start, goal) -> float:
     """The least cost in cells, inf where there is no way; from the rule, not from the masks."""
     height, width = grid.blocked.shape
     price = grid.price.reshape(height, width) if grid.price.size else np.zeros((height, width))
@@ -34,7 +34,7 @@ def dijkstra(grid: FastGrid, start, goal) -> float:
     return math.inf
 
 
-def is_move(grid: FastGrid, cell, other) -> bool:
+def is_move(grid: GridGraph, cell, other) -> bool:
     """Whether one may go from a free cell to a neighbour."""
     (x, y), (other_x, other_y) = cell, other
     height, width = grid.blocked.shape
@@ -44,7 +44,7 @@ def is_move(grid: FastGrid, cell, other) -> bool:
     return grid.corner_cutting or not corner
 
 
-def assert_path(grid: FastGrid, path, start, goal, cost) -> None:
+def assert_path(grid: GridGraph, path, start, goal, cost) -> None:
     """The path joins the cells by legal moves and costs what is said."""
     cells = [(int(x), int(y)) for x, y in path]
     assert cells[0] == start
@@ -72,7 +72,7 @@ def queries(draw, graded=None):
     cost = None
     if draw(st.booleans()) if graded is None else graded:
         cost = random.integers(-1, 101, blocked.shape) * (random.random(blocked.shape) < 0.5)
-    grid = FastGrid(
+    grid = GridGraph(
         blocked,
         corner_cutting=draw(st.booleans()),
         cost=cost,

@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import llm_astar_planner
-from llm_astar_planner.waypoint_source.base import SourceStatus
+from llm_astar_planner.waypoints.source import SourceStatus
 
 # The parameters that decide rows, whatever else a run is made with.
 DECIDING = (

@@ -1,1 +1,9 @@
 """The ROS nodes: they translate and schedule, and leave the planning to the core."""
+
+# Where each node's `main` is, below this package.
+MODULES = {
+    'map_node': 'map_node',
+    'llm_client_node': 'llm_client_node',
+    'planner_node': 'planner.planner_node',
+    'benchmark_node': 'benchmark_node',
+}

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import rclpy
-from llm_astar_msgs_adapter.barrier_map import (
+from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMapError,
     load_barrier_maps,
     save_barrier_maps,
@@ -20,10 +20,14 @@ from llm_astar_msgs_adapter.barrier_map import (
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from llm_astar_planner.benchmark.grid_dataset import is_grid_dataset
-from llm_astar_planner.benchmark.progress import progress
-from llm_astar_planner.benchmark.publish import publish
-from llm_astar_planner.benchmark.report_md import text_report
+from llm_astar_planner.benchmark.datasets.grids import is_grid_dataset
+from llm_astar_planner.benchmark.datasets.samples import (
+    BenchmarkSample,
+    SelectionError,
+    load_samples,
+)
+from llm_astar_planner.benchmark.report.markdown import text_report
+from llm_astar_planner.benchmark.report.write import publish
 from llm_astar_planner.benchmark.results import (
     MAPS_FILE,
     ResultsError,
@@ -31,13 +35,13 @@ from llm_astar_planner.benchmark.results import (
     RowKey,
     describe_run,
 )
-from llm_astar_planner.benchmark.run import open_folder
-from llm_astar_planner.benchmark.samples import BenchmarkSample, SelectionError, load_samples
-from llm_astar_planner.nodes.caller import Caller, CallerError
-from llm_astar_planner.nodes.live_run import LiveRun
-from llm_astar_planner.nodes.run import leave
-from llm_astar_planner.search.methods import METHODS
-from llm_astar_planner.share import find_file
+from llm_astar_planner.benchmark.runner.config import open_folder
+from llm_astar_planner.benchmark.runner.progress import progress
+from llm_astar_planner.nodes.common.spin import leave
+from llm_astar_planner.nodes.live_benchmark import LiveRun
+from llm_astar_planner.nodes.tools.planner_client import Caller, CallerError
+from llm_astar_planner.resources import find_file
+from llm_astar_planner.search.paper import METHODS
 
 OK, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 2, 3, 130
 EPILOG = """\

@@ -9,40 +9,44 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from llm_astar_msgs_adapter.barrier_map import BarrierMapError, load_barrier_maps
-from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError
-from llm_astar_msgs_adapter.path import path_to_message, pose_from_message
-from llm_astar_msgs_adapter.report import ExchangeReport, report_to_message, status_to_message
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMapError, load_barrier_maps
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError
+from llm_astar_msgs_adapter.messages.diagnostics import (
+    ExchangeReport,
+    report_to_message,
+    status_to_message,
+)
+from llm_astar_msgs_adapter.messages.path import path_to_message, pose_from_message
 from nav_msgs.srv import GetPlan
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
-from llm_astar_planner.asking import ask
-from llm_astar_planner.nodes.entities import Entities
-from llm_astar_planner.nodes.map_listener import MapListener
-from llm_astar_planner.nodes.parameters import Parameter, Parameters
-from llm_astar_planner.nodes.qos import RELIABLE, REPORTS
-from llm_astar_planner.nodes.run import run
-from llm_astar_planner.prompts.instruction import clean_instruction
+from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.map_subscription import MapListener
+from llm_astar_planner.nodes.common.parameters import Parameter, Parameters
+from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.spin import run
+from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.share import find_file
-from llm_astar_planner.waypoint_source.base import (
+from llm_astar_planner.waypoints.async_query import ask
+from llm_astar_planner.waypoints.config import MAX_CANDIDATES
+from llm_astar_planner.waypoints.factory import (
+    SOURCES,
+    SourceSettings,
+    client_of,
+    make_source,
+)
+from llm_astar_planner.waypoints.llm.protocol import RESPONSE_FORMATS
+from llm_astar_planner.waypoints.prompts.instruction import clean_instruction
+from llm_astar_planner.waypoints.sample_key import live_key
+from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,
     WaypointQuery,
     WaypointReply,
     WaypointSource,
 )
-from llm_astar_planner.waypoint_source.dialect import RESPONSE_FORMATS
-from llm_astar_planner.waypoint_source.factory import (
-    SOURCES,
-    SourceSettings,
-    client_of,
-    make_source,
-)
-from llm_astar_planner.waypoint_source.sample_key import live_key
-from llm_astar_planner.waypoint_source.settings import MAX_CANDIDATES
 
 THREADS = 16
 # What an exchange message carries of a reply; the transcript holds it whole.

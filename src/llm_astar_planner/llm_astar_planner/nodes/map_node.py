@@ -6,22 +6,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.barrier_map import (
+from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMapError,
     find_barrier_map,
     load_barrier_maps,
 )
-from llm_astar_msgs_adapter.grid_map import GridMap, GridMapError
-from llm_astar_msgs_adapter.map_server import MapServerError, load_map
-from llm_astar_msgs_adapter.occupancy_grid import grid_to_message
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError
+from llm_astar_msgs_adapter.maps.map_server import MapServerError, load_map
+from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap
 from rclpy.node import Node
 
-from llm_astar_planner.nodes.parameters import Parameter, Parameters
-from llm_astar_planner.nodes.qos import LATCHED
-from llm_astar_planner.nodes.run import run
-from llm_astar_planner.share import find_file
+from llm_astar_planner.nodes.common.parameters import Parameter, Parameters
+from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.common.spin import run
+from llm_astar_planner.resources import find_file
 
 PARAMETERS = (
     Parameter(

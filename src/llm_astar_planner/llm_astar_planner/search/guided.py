@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from llm_astar_planner.search import kernels_bucket as plain_kernels
-from llm_astar_planner.search import kernels_guided as kernels
-from llm_astar_planner.search.fast_grid import (
+from llm_astar_planner.search._kernels import astar as plain_kernels
+from llm_astar_planner.search._kernels import guided as kernels
+from llm_astar_planner.search.any_angle import can_see, shorten
+from llm_astar_planner.search.grid_graph import (
     BoundedResult,
-    FastGrid,
+    GridGraph,
     PathTooLongError,
     as_grid,
     exact_astar,
@@ -25,8 +26,7 @@ from llm_astar_planner.search.fast_grid import (
     path_units,
 )
 from llm_astar_planner.search.landmarks import NO_MARKS, NONE_ACTIVE, Landmarks
-from llm_astar_planner.search.result import GIVEN_UP, Cell, SearchStatus
-from llm_astar_planner.search.shortcut import can_see, shorten
+from llm_astar_planner.search.result import STOP_CANCELLED, Cell, SearchStatus
 
 # How greedily the waypoints are followed: the weight of the way still to go.
 WEIGHT = 1.2
@@ -45,24 +45,24 @@ _PLAIN_STEP = 4
 class GuidedResult(BoundedResult):
     """A bounded result with where its expansions went: led by waypoints, proof, plain A*."""
 
-    guided_operation: int = 0
-    proof_operation: int = 0
-    plain_operation: int = 0
+    guided_expansions: int = 0
+    proof_expansions: int = 0
+    plain_expansions: int = 0
 
 
 @dataclass(frozen=True, eq=False)
-class Improvement:
+class AnytimeSolution:
     """A better path while the search goes on.
 
-    `path` is int32 [n, 2], `cost` and `lower_bound` are in cells, `ratio` = cost / lower_bound
-    is proven, `operation` counts the expansions so far.
+    `path` is int32 [n, 2], `cost` and `lower_bound` are in cells, `suboptimality_bound` = cost / lower_bound
+    is proven, `expansions` counts the expansions so far.
     """
 
     path: NDArray[np.int32]
     cost: float
     lower_bound: float
-    ratio: float
-    operation: int
+    suboptimality_bound: float
+    expansions: int
 
 
 class GuidedSearch:
@@ -78,7 +78,7 @@ class GuidedSearch:
 
     def __init__(
         self,
-        blocked: FastGrid | NDArray[np.bool_],
+        blocked: GridGraph | NDArray[np.bool_],
         start: Cell,
         goal: Cell,
         *,
@@ -131,7 +131,7 @@ class GuidedSearch:
         with self._lock:
             self._pending = points
 
-    def improvements(self, *, want_expanded: bool = False) -> Iterator[Improvement]:
+    def improvements(self, *, want_expanded: bool = False) -> Iterator[AnytimeSolution]:
         """Run the search to its end and yield each better path as it is found.
 
         Call it once. A caller may drop the iterator early; `result` then is of that moment.
@@ -174,7 +174,7 @@ class GuidedSearch:
 
 
 def guided(
-    blocked: FastGrid | NDArray[np.bool_],
+    blocked: GridGraph | NDArray[np.bool_],
     start: Cell,
     goal: Cell,
     waypoints: ArrayLike,
@@ -212,7 +212,7 @@ def warm_up() -> None:
     blocked[4:, 12] = True
     start, goal = (2, 20), (21, 20)
     for cost in (None, np.ones(blocked.shape)):
-        grid = FastGrid(blocked, cost=cost)
+        grid = GridGraph(blocked, cost=cost)
         for landmarks in (Landmarks.build(grid), None):
             for wanted in (None, 1.0):
                 guided(
@@ -229,7 +229,7 @@ class _Search:
 
     def __init__(
         self,
-        grid: FastGrid,
+        grid: GridGraph,
         ends: tuple[int, int],
         marks: NDArray[np.int32],
         active: NDArray[np.int64],
@@ -262,7 +262,7 @@ class _Search:
         return int(self.control[kernels.G_BEST])
 
     @property
-    def operation(self) -> int:
+    def expansions(self) -> int:
         """Expansions so far."""
         return int(self.control[kernels.G_GUIDED] + self.control[kernels.G_PROOF])
 
@@ -319,7 +319,7 @@ class _Search:
 class _Run:
     """One run of a guided search on one grid: the led search and the plain A* behind it."""
 
-    def __init__(self, search: GuidedSearch, grid: FastGrid, landmarks: Landmarks | None) -> None:
+    def __init__(self, search: GuidedSearch, grid: GridGraph, landmarks: Landmarks | None) -> None:
         self.search_for = search
         self.grid = grid
         self.stop = search._stop
@@ -344,25 +344,25 @@ class _Run:
         self.plain: _Search | None = None
         self.best_of = self.led
         self.best_path: NDArray[np.int32] | None = None
-        self.first_operation = 0
+        self.first_expansions = 0
         self.first_cost = math.inf
 
     def _make_search(self) -> _Search:
         made = _Search(self.grid, self.ends, self.marks, self.active)
-        # Rounded down: the ratio reported is never over the one asked for.
+        # Rounded down: the suboptimality_bound reported is never over the one asked for.
         wanted = self.search_for._max_suboptimality
         made.control[kernels.G_RATIO] = 0 if wanted is None else math.floor(wanted * kernels.ONE)
         return made
 
     @property
-    def operation(self) -> int:
+    def expansions(self) -> int:
         """Expansions so far."""
-        return self.led.operation + self.plain_operation
+        return self.led.expansions + self.plain_expansions
 
     @property
-    def plain_operation(self) -> int:
+    def plain_expansions(self) -> int:
         """Those of the plain A*."""
-        return 0 if self.plain is None else self.plain.operation
+        return 0 if self.plain is None else self.plain.expansions
 
     def close(self) -> None:
         """Give the workspaces back."""
@@ -370,7 +370,7 @@ class _Run:
             if one is not None:
                 self.grid.give_back(one.workspace)
 
-    def search(self) -> Iterator[Improvement]:
+    def search(self) -> Iterator[AnytimeSolution]:
         """Search to the end; yield each better path."""
         while self.status is None:
             before = self.led.best
@@ -389,7 +389,7 @@ class _Run:
         control, grid = self.led.control, self.grid
         status = SearchStatus.STOPPED if self.status is None else self.status
         expanded = np.zeros(grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
-        drawn = want_expanded and self.stop[0] != GIVEN_UP
+        drawn = want_expanded and self.stop[0] != STOP_CANCELLED
         storage = 0
         for one in filter(None, (self.led, self.plain)):
             storage += int(one.control[kernels.G_STORAGE])
@@ -397,29 +397,33 @@ class _Run:
                 workspace = one.workspace
                 plain_kernels.add_expanded(workspace.records, workspace.generation, expanded)
         path, bound = self.best_path, int(control[kernels.G_BOUND])
-        length, cost, ratio = math.nan, math.inf, math.inf
+        length, cost, suboptimality_bound = math.nan, math.inf, math.inf
         lower_bound = bound / grid.straight
         if path is not None:
             units = path_units(grid, path)
-            length, cost, ratio = path_length(path), units / grid.straight, _ratio(units, bound)
+            length, cost, suboptimality_bound = (
+                path_length(path),
+                units / grid.straight,
+                _ratio(units, bound),
+            )
             lower_bound = min(bound, units) / grid.straight
         elif status is SearchStatus.EXHAUSTED:
             lower_bound = math.inf
         return GuidedResult(
             status,
-            self.operation,
+            self.expansions,
             storage,
             expanded,
             np.empty((0, 2), dtype=np.int32) if path is None else path,
             length,
             cost,
             lower_bound,
-            ratio,
-            self.first_operation,
+            suboptimality_bound,
+            self.first_expansions,
             self.first_cost,
             int(control[kernels.G_GUIDED]),
             int(control[kernels.G_PROOF]),
-            self.plain_operation,
+            self.plain_expansions,
         )
 
     def _step(self) -> None:
@@ -442,7 +446,7 @@ class _Run:
             else:
                 led.rekey(plain_kernels.BUCKET_BITS, proving=True)
         elif ended == kernels.WORKED:
-            self._step_plain(max(_PLAIN_STEP, self.plain_operation // 8))
+            self._step_plain(max(_PLAIN_STEP, self.plain_expansions // 8))
         else:
             self._end(ended)
 
@@ -460,7 +464,7 @@ class _Run:
             control[kernels.G_BEST] = self.plain.best
             self.best_of = self.plain
         control[kernels.G_BOUND] = max(control[kernels.G_BOUND], known[kernels.G_BOUND])
-        control[kernels.G_LEAST] = max(control[kernels.G_LEAST], self.plain.operation)
+        control[kernels.G_LEAST] = max(control[kernels.G_LEAST], self.plain.expansions)
         if ended == plain_kernels.FOUND or kernels.is_met(control):
             self.status = SearchStatus.FOUND
         else:
@@ -489,16 +493,16 @@ class _Run:
             shift += 1
         led.rekey(shift, proving=False)
 
-    def _improvement(self) -> Improvement:
+    def _improvement(self) -> AnytimeSolution:
         path = self.best_of.workspace.trace(self.grid.width, *self.ends)
         units = path_units(self.grid, path)
         cost = units / self.grid.straight
         bound = int(self.led.control[kernels.G_BOUND])
         if self.best_path is None:
-            self.first_operation, self.first_cost = self.operation, cost
+            self.first_expansions, self.first_cost = self.expansions, cost
         self.best_path = path
         lower_bound = min(bound, units) / self.grid.straight
-        return Improvement(path, cost, lower_bound, _ratio(units, bound), self.operation)
+        return AnytimeSolution(path, cost, lower_bound, _ratio(units, bound), self.expansions)
 
 
 def _ratio(units: int, bound: int) -> float:
@@ -506,7 +510,7 @@ def _ratio(units: int, bound: int) -> float:
 
 
 def _targets(
-    grid: FastGrid, points: NDArray[np.float64], start: Cell, goal: Cell
+    grid: GridGraph, points: NDArray[np.float64], start: Cell, goal: Cell
 ) -> NDArray[np.int64]:
     """Turn waypoints into targets: int64 [n, 3], x, y and units from there to the goal."""
     finite = points[np.isfinite(points).all(axis=1)]

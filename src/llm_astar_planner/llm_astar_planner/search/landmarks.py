@@ -11,8 +11,8 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search import kernels_bucket as kernels
-from llm_astar_planner.search.fast_grid import FastGrid
+from llm_astar_planner.search._kernels import astar as kernels
+from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 
 # Eight landmarks do on large maps; small maps get more, which cost them next to nothing.
@@ -34,7 +34,7 @@ class Landmarks:
     blocks more cells or raises costs.
     """
 
-    def __init__(self, grid: FastGrid, marks: NDArray[np.int32]) -> None:
+    def __init__(self, grid: GridGraph, marks: NDArray[np.int32]) -> None:
         """Keep the distances `marks` measured on `grid`; -1 where a landmark does not reach."""
         self.marks = marks
         self._blocked = grid.blocked
@@ -45,7 +45,7 @@ class Landmarks:
     @classmethod
     def build(
         cls,
-        grid: FastGrid,
+        grid: GridGraph,
         *,
         count: int | None = None,
         max_bytes: int = MAX_BYTES,
@@ -86,7 +86,7 @@ class Landmarks:
         """Bytes held."""
         return self.marks.nbytes
 
-    def active(self, grid: FastGrid, start: Cell, goal: Cell) -> NDArray[np.int64] | None:
+    def active(self, grid: GridGraph, start: Cell, goal: Cell) -> NDArray[np.int64] | None:
         """Choose the landmarks that prove most for a query.
 
         Returns int64 [k, 2]: a landmark's column and its distance to the goal, in units.
@@ -101,7 +101,7 @@ class Landmarks:
         best = best[gaps[best] > 0]
         return np.column_stack((best, last[best])).astype(np.int64)
 
-    def lower_bound(self, grid: FastGrid, start: Cell, goal: Cell) -> float:
+    def lower_bound(self, grid: GridGraph, start: Cell, goal: Cell) -> float:
         """Return a cost, in cells, that no path between the cells can be under; inf: no path."""
         active = self.active(grid, start, goal)
         if active is None:
@@ -109,7 +109,7 @@ class Landmarks:
         gaps = np.abs(self.marks[grid.index(start), active[:, 0]] - active[:, 1])
         return float(gaps.max(initial=0)) / self._units[0]
 
-    def hold_on(self, grid: FastGrid) -> bool:
+    def hold_on(self, grid: GridGraph) -> bool:
         """Tell whether the bounds hold on `grid`: nothing was freed and nothing became cheaper."""
         if grid.blocked is self._blocked and grid.price is self._price:
             return self._units == (grid.straight, grid.diagonal)
@@ -125,7 +125,7 @@ class Landmarks:
         )
 
 
-class LandmarkKeeper:
+class LandmarkManager:
     """Landmarks for the current map, built in the background: thread-safe.
 
     `update` takes each new map; `current` returns what is ready for it. Landmarks stay while
@@ -138,7 +138,7 @@ class LandmarkKeeper:
         self._max_bytes = max_bytes
         self._lock = threading.Lock()
         self._landmarks: Landmarks | None = None
-        self._grid: FastGrid | None = None  # the last map they were found to hold on
+        self._grid: GridGraph | None = None  # the last map they were found to hold on
         self._thread: threading.Thread | None = None
         self._stop = np.zeros(1, dtype=np.uint8)
 
@@ -148,7 +148,7 @@ class LandmarkKeeper:
         landmarks = self._landmarks
         return 0 if landmarks is None else landmarks.nbytes
 
-    def update(self, grid: FastGrid) -> None:
+    def update(self, grid: GridGraph) -> None:
         """Take a new map: keep the landmarks where they hold, else start building others."""
         with self._lock:
             if self._landmarks is not None and self._landmarks.hold_on(grid):
@@ -162,7 +162,7 @@ class LandmarkKeeper:
             )
             self._thread.start()
 
-    def current(self, grid: FastGrid) -> Landmarks | None:
+    def current(self, grid: GridGraph) -> Landmarks | None:
         """Return the landmarks that hold on `grid`, None while there are none."""
         with self._lock:
             if self._landmarks is None or self._grid is grid:
@@ -187,7 +187,7 @@ class LandmarkKeeper:
             self._landmarks = None
         self.wait()
 
-    def _build(self, grid: FastGrid, stop: NDArray[np.uint8]) -> None:
+    def _build(self, grid: GridGraph, stop: NDArray[np.uint8]) -> None:
         landmarks = Landmarks.build(grid, count=self._count, max_bytes=self._max_bytes, stop=stop)
         with self._lock:
             if stop[0] == 0:
@@ -198,7 +198,7 @@ class LandmarkKeeper:
 class _Measure:
     """Runs of Dijkstra's algorithm over one grid, sharing their queue."""
 
-    def __init__(self, grid: FastGrid, stop: NDArray[np.uint8]) -> None:
+    def __init__(self, grid: GridGraph, stop: NDArray[np.uint8]) -> None:
         self.grid = grid
         self.stop = stop
         self.pool = np.empty(1 << 14, dtype=np.int64)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Cell = tuple[int, int]
 # A stop flag at this, instead of 1: nobody wants a picture of what was expanded any more.
-GIVEN_UP = 2
+STOP_CANCELLED = 2
 
 
 class SearchStatus(Enum):
@@ -29,13 +29,13 @@ def _no_path() -> NDArray[np.int32]:
 class SearchResult:
     """The outcome of one search on a grid.
 
-    `path` is int32 [n, 2], cells (x, y) from start to goal, empty unless found. `operation`
+    `path` is int32 [n, 2], cells (x, y) from start to goal, empty unless found. `expansions`
     counts expansions (the paper's operation), `storage` the states that ever got a g (the
     paper's storage), `length` is in cells. `expanded` is bool [height, width].
     """
 
     status: SearchStatus
-    operation: int
+    expansions: int
     storage: int
     expanded: NDArray[np.bool_]
     path: NDArray[np.int32] = field(default_factory=_no_path)

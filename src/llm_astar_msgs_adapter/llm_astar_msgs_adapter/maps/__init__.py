@@ -1,0 +1,1 @@
+"""Maps and the files they load from: GridMap, BarrierMap, map_server, MovingAI, datasets."""

@@ -1,0 +1,277 @@
+"""Barrier maps: the paper's dataset format, loaded, validated, saved, scaled and rasterised.
+
+A dataset is a JSON list of `{id, range_x, range_y, horizontal_barriers [y, x0, x1],
+vertical_barriers [x, y0, y1], start_goal [[start, goal, query], ...]}` (LLM-A* paper, sec. 4.1).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap, Pose2D
+
+Point = tuple[int, int]
+# The most cells a barrier map may span; ten times the 4000 x 4000 that planners are sized for.
+MAX_CELLS = 160_000_000
+
+
+class BarrierMapError(ValueError):
+    """A barrier map that cannot be used; the message names the file, the map and the field."""
+
+
+class Barrier(NamedTuple):
+    """A straight barrier: its `line` (y if horizontal, x if vertical), both ends inclusive."""
+
+    line: int
+    first: int
+    last: int
+
+
+class Sample(NamedTuple):
+    """One start-goal pair in lattice coordinates, with its natural-language query."""
+
+    start: Point
+    goal: Point
+    query: str = ''
+
+
+@dataclass(frozen=True)
+class BarrierMap:
+    """A lattice of integer points with straight barriers, all coordinates in lattice units.
+
+    `range_x` and `range_y` are half open: x_min <= x < x_max. The outermost lattice lines are
+    walls, as in the paper's published environment.
+    """
+
+    id: int
+    range_x: Point
+    range_y: Point
+    horizontal_barriers: tuple[Barrier, ...] = ()
+    vertical_barriers: tuple[Barrier, ...] = ()
+    samples: tuple[Sample, ...] = ()
+
+    def to_grid(self, resolution: float = 1.0, frame_id: str = 'map') -> GridMap:
+        """Rasterise: lattice point (x, y) becomes the centre of its cell, at (x, y) * resolution.
+
+        Barriers are closed (both ends blocked; one of no length blocks its one cell) and the
+        outermost cells are blocked. The origin is (min - 0.5) * resolution.
+        """
+        (x_min, x_max), (y_min, y_max) = self.range_x, self.range_y
+        # One row and column more than the map: the published data lets barriers lie there.
+        shape = (y_max - y_min + 1, x_max - x_min + 1)
+        cells: NDArray[np.int8] = np.full(shape, FREE, dtype=np.int8)
+        for y, first, last in self.horizontal_barriers:
+            cells[y - y_min, first - x_min : last - x_min + 1] = OCCUPIED
+        for x, first, last in self.vertical_barriers:
+            cells[first - y_min : last - y_min + 1, x - x_min] = OCCUPIED
+        cells = cells[:-1, :-1]
+        cells[[0, -1], :] = OCCUPIED
+        cells[:, [0, -1]] = OCCUPIED
+        origin = Pose2D((x_min - 0.5) * resolution, (y_min - 0.5) * resolution)
+        return GridMap(cells, resolution, origin, frame_id)
+
+    def to_cell(self, point: Point) -> Point:
+        """Return the cell of a lattice point: the same point counted from (x_min, y_min)."""
+        return point[0] - self.range_x[0], point[1] - self.range_y[0]
+
+    def open_ended(self) -> BarrierMap:
+        """Return the map with every barrier a cell shorter at its end; those of one cell go.
+
+        The paper's published waypoint filter sees barriers so.
+        """
+
+        def shorten(barriers: tuple[Barrier, ...]) -> tuple[Barrier, ...]:
+            return tuple(
+                barrier._replace(last=barrier.last - 1)
+                for barrier in barriers
+                if barrier.first < barrier.last
+            )
+
+        return replace(
+            self,
+            horizontal_barriers=shorten(self.horizontal_barriers),
+            vertical_barriers=shorten(self.vertical_barriers),
+        )
+
+    def scale(self, factor: int) -> BarrierMap:
+        """Multiply every coordinate by `factor` >= 1, the paper's scaled environments.
+
+        Barriers stay one cell thick and queries are dropped, since they name the old numbers.
+        """
+        if factor < 1:
+            raise BarrierMapError(f'scale: {factor} is not 1 or more')
+        if factor == 1:
+            return self
+        return replace(
+            self,
+            range_x=_scaled(self.range_x, factor),
+            range_y=_scaled(self.range_y, factor),
+            horizontal_barriers=tuple(
+                Barrier(*(value * factor for value in barrier))
+                for barrier in self.horizontal_barriers
+            ),
+            vertical_barriers=tuple(
+                Barrier(*(value * factor for value in barrier))
+                for barrier in self.vertical_barriers
+            ),
+            samples=tuple(
+                Sample(_scaled(sample.start, factor), _scaled(sample.goal, factor))
+                for sample in self.samples
+            ),
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the paper's JSON object for this map."""
+        return {
+            'id': self.id,
+            'range_x': list(self.range_x),
+            'range_y': list(self.range_y),
+            'horizontal_barriers': [list(barrier) for barrier in self.horizontal_barriers],
+            'vertical_barriers': [list(barrier) for barrier in self.vertical_barriers],
+            'start_goal': [
+                [list(sample.start), list(sample.goal), sample.query] for sample in self.samples
+            ],
+        }
+
+
+def load_barrier_maps(path: str | Path) -> list[BarrierMap]:
+    """Read a dataset: every map of a barrier-map JSON file, validated.
+
+    Raises BarrierMapError with the file, the map and the field that are wrong.
+    """
+    path = Path(path)
+    try:
+        data = json.loads(path.read_text(encoding='utf-8'))
+    except OSError as error:
+        raise BarrierMapError(f'{path}: {error.strerror or error}') from None
+    except ValueError as error:
+        raise BarrierMapError(f'{path}: not JSON: {error}') from None
+    if not isinstance(data, list) or not data:
+        raise BarrierMapError(f'{path}: a JSON list of barrier maps is expected')
+    maps: list[BarrierMap] = []
+    for index, entry in enumerate(data):
+        parsed = parse_barrier_map(entry, f'{path}: map at index {index}')
+        if any(parsed.id == other.id for other in maps):
+            raise BarrierMapError(f'{path}: map at index {index}: id: {parsed.id} is used twice')
+        maps.append(parsed)
+    return maps
+
+
+def find_barrier_map(maps: list[BarrierMap], map_id: int) -> BarrierMap:
+    """Return the map with that id. Raises BarrierMapError listing the ids there are."""
+    for barrier_map in maps:
+        if barrier_map.id == map_id:
+            return barrier_map
+    ids = ', '.join(str(barrier_map.id) for barrier_map in maps[:20])
+    more = ', ...' if len(maps) > 20 else ''
+    raise BarrierMapError(f'map id {map_id} is not in the file; it holds {ids}{more}')
+
+
+def save_barrier_maps(maps: list[BarrierMap], path: str | Path) -> None:
+    """Write a dataset in the paper's format, one map a line."""
+    lines = ',\n'.join(json.dumps(barrier_map.to_json()) for barrier_map in maps)
+    Path(path).write_text(f'[\n{lines}\n]\n', encoding='utf-8')
+
+
+def parse_barrier_map(entry: object, where: str = 'barrier map') -> BarrierMap:
+    """Validate one map of the paper's JSON.
+
+    Raises BarrierMapError that begins with `where` and names the field.
+    """
+    if not isinstance(entry, dict):
+        raise BarrierMapError(f'{where}: an object is expected, not {_show(entry)}')
+    map_id = _integer(entry.get('id', 0), f'{where}: id')
+    where = f'{where} (id {map_id})'
+    for field in ('range_x', 'range_y'):
+        if field not in entry:
+            raise BarrierMapError(f'{where}: {field}: is missing')
+    range_x = _range(entry['range_x'], f'{where}: range_x')
+    range_y = _range(entry['range_y'], f'{where}: range_y')
+    if (range_x[1] - range_x[0]) * (range_y[1] - range_y[0]) > MAX_CELLS:
+        raise BarrierMapError(f'{where}: range_x, range_y: over {MAX_CELLS} cells')
+
+    def items(field: str) -> list[tuple[Any, str]]:
+        values = entry.get(field, [])
+        if not isinstance(values, list):
+            raise BarrierMapError(f'{where}: {field}: a list is expected, not {_show(values)}')
+        return [(value, f'{where}: {field}[{index}]') for index, value in enumerate(values)]
+
+    return BarrierMap(
+        id=map_id,
+        range_x=range_x,
+        range_y=range_y,
+        horizontal_barriers=tuple(
+            _barrier(value, name, range_y, range_x) for value, name in items('horizontal_barriers')
+        ),
+        vertical_barriers=tuple(
+            _barrier(value, name, range_x, range_y) for value, name in items('vertical_barriers')
+        ),
+        samples=tuple(
+            _sample(value, name, range_x, range_y) for value, name in items('start_goal')
+        ),
+    )
+
+
+def _scaled(pair: Point, factor: int) -> Point:
+    return pair[0] * factor, pair[1] * factor
+
+
+def _show(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + '...'
+
+
+def _integer(value: object, name: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value // 1:
+        raise BarrierMapError(f'{name}: a whole number is expected, not {_show(value)}')
+    return int(value)
+
+
+def _integers(value: object, count: int, name: str) -> tuple[int, ...]:
+    if not isinstance(value, (list, tuple)) or len(value) != count:
+        raise BarrierMapError(f'{name}: {count} whole numbers are expected, not {_show(value)}')
+    return tuple(_integer(item, name) for item in value)
+
+
+def _range(value: object, name: str) -> Point:
+    low, high = _integers(value, 2, name)
+    if high - low < 3:
+        raise BarrierMapError(f'{name}: [{low}, {high}] leaves no room between its walls')
+    return low, high
+
+
+def _inside(value: int, low: int, high: int, name: str) -> None:
+    if not low <= value <= high:
+        raise BarrierMapError(f'{name}: {value} is outside the range {low} to {high}')
+
+
+def _barrier(value: object, name: str, across: Point, along: Point) -> Barrier:
+    barrier = Barrier(*_integers(value, 3, name))
+    # Up to the open end of the range, one past the last lattice line, as in the published data.
+    _inside(barrier.line, *across, name)
+    _inside(barrier.first, *along, name)
+    _inside(barrier.last, *along, name)
+    if barrier.first > barrier.last:
+        raise BarrierMapError(f'{name}: ends {barrier.first} > {barrier.last}; swap them')
+    return barrier
+
+
+def _sample(value: object, name: str, range_x: Point, range_y: Point) -> Sample:
+    if not isinstance(value, (list, tuple)) or len(value) not in (2, 3):
+        raise BarrierMapError(f'{name}: [start, goal, query] is expected, not {_show(value)}')
+    points: list[Point] = []
+    for label, item in zip(('start', 'goal'), value):
+        x, y = _integers(item, 2, f'{name}: {label}')
+        _inside(x, range_x[0], range_x[1] - 1, f'{name}: {label} x')
+        _inside(y, range_y[0], range_y[1] - 1, f'{name}: {label} y')
+        points.append((x, y))
+    query = value[2] if len(value) == 3 else ''
+    if not isinstance(query, str):
+        raise BarrierMapError(f'{name}: query: a string is expected, not {_show(query)}')
+    return Sample(points[0], points[1], query)

@@ -1,0 +1,110 @@
+"""A planning problem whose map is a grid: what a BarrierMap is to barriers, for any other map."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import hashlib
+import math
+import zlib
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
+from llm_astar_msgs_adapter.maps.grid_map import ORIGIN, GridMap, GridMapError, Pose2D
+
+
+class GridProblemError(ValueError):
+    """A grid problem that cannot be used; the message names the field."""
+
+
+@dataclass(frozen=True, eq=False)
+class GridProblem:
+    """A grid and start-goal pairs on it, in cells.
+
+    `optimal_lengths` are the lengths in cells published for the samples, NaN or none at all where
+    there are none. Equal, and hashed, by what it holds.
+    """
+
+    id: int
+    grid_map: GridMap
+    samples: tuple[Sample, ...] = ()
+    optimal_lengths: tuple[float, ...] = ()
+
+    @cached_property
+    def digest(self) -> str:
+        """Twelve hex digits that name this problem: its map, samples and lengths."""
+        rest = f'{self.id} {self.grid_map.digest} {self.samples!r} {self.optimal_lengths!r}'
+        return hashlib.sha256(rest.encode()).hexdigest()[:12]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, GridProblem) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def to_grid(self) -> GridMap:
+        """Return the grid."""
+        return self.grid_map
+
+    def to_cell(self, point: Point) -> Point:
+        """Return the cell of a sample's point: the point itself."""
+        return point
+
+    def scale(self, factor: int) -> GridProblem:
+        """Return the problem at scale 1, the only one. Raises GridProblemError for another."""
+        if factor != 1:
+            raise GridProblemError(f'scale: {factor} is not 1, the only scale a grid map has')
+        return self
+
+    def published(self, pair: int) -> float:
+        """Return the length in cells published for a sample, NaN where there is none."""
+        return self.optimal_lengths[pair] if pair < len(self.optimal_lengths) else math.nan
+
+    def to_json(self) -> dict[str, Any]:
+        """Return a JSON object that `parse_grid_problem` reads; the cells are compressed."""
+        lengths = [None if math.isnan(length) else length for length in self.optimal_lengths]
+        return {
+            'id': self.id,
+            'width': self.grid_map.width,
+            'height': self.grid_map.height,
+            'resolution': self.grid_map.resolution,
+            'origin': list(self.grid_map.origin),
+            'frame_id': self.grid_map.frame_id,
+            'cells': base64.b64encode(zlib.compress(self.grid_map.cells.tobytes())).decode(),
+            'start_goal': [[list(sample.start), list(sample.goal)] for sample in self.samples],
+            'optimal_lengths': lengths,
+        }
+
+
+def is_grid_problem(entry: object) -> bool:
+    """Tell whether a JSON object is a grid problem rather than a barrier map."""
+    return isinstance(entry, dict) and 'cells' in entry
+
+
+def parse_grid_problem(entry: dict[str, Any], where: str = 'grid problem') -> GridProblem:
+    """Read what `to_json` wrote. Raises GridProblemError that begins with `where`."""
+    try:
+        data = zlib.decompress(base64.b64decode(entry['cells'], validate=True))
+        cells = np.frombuffer(data, dtype=np.int8).reshape(entry['height'], entry['width'])
+        origin = Pose2D(*entry.get('origin', ORIGIN))
+        return GridProblem(
+            int(entry['id']),
+            GridMap(cells, entry['resolution'], origin, entry['frame_id']),
+            tuple(Sample(_point(a), _point(b)) for a, b in entry['start_goal']),
+            tuple(math.nan if item is None else float(item) for item in entry['optimal_lengths']),
+        )
+    except KeyError as error:
+        raise GridProblemError(f'{where}: {error.args[0]}: is missing') from None
+    except (binascii.Error, zlib.error) as error:
+        raise GridProblemError(f'{where}: cells: {error}') from None
+    except (GridMapError, TypeError, ValueError) as error:
+        raise GridProblemError(f'{where}: {error}') from None
+
+
+def _point(value: list[int]) -> Point:
+    x, y = value
+    return int(x), int(y)

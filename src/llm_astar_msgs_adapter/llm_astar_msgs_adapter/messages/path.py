@@ -1,0 +1,55 @@
+"""nav_msgs/Path and poses to plain values and back."""
+
+from __future__ import annotations
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from numpy.typing import ArrayLike
+
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+from llm_astar_msgs_adapter.messages.fields import path_from_message
+from llm_astar_msgs_adapter.messages.fields import pose_from_message as plain_pose
+from llm_astar_msgs_adapter.messages.headings import headings
+from llm_astar_msgs_adapter.messages.occupancy_grid import quaternion_of
+
+__all__ = ['path_from_message', 'path_to_message', 'pose_from_message', 'pose_to_message']
+
+
+def path_to_message(
+    points: ArrayLike, frame_id: str, stamp: Time, goal_yaw: float | None = None
+) -> Path:
+    """Write points [n, 2] in metres as a path, frame and stamp on every pose.
+
+    Each pose looks along the path towards the next; the last looks along `goal_yaw` (radians)
+    where given, else as the one before it.
+    """
+    points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+    message = Path()
+    message.header.frame_id = frame_id
+    message.header.stamp = stamp
+    message.poses = [
+        pose_to_message(Pose2D(x, y, yaw), frame_id, stamp)
+        for (x, y), yaw in zip(points.tolist(), headings(points, goal_yaw))
+    ]
+    return message
+
+
+def pose_to_message(pose: Pose2D, frame_id: str, stamp: Time) -> PoseStamped:
+    """Write a stamped pose in the plane."""
+    message = PoseStamped()
+    message.header.frame_id = frame_id
+    message.header.stamp = stamp
+    message.pose.position.x = float(pose.x)
+    message.pose.position.y = float(pose.y)
+    message.pose.orientation = quaternion_of(pose.yaw)
+    return message
+
+
+def pose_from_message(message: PoseStamped, field: str = 'pose') -> Pose2D:
+    """Read a pose in the plane, its heading projected on it.
+
+    Raises GridMapError naming `field` where a number is not finite.
+    """
+    return plain_pose(message.pose, field)

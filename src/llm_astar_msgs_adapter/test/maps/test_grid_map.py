@@ -1,0 +1,109 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
+
+CELLS = np.array([[0, 100, -1], [64, 65, 0]], dtype=np.int8)
+
+
+def test_occupied_from_the_threshold_up_and_unknown_on_request():
+    grid = GridMap(CELLS)
+    assert grid.blocked().tolist() == [[False, True, False], [False, True, False]]
+    assert grid.blocked(64).tolist() == [[False, True, False], [True, True, False]]
+    strict = grid.blocked(allow_unknown=False)
+    assert strict.tolist() == [[False, True, True], [False, True, False]]
+
+
+def test_a_cell_is_named_column_first():
+    grid = GridMap(CELLS, resolution=0.5, origin=Pose2D(1.0, 2.0))
+    assert (grid.width, grid.height) == (3, 2)
+    assert grid.contains((2, 1))
+    assert not grid.contains((1, 2))
+    assert not grid.contains((-1, 0))
+    assert grid.world_to_cell(2.4, 2.1) == (2, 0)
+    np.testing.assert_allclose(grid.grid_to_world([[2, 0]]), [[2.25, 2.25]])
+
+
+def test_a_yawed_origin_turns_the_cells_about_their_corner():
+    grid = GridMap(CELLS, resolution=2.0, origin=Pose2D(10.0, 0.0, math.pi / 2))
+    np.testing.assert_allclose(grid.grid_to_world([[0, 0]]), [[9.0, 1.0]])
+    assert grid.world_to_cell(9.0, 1.0) == (0, 0)
+    assert grid.world_to_cell(9.0, 5.0) == (2, 0)
+    assert grid.world_to_cell(7.0, 1.0) == (0, 1)
+
+
+@given(
+    st.floats(-1e4, 1e4),
+    st.floats(-1e4, 1e4),
+    st.floats(-10, 10),
+    st.floats(0.01, 10),
+    st.integers(0, 3000),
+    st.integers(0, 3000),
+)
+def test_cell_centres_come_back_from_the_world(x, y, yaw, resolution, column, row):
+    grid = GridMap(CELLS, resolution, Pose2D(x, y, yaw))
+    place = grid.grid_to_world([[column, row]])
+    np.testing.assert_allclose(grid.world_to_grid(place), [[column, row]], atol=1e-6)
+    assert grid.world_to_cell(*place[0]) == (column, row)
+
+
+def test_a_point_on_a_border_belongs_to_the_higher_cell():
+    grid = GridMap(CELLS, resolution=0.05, origin=Pose2D(-0.15, 0.0))
+    assert grid.world_to_cell(-0.1, 0.05) == (1, 1)
+
+
+def test_a_map_cannot_be_changed_behind_its_digest():
+    cells = CELLS.copy()
+    grid = GridMap(cells)
+    cells[0, 0] = 100
+    assert grid.cells[0, 0] == 0
+    with pytest.raises(ValueError, match='read-only'):
+        grid.cells[0, 0] = 1
+
+
+def test_the_digest_tells_maps_apart():
+    maps = [
+        GridMap(CELLS),
+        GridMap(CELLS.T),
+        GridMap(CELLS, 0.5),
+        GridMap(CELLS, origin=Pose2D(1.0, 0.0)),
+        GridMap(CELLS, frame_id='odom'),
+        GridMap(np.zeros_like(CELLS)),
+    ]
+    assert len({grid.digest for grid in maps}) == len(maps)
+    assert GridMap(CELLS.copy()).digest == maps[0].digest
+
+
+@pytest.mark.parametrize(
+    ('field', 'arguments'),
+    [
+        ('cells', {'cells': np.zeros(4)}),
+        ('cells', {'cells': np.zeros((0, 3))}),
+        ('cells', {'cells': np.full((2, 2), 101)}),
+        ('cells', {'cells': np.full((2, 2), -2)}),
+        ('resolution', {'resolution': 0.0}),
+        ('resolution', {'resolution': 1e-7}),
+        ('resolution', {'resolution': math.nan}),
+        ('origin', {'origin': Pose2D(math.inf, 0.0)}),
+        ('origin', {'origin': Pose2D(0.0, -1e300)}),
+        ('frame_id', {'frame_id': ''}),
+    ],
+)
+def test_what_no_map_can_have_is_named(field, arguments):
+    with pytest.raises(GridMapError) as error:
+        GridMap(**{'cells': CELLS, **arguments})
+    assert error.value.field == field
+
+
+def test_a_point_that_is_not_finite_has_no_cell():
+    with pytest.raises(GridMapError, match='finite'):
+        GridMap(CELLS).world_to_cell(math.nan, 0.0)
+
+
+@pytest.mark.parametrize('value', [1e12, 1e300, -1.7e308])
+def test_a_point_however_far_has_a_cell_off_the_map(value):
+    grid_map = GridMap(np.zeros((4, 5), dtype=np.int8), 0.05, Pose2D(1.0, 2.0, 0.7))
+    assert not grid_map.contains(grid_map.world_to_cell(value, -value))

@@ -1,0 +1,298 @@
+"""The translations between messages and values, with the real message classes."""
+
+import array
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.messages.diagnostics import (
+    ExchangeReport,
+    PlanReport,
+    ReportError,
+    report_from_message,
+    report_to_message,
+)
+from llm_astar_msgs_adapter.messages.markers import (
+    MAX_DRAWN,
+    expanded_from_message,
+    expanded_to_message,
+    waypoints_to_markers,
+)
+from llm_astar_msgs_adapter.messages.occupancy_grid import grid_from_message, grid_to_message
+from llm_astar_msgs_adapter.messages.path import (
+    path_from_message,
+    path_to_message,
+    pose_from_message,
+    pose_to_message,
+)
+from rclpy.serialization import serialize_message
+
+STAMP = Time(sec=5, nanosec=7)
+GRID = GridMap(
+    np.array([[0, 100, -1], [50, 65, 0]], dtype=np.int8), 0.25, Pose2D(-1.0, 2.0, 0.5), 'map'
+)
+REPORT = PlanReport(
+    code=0,
+    code_name='NONE',
+    message='42.7 cells',
+    method='llm_astar',
+    guided_by='replay:x',
+    source='replay',
+    source_status='OK',
+    source_detail='',
+    operation=281,
+    first_operation=270,
+    storage=298,
+    length=42.72792206135785,
+    ratio=1.05,
+    seconds_source=0.001,
+    seconds_search=0.0005,
+    waypoints=((26.0, 9.0, 'accepted'), (60.0, 1.5, 'out_of_bounds')),
+    map_digest='abc',
+    start_shift=0.25,
+    goal_shift=0.1,
+    unknown_length=1.5,
+    clearance=0.35,
+    turns=4,
+    warnings=('the start cell (1, 2) is not free; the path begins at (3, 2), 0.25 m off',),
+    instruction='followed',
+)
+
+
+def test_a_map_keeps_its_digest_on_its_way_through_a_message():
+    grid_map = GridMap(GRID.cells, 0.05, GRID.origin, 'map')  # no number of binary32
+    assert grid_from_message(grid_to_message(grid_map, STAMP)).digest == grid_map.digest
+
+
+def test_a_grid_comes_back_as_it_went():
+    message = grid_to_message(GRID, STAMP)
+    assert message.header.frame_id == 'map'
+    assert message.header.stamp == STAMP
+    back = grid_from_message(message)
+    np.testing.assert_array_equal(back.cells, GRID.cells)
+    assert (back.width, back.height) == (3, 2)
+    assert back.resolution == 0.25
+    assert back.origin == pytest.approx(GRID.origin)
+
+
+def change_of(path, value):
+    def change(message):
+        target = message
+        *parents, last = path.split('.')
+        for parent in parents:
+            target = getattr(target, parent)
+        setattr(target, last, value)
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ('change', 'field'),
+    [
+        (change_of('header.frame_id', ''), 'frame_id'),
+        (change_of('info.resolution', 0.0), 'resolution'),
+        (change_of('info.resolution', math.nan), 'resolution'),
+        (change_of('info.width', 4), 'data'),
+        (change_of('data', array.array('b', [0] * 5)), 'data'),
+        (change_of('data', array.array('b', [0] * 5 + [101])), 'cells'),
+        (change_of('info.origin.position.x', math.nan), 'origin'),
+        (change_of('info.origin.orientation.w', 0.1), 'orientation'),
+        (change_of('info.origin.orientation.w', math.nan), 'orientation'),
+    ],
+)
+def test_a_malformed_map_names_its_field(change, field):
+    message = grid_to_message(GRID, STAMP)
+    change(message)
+    with pytest.raises(GridMapError, match=field):
+        grid_from_message(message)
+
+
+def test_a_map_on_a_slope_is_refused():
+    message = grid_to_message(GRID, STAMP)
+    quaternion = message.info.origin.orientation
+    quaternion.x, quaternion.z, quaternion.w = math.sqrt(0.5), 0.0, math.sqrt(0.5)
+    with pytest.raises(GridMapError, match='roll or pitch'):
+        grid_from_message(message)
+
+
+def test_an_empty_map_is_refused():
+    message = grid_to_message(GRID, STAMP)
+    message.info.width = message.info.height = 0
+    message.data = array.array('b')
+    with pytest.raises(GridMapError, match='cells'):
+        grid_from_message(message)
+
+
+def test_a_path_has_frame_and_stamp_on_every_pose_and_looks_along_itself():
+    points = [[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]]
+    message = path_to_message(points, 'map', STAMP, goal_yaw=1.0)
+    assert message.header.stamp == STAMP
+    assert all(pose.header.frame_id == 'map' for pose in message.poses)
+    assert all(pose.header.stamp == STAMP for pose in message.poses)
+    yaws = [pose_from_message(pose).yaw for pose in message.poses]
+    assert yaws == pytest.approx([0.0, math.pi / 2, 1.0])
+    np.testing.assert_array_equal(path_from_message(message), points)
+
+
+def test_an_empty_path_and_one_of_one_pose():
+    assert path_to_message([], 'map', STAMP).poses == []
+    assert path_from_message(path_to_message([], 'map', STAMP)).shape == (0, 2)
+    assert len(path_to_message([[1.0, 2.0]], 'map', STAMP).poses) == 1
+
+
+def test_a_pose_comes_back_and_one_that_is_not_finite_is_named():
+    pose = Pose2D(1.5, -2.0, 0.75)
+    assert pose_from_message(pose_to_message(pose, 'map', STAMP)) == pytest.approx(pose)
+    broken = PoseStamped()
+    broken.pose.position.y = math.inf
+    with pytest.raises(GridMapError, match='goal'):
+        pose_from_message(broken, 'goal')
+
+
+@pytest.mark.parametrize(('length', 'yaw'), [(1e-9, 1.2), (5.0, 1.2), (1e300, 1.2), (0.0, 0.0)])
+def test_a_heading_is_that_of_its_quaternion_whatever_its_length(length, yaw):
+    message = pose_to_message(Pose2D(0.0, 0.0, 1.2), 'map', STAMP)
+    message.pose.orientation.z *= length
+    message.pose.orientation.w *= length
+    assert pose_from_message(message).yaw == pytest.approx(yaw)
+
+
+@pytest.mark.parametrize(
+    'report',
+    [
+        REPORT,
+        replace(REPORT, code=208, code_name='NO_VALID_PATH', length=None, waypoints=()),
+        ExchangeReport(
+            'replay:m',
+            'OK',
+            '',
+            'm',
+            'few_shot',
+            'Path: [["\n]]',
+            1,
+            10,
+            5,
+            0.2,
+            ((1.0, 2.5),),
+            'd',
+            '1,1->2,2',
+            messages=(('user', 'where?'),),
+        ),
+    ],
+)
+def test_reports_come_back_as_they_went(report):
+    message = report_to_message(report, 'planner_node', STAMP)
+    assert message.header.stamp == STAMP
+    assert report_from_message(message, type(report)) == report
+
+
+def test_words_that_are_no_unicode_do_not_break_a_report():
+    report = replace(REPORT, message='half \ud800')
+    message = report_to_message(report, 'planner_node', STAMP)
+    serialize_message(message)
+    assert report.summary.endswith('half ?')
+    assert report_from_message(message, PlanReport) == report
+
+
+@pytest.mark.parametrize(
+    ('change', 'level'),
+    [
+        ({'warnings': ()}, DiagnosticStatus.OK),
+        ({}, DiagnosticStatus.WARN),
+        ({'warnings': (), 'source_status': 'TIMEOUT'}, DiagnosticStatus.WARN),
+        ({'code': 208}, DiagnosticStatus.ERROR),
+    ],
+)
+def test_the_level_tells_a_plan_as_asked_from_one_with_warnings_from_none(change, level):
+    message = report_to_message(replace(REPORT, **change), 'planner_node', STAMP)
+    assert message.status[0].level == level
+
+
+def test_a_message_that_is_no_report_says_so():
+    with pytest.raises(ReportError, match='statuses'):
+        report_from_message(DiagnosticArray(), PlanReport)
+    message = report_to_message(REPORT, 'planner_node', STAMP)
+    message.status[0].values[0].value = '{'
+    with pytest.raises(ReportError, match='code: is not JSON'):
+        report_from_message(message, PlanReport)
+    message.status[0].values.pop(0)
+    with pytest.raises(ReportError, match='code: is missing'):
+        report_from_message(message, PlanReport)
+
+
+def test_markers_start_by_clearing_and_colour_by_verdict():
+    waypoints = [(1.0, 0.0, 'accepted'), (2.0, 1.0, 'occupied')]
+    clear, *markers = waypoints_to_markers(waypoints, GRID, STAMP).markers
+    assert clear.action == clear.DELETEALL
+    spheres = [marker for marker in markers if marker.type == marker.SPHERE]
+    assert len({marker.id for marker in markers}) == len(markers)
+    assert spheres[0].color != spheres[1].color
+    place = spheres[0].pose.position
+    np.testing.assert_allclose(GRID.world_to_grid([(place.x, place.y)]), [[1.0, 0.0]], atol=1e-9)
+
+
+def test_markers_name_the_ends_the_via_points_and_count_the_verdicts():
+    waypoints = [(1.0, 0.0, 'accepted'), (2.0, 1.0, 'out_of_bounds'), (2.0, 0.0, 'accepted')]
+    array = waypoints_to_markers(
+        waypoints, GRID, STAMP, ends=[(0.0, 0.0), (2.0, 1.0)], via=[(1.0, 1.0)]
+    )
+    markers = array.markers[1:]
+    labels = [marker.text for marker in markers if marker.ns == 'labels']
+    assert labels == ['1', '2 out of bounds', '3', 'start', 'goal', 'via 1']
+    legend = [marker for marker in markers if marker.ns == 'legend']
+    assert [marker.text for marker in legend] == ['2 accepted', '1 out of bounds']
+    assert len({(marker.pose.position.x, marker.pose.position.y) for marker in legend}) == 2
+    for marker in legend:
+        place = (marker.pose.position.x, marker.pose.position.y)
+        assert not GRID.contains(GRID.world_to_cell(*place))
+    assert {marker.ns for marker in markers} == {'waypoints', 'labels', 'ends', 'via', 'legend'}
+
+
+def test_no_label_hides_its_shape_or_another_label_from_above():
+    waypoints = [(0.0, 0.0, 'accepted'), (2.0, 1.0, 'occupied')]
+    ends = [(0.0, 0.0), (2.0, 1.0)]
+    _, *markers = waypoints_to_markers(waypoints, GRID, STAMP, ends).markers
+    labels = [marker for marker in markers if marker.ns == 'labels']
+    shapes = [marker for marker in markers if marker.ns in ('waypoints', 'ends')]
+    for shape, label in zip(shapes, labels):
+        assert label.pose.position.x == shape.pose.position.x
+        assert abs(label.pose.position.y - shape.pose.position.y) > shape.scale.y
+    assert len({(label.pose.position.x, label.pose.position.y) for label in labels}) == 4
+
+
+def test_markers_can_be_seen_on_a_large_map():
+    wide = GridMap(np.zeros((10, 4000), dtype=np.int8), 0.05)
+    marker = waypoints_to_markers([(9.0, 9.0, 'accepted')], wide, STAMP).markers[1]
+    assert marker.scale.x == pytest.approx(0.015 * 4000 * 0.05)
+
+
+def test_a_plan_without_waypoints_clears_those_of_the_one_before():
+    (clear,) = waypoints_to_markers([], GRID, STAMP).markers
+    assert clear.action == clear.DELETEALL
+
+
+def test_many_expanded_cells_are_drawn_larger_and_none_is_lost():
+    grid_map = GridMap(np.zeros((301, 503), dtype=np.int8), 0.1, GRID.origin, 'map')
+    expanded = np.random.default_rng(0).random(grid_map.cells.shape) < 0.5
+    message = expanded_to_message(expanded, grid_map, STAMP)
+    assert message.cell_width == pytest.approx(0.4)
+    assert len(message.cells) <= MAX_DRAWN
+    drawn = expanded_from_message(message, grid_map)
+    assert drawn[expanded].all()
+    alone = np.zeros_like(expanded)
+    alone[300, 502] = True
+    back = expanded_from_message(expanded_to_message(alone, grid_map, STAMP), grid_map)
+    np.testing.assert_array_equal(back, alone)
+
+
+def test_expanded_cells_come_back():
+    expanded = np.array([[True, False, True], [False, True, False]])
+    message = expanded_to_message(expanded, GRID, STAMP)
+    np.testing.assert_array_equal(expanded_from_message(message, GRID), expanded)
+    none = expanded_to_message(np.zeros_like(expanded), GRID, STAMP)
+    assert not expanded_from_message(none, GRID).any()

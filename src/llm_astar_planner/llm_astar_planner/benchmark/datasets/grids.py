@@ -1,0 +1,96 @@
+"""Datasets whose maps are grids: MovingAI's `.map.scen`, map_server's yaml beside an image."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import numpy as np
+from llm_astar_msgs_adapter.maps import map_server, movingai
+from llm_astar_msgs_adapter.maps.barrier_map import Sample
+from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem, GridProblemError
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.movingai import Scenario
+from scipy import ndimage
+
+from llm_astar_planner.planning.planner import CostmapConfig
+
+SCENARIOS, YAML, BARE_MAP = ('.scen',), ('.yaml', '.yml'), ('.map',)
+# Pairs drawn on a map that comes without any, unless a limit is given.
+DEFAULT_PAIRS = 100
+# MovingAI's: a diagonal needs both cells beside it free. Lengths alone count.
+GRID_RULES = CostmapConfig(corner_cutting=False, cost_multiplier=0.0)
+
+
+def is_grid_dataset(path: str | Path) -> bool:
+    """Tell by its name whether a dataset is a grid and not barrier maps."""
+    return Path(path).suffix.lower() in (*SCENARIOS, *YAML, *BARE_MAP)
+
+
+def load_grid_problem(path: str | Path, pairs: int | None = None, seed: int = 0) -> GridProblem:
+    """Load a grid dataset as one map of id 0.
+
+    The samples of a `.scen` file are its rows in order. On a map_server yaml file `pairs` (100)
+    are drawn by `seed`. Raises GridProblemError, MovingAiError or MapServerError that names the
+    file and the field.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix in YAML:
+        grid_map = map_server.load_map(path)
+        drawn = draw_pairs(grid_map, DEFAULT_PAIRS if pairs is None else pairs, seed)
+        if not drawn:
+            raise GridProblemError(f'{path}: no two of its free cells are joined')
+        return GridProblem(0, grid_map, drawn)
+    if suffix in BARE_MAP:
+        message = f'{path}: a map has no start-goal pairs; name its scenario file, {path}.scen'
+        raise GridProblemError(message)
+    grid_map = movingai.load_map(movingai.map_of(path))
+    scenarios = movingai.load_scenarios(path)
+    for row, scenario in enumerate(scenarios):
+        _check(scenario, grid_map, f'{path}: row {row}')
+    samples = tuple(Sample(scenario.start, scenario.goal) for scenario in scenarios)
+    lengths = tuple(scenario.optimal_length for scenario in scenarios)
+    return GridProblem(0, grid_map, samples, lengths)
+
+
+def draw_pairs(grid_map: GridMap, count: int, seed: int) -> tuple[Sample, ...]:
+    """Draw start-goal pairs: known free cells, joined by known free cells, never the same cell.
+
+    The start is any such cell alike, the goal any other joined with it. A larger count begins
+    with the pairs of a smaller one. Empty where no two cells are joined.
+    """
+    free = ~grid_map.blocked(GRID_RULES.occupied_threshold, allow_unknown=False)
+    labels = ndimage.label(free)[0].ravel()
+    sizes = np.bincount(labels)
+    starts = np.flatnonzero(free.ravel() & (sizes[labels] > 1))
+    if not len(starts):
+        return ()
+    # The cells region by region, each region's up to its place in `ends`.
+    cells, ends = np.argsort(labels, kind='stable'), np.cumsum(sizes)
+    draw = random.Random(seed)  # noqa: S311 - no secret
+    samples = []
+    for _ in range(count):
+        start = goal = int(starts[draw.randrange(len(starts))])
+        label = labels[start]
+        while goal == start:
+            goal = int(cells[draw.randrange(int(ends[label - 1]), int(ends[label]))])
+        samples.append(Sample(_cell(start, grid_map.width), _cell(goal, grid_map.width)))
+    return tuple(samples)
+
+
+def _cell(index: int, width: int) -> tuple[int, int]:
+    return index % width, index // width
+
+
+def _check(scenario: Scenario, grid_map: GridMap, where: str) -> None:
+    """Raise GridProblemError where a scenario is none on this map."""
+    size, wanted = (grid_map.width, grid_map.height), (scenario.width, scenario.height)
+    if size != wanted:
+        raise GridProblemError(
+            f'{where}: width, height: the map has {size[0]} x {size[1]} cells, '
+            f'not {wanted[0]} x {wanted[1]}'
+        )
+    for name, (x, y) in (('start', scenario.start), ('goal', scenario.goal)):
+        if grid_map.cells[y, x] >= GRID_RULES.occupied_threshold:
+            raise GridProblemError(f'{where}: {name}: ({x}, {y}) is blocked')

@@ -1,0 +1,202 @@
+"""The benchmark's figures, drawn without pyplot so that they work headless and in threads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
+from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from llm_astar_planner.benchmark.analysis.scalability import Growth
+from llm_astar_planner.benchmark.analysis.summary import CaseSummary, is_ablation
+from llm_astar_planner.benchmark.analysis.trace import trace
+from llm_astar_planner.benchmark.datasets.grids import GRID_RULES
+from llm_astar_planner.benchmark.report.sentences import label
+from llm_astar_planner.benchmark.results import Case
+from llm_astar_planner.planning.planner import Plan
+from llm_astar_planner.planning.types import CostmapConfig
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.visualization.figures import OBSTACLE, draw, picture_of
+
+START, GOAL, PATH, STAR = '#1f77b4', '#2ca02c', '#d62728', '#ffb000'
+# The paper's colours: grey what LLM-A* explored, pink what A* did.
+GREY, PINK = '#b9bdc6', '#f7b6cb'
+# A small map after the paper's Figure 4, whose own map is not published: a pocket before the goal.
+SHOWCASE = BarrierMap(
+    0, (0, 11), (0, 11), (Barrier(3, 3, 7), Barrier(7, 3, 7)), (Barrier(7, 3, 7),)
+)
+SHOWCASE_ENDS: tuple[Cell, Cell] = (2, 5), (9, 5)
+SHOWCASE_WAYPOINTS: tuple[Cell, ...] = ((2, 8), (7, 8))
+
+
+def walled(grid_map: GridMap, rules: CostmapConfig | None) -> GridMap:
+    """Return a map to be drawn: occupied where rules say so, a costmap's other cells free."""
+    threshold = (rules or GRID_RULES).occupied_threshold
+    cells = np.where(grid_map.cells >= threshold, OCCUPIED, np.minimum(grid_map.cells, FREE))
+    return replace(grid_map, cells=cells.astype(np.int8))
+
+
+def compare_figure(
+    grid_map: GridMap, plans: Sequence[Plan], titles: Sequence[str], ends: tuple[Cell, Cell]
+) -> Figure:
+    """Set plans of one sample side by side with what they expanded, the paper's Figure 2."""
+    panel, aspect = 6.2, grid_map.height / grid_map.width
+    height = panel * aspect + 1.4
+    figure = Figure(figsize=(panel * len(plans), height))
+    # Room for the legend below; legends outside the axes came with matplotlib 3.7.
+    legend = 0.7 / height
+    figure.set_layout_engine('constrained', rect=(0.0, legend, 1.0, 1.0 - legend))
+    panels = np.atleast_1d(figure.subplots(1, len(plans)))
+    for axes, plan, title in zip(panels, plans, titles):
+        draw(axes, picture_of(plan, grid_map, *ends))
+        found = f'length {plan.length:.2f}' if len(plan.path) else plan.code.name
+        axes.set_title(f'{title}\noperation {plan.expansions}, storage {plan.storage}, {found}')
+    marks = {
+        text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels())
+    }
+    figure.legend(list(marks.values()), list(marks), loc='lower center', ncol=6, frameon=False)
+    return figure
+
+
+def growth_figure(growths: Sequence[Growth]) -> Figure:
+    """Draw growth over scale on log axes, operation and storage, the paper's Figure 3.
+
+    Dotted lines show growth in step with the scale and with its square, the map's area.
+    """
+    figure = Figure(figsize=(11.0, 4.8), layout='constrained')
+    for axes, quantity in zip(figure.subplots(1, 2), ('operation', 'storage')):
+        chosen = [growth for growth in growths if growth.quantity == quantity]
+        scales = np.array(sorted({scale for growth in chosen for scale in growth.scales}))
+        for power, name in ((1, 'scale'), (2, 'scale²')):
+            axes.plot(scales, scales**power, ':', color='#9aa0ac', linewidth=1)
+            axes.annotate(name, (scales[-1], scales[-1] ** power), color='#6b7280', fontsize=8)
+        for index, growth in enumerate(chosen):
+            axes.plot(
+                growth.scales, growth.factors, marker='osD^vP*X'[index % 8], markersize=4,
+                linewidth=1.4, label=f'{case_label(growth.case)} (slope {growth.slope:.2f})',
+            )  # fmt: skip
+        axes.set(xscale='log', yscale='log', xlabel='scale of the map', ylabel='growth factor')
+        axes.set_xticks(scales, [str(scale) for scale in scales])
+        axes.minorticks_off()
+        axes.set_title(quantity)
+        axes.legend(fontsize=7, frameon=False)
+    return figure
+
+
+def ratio_figure(summaries: Sequence[CaseSummary]) -> Figure:
+    """Draw each case's operation and length ratio with its interval; A* is the line at 100."""
+    shown = [summary for summary in summaries if summary.operation.mean.value > 0][::-1]
+    figure = Figure(figsize=(11.0, 0.34 * len(shown) + 1.3), layout='constrained')
+    panels = figure.subplots(1, 2, sharey=True)
+    for axes, quantity in zip(panels, ('operation', 'length')):
+        for place, summary in enumerate(shown):
+            mean = getattr(summary, quantity).mean
+            value, low, high = (100 * end for end in mean)
+            # No interval is drawn as none; rounding may put a point's ends past it.
+            arms = np.maximum(np.nan_to_num([[value - low], [high - value]]), 0.0)
+            colour = '#6b7280' if is_ablation(summary.case) else PATH
+            axes.errorbar(value, place, xerr=arms, fmt='o', color=colour, markersize=5, capsize=3)
+        axes.axvline(100.0, color='#9aa0ac', linewidth=1, linestyle=':')
+        axes.set_xlabel(f'{quantity} ratio to A* (%), 95 % interval')
+        axes.grid(axis='x', alpha=0.25)
+    panels[0].set_yticks(range(len(shown)), [case_label(summary.case) for summary in shown])
+    return figure
+
+
+def showcase_figure(
+    barrier_map: BarrierMap = SHOWCASE,
+    ends: tuple[Cell, Cell] = SHOWCASE_ENDS,
+    waypoints: Sequence[Cell] = SHOWCASE_WAYPOINTS,
+) -> Figure:
+    """Draw LLM-A* target by target and against A*, chebyshev, after the paper's Figure 4."""
+    blocked = barrier_map.to_grid().blocked()
+    guided = trace(blocked, *ends, [*waypoints, ends[1]], 'chebyshev')
+    plain = trace(blocked, *ends, (), 'chebyshev')
+    stages = [*guided.switches, len(guided.order)]
+    figure = Figure(figsize=(3.3 * (len(stages) + 1), 3.9), layout='constrained')
+    panels = figure.subplots(1, len(stages) + 1)
+    for number, (axes, count) in enumerate(zip(panels, stages), start=1):
+        last = number == len(stages)
+        aim = 'the goal' if last else f'waypoint {number}'
+        _draw_cells(axes, blocked, (guided.order[:count], GREY))
+        if last:
+            axes.plot(*zip(*guided.path), color=PATH, linewidth=2)
+        draw_points(axes, ends, waypoints)
+        axes.set_title(f'LLM-A* towards {aim}:\n{count} expansions', fontsize=9)
+    _draw_cells(panels[-1], blocked, (guided.order, GREY), (plain.order, PINK))
+    panels[-1].plot(*zip(*plain.path), color=PATH, linewidth=2)
+    draw_points(panels[-1], ends, ())
+    panels[-1].set_title(f'A* (pink beyond grey):\n{len(plain.order)} expansions', fontsize=9)
+    return figure
+
+
+def save_map_pictures(maps: Sequence[BarrierMap], folder: str | Path) -> list[Path]:
+    """Write one PNG a map with its start-goal pairs numbered. Returns the files."""
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for barrier_map in maps:
+        path = folder / f'map_{barrier_map.id:03d}.png'
+        map_figure(barrier_map).savefig(path, dpi=90)
+        paths.append(path)
+    return paths
+
+
+def map_figure(barrier_map: BarrierMap) -> Figure:
+    """Draw a map with its start-goal pairs numbered, starts blue and goals green."""
+    blocked = barrier_map.to_grid().blocked()
+    height, width = blocked.shape
+    figure = Figure(figsize=(6.0, 6.0 * height / width + 0.4), layout='constrained')
+    axes = figure.subplots()
+    _draw_cells(axes, blocked)
+    for pair, sample in enumerate(barrier_map.samples):
+        start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
+        axes.plot(*zip(start, goal), color='#9aa0ac', linewidth=0.6, linestyle=':')
+        draw_points(axes, (start, goal), ())
+        axes.annotate(str(pair), start, textcoords='offset points', xytext=(4, 3), fontsize=7)
+    axes.set_title(f'map {barrier_map.id}', fontsize=9)
+    return figure
+
+
+def case_label(case: Case) -> str:
+    """Return a case's name for a legend."""
+    guide = ', '.join(part for part in case[1:] if part and part != 'none')
+    alone = case.method == 'llm_astar' and case.source == 'none'
+    name = label(case.method) + (', no waypoints' if alone else '')
+    return f'{name}, {guide}' if guide else name
+
+
+def cell_image(
+    blocked: NDArray[np.bool_], *layers: tuple[Sequence[Cell], str]
+) -> NDArray[np.float64]:
+    """Colour cells, [height, width, 3] in 0 to 1; obstacles lie on top, then the first layer."""
+    image = np.ones((*blocked.shape, 3))
+    for cells, colour in reversed(layers):
+        if len(cells):
+            xs, ys = np.array(cells).T
+            image[ys, xs] = to_rgb(colour)
+    image[blocked] = to_rgb(OBSTACLE)
+    return image
+
+
+def _draw_cells(
+    axes: Axes, blocked: NDArray[np.bool_], *layers: tuple[Sequence[Cell], str]
+) -> None:
+    axes.imshow(cell_image(blocked, *layers), origin='lower', interpolation='nearest')
+    axes.set_xticks([])
+    axes.set_yticks([])
+
+
+def draw_points(axes: Axes, ends: tuple[Cell, Cell], waypoints: Sequence[Cell]) -> None:
+    """Mark waypoints with stars, start blue and goal green."""
+    for point in waypoints:
+        axes.plot(*point, '*', color=STAR, markersize=13, markeredgecolor='black')
+    for cell, colour in zip(ends, (START, GOAL)):
+        axes.plot(*cell, 's', color=colour, markersize=6, markeredgecolor='white')

@@ -1,0 +1,1 @@
+"""Running methods with waypoint sources over samples."""

@@ -1,0 +1,1 @@
+"""The `llm-astar` command, one module a subcommand."""

@@ -1,0 +1,178 @@
+"""`llm-astar doctor`: what is installed, what is missing, and how to get it."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.metadata
+import json
+import os
+import platform
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from llm_astar_planner.resources import find_file
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing looked for: what was found, and how to get it where it is missing."""
+
+    name: str
+    found: bool
+    required: bool
+    detail: str
+
+
+# name of the module, what needs it, how to get it
+REQUIRED = {
+    'numpy': ('the core', 'pip install numpy'),
+    'numba': ('the searches', 'pip install numba'),
+    'scipy': ('the planner', 'pip install scipy'),
+    'matplotlib': ('pictures', 'pip install matplotlib'),
+    'shapely': ('the benchmark', 'pip install shapely'),
+    'PIL': ('map images', 'pip install pillow'),
+    'yaml': ('map and parameter files', 'pip install pyyaml'),
+    'httpx': ('language models', 'pip install httpx'),
+    'jinja2': ('the benchmark', 'pip install jinja2'),
+    'tqdm': ('the benchmark', 'pip install tqdm'),
+    'rosbags.rosbag2': ('bags', 'pip install rosbags'),
+    'mcap': ('bags', 'pip install mcap'),
+    'zstandard': ('bags', 'pip install zstandard'),
+    'lz4.frame': ('bags', 'pip install lz4'),
+}
+ROS = {
+    'rclpy.node': ('the nodes', 'apt install ros-jazzy-rclpy, or make install for the wheels'),
+    'nav_msgs.msg': ('the nodes', 'apt install ros-jazzy-common-interfaces, or make install'),
+    'diagnostic_msgs.msg': (
+        'the nodes',
+        'apt install ros-jazzy-common-interfaces, or make install',
+    ),
+    'visualization_msgs.msg': (
+        'the nodes',
+        'apt install ros-jazzy-common-interfaces, or make install',
+    ),
+}
+OPTIONAL = {
+    'threadpoolctl': (
+        'the embedded model at its speed on a busy machine',
+        'pip install threadpoolctl, or apt install python3-threadpoolctl',
+    ),
+    'launch_ros': ('ros2 launch', 'apt install ros-jazzy-launch-ros; there is no wheel'),
+    'nav2_msgs.action': ("Nav2's actions", 'apt install ros-jazzy-nav2-msgs; there is no wheel'),
+    'tf2_ros': ('poses of other frames', 'apt install ros-jazzy-tf2-ros-py; there is no wheel'),
+    'map_msgs.msg': ('map_updates', 'apt install ros-jazzy-map-msgs; there is no wheel'),
+    'ros2cli': ('ros2 run', 'apt install ros-jazzy-ros2cli; there is no wheel'),
+}
+
+
+def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the command to `llm-astar`."""
+    parser = commands.add_parser(
+        'doctor',
+        description='Look for everything the planner uses. Exit code 1 where something that is '
+        'required is missing.',
+    )
+    parser.set_defaults(run=run)
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Look, print, and return 0 where nothing required is missing, else 1."""
+    findings = list(_findings())
+    sound = all(finding.found or not finding.required for finding in findings)
+    if arguments.json:
+        print(json.dumps({'ok': sound, 'findings': [asdict(finding) for finding in findings]}))
+        return 0 if sound else 1
+    width = max(len(finding.name) for finding in findings)
+    for finding in findings:
+        mark = 'ok      ' if finding.found else 'MISSING ' if finding.required else 'absent  '
+        print(f'{mark} {finding.name:{width}}  {finding.detail}')
+    print('everything required is here' if sound else 'something required is missing: see above')
+    return 0 if sound else 1
+
+
+def _findings() -> Iterator[Finding]:
+    version = platform.python_version()
+    fits = (3, 10) <= sys.version_info[:2] <= (3, 13)
+    yield Finding('python', fits, True, f'{version}, {sys.executable} (3.10 to 3.13 are tried)')
+    for name, (use, remedy) in REQUIRED.items():
+        yield _module(name, use, remedy, required=True)
+    for name, (use, remedy) in ROS.items():
+        yield _module(name, use, remedy, required=True)
+    yield _middleware()
+    for name, (use, remedy) in OPTIONAL.items():
+        yield _module(name, use, remedy, required=False)
+    for folder, name in (('maps', 'demo.json'), ('config', 'planner.yaml')):
+        yield _file(folder, name)
+    yield _kernels()
+    yield _weights()
+
+
+def _module(name: str, use: str, remedy: str, *, required: bool) -> Finding:
+    """Import a module, a part of it too: an empty folder of the name would import as well."""
+    package = name.partition('.')[0]
+    try:
+        importlib.import_module(name)
+    except ImportError:
+        return Finding(package, False, required, f'needed for {use}: {remedy}')
+    module = sys.modules[package]
+    # A folder, or a single file as threadpoolctl is.
+    place = next(iter(getattr(module, '__path__', [module.__file__])))
+    return Finding(package, True, required, f'{_version(package)} in {Path(place).parent}')
+
+
+def _version(package: str) -> str:
+    # The ROS wheels are named ros-*, and carry older metadata under the plain name.
+    names = (f'ros-{package.replace("_", "-")}', package)
+    known = {item.metadata['Name'] for item in importlib.metadata.distributions()}
+    found = next((name for name in names if name in known), None)
+    if found is not None:
+        return importlib.metadata.version(found)
+    return str(getattr(sys.modules[package], '__version__', 'version unknown'))
+
+
+def _middleware() -> Finding:
+    """Tell which RMW would carry the messages."""
+    try:
+        from rclpy.utilities import get_rmw_implementation_identifier  # noqa: PLC0415
+
+        identifier = get_rmw_implementation_identifier()
+    except (ImportError, RuntimeError) as error:
+        return Finding('rmw', False, True, f'no middleware: {error}')
+    domain = os.environ.get('ROS_DOMAIN_ID', '0')
+    return Finding('rmw', True, True, f'{identifier}, domain {domain}')
+
+
+def _file(folder: str, name: str) -> Finding:
+    try:
+        return Finding(f'{folder}/', True, True, str(find_file(name, folder).parent))
+    except FileNotFoundError as error:
+        return Finding(f'{folder}/', False, True, f'{error}; install the package again')
+
+
+def _kernels() -> Finding:
+    """Compile the searches, which shows whether numba works and may keep its cache."""
+    try:
+        from llm_astar_planner.search.paper import compile_kernels  # noqa: PLC0415
+
+        compile_kernels()
+    except Exception as error:  # noqa: BLE001 - whatever numba raises is the finding
+        return Finding('searches', False, True, f'do not compile: {type(error).__name__}: {error}')
+    return Finding('searches', True, True, 'compiled')
+
+
+def _weights() -> Finding:
+    """Read the embedded model's weights, which are a file that an install may miss."""
+    try:
+        from llm_astar_planner.waypoints.learned.network import (  # noqa: PLC0415
+            packaged_weights,
+        )
+
+        digest = packaged_weights().digest
+    except (ImportError, OSError, ValueError) as error:
+        return Finding('embedded', False, True, f'{error}; install the package again')
+    return Finding('embedded', True, True, f'learned waypoint model {digest}, not an LLM')

@@ -1,0 +1,69 @@
+"""`llm-astar record`: the live graph into a bag, to be evaluated later."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Any
+
+MEGABYTE = 1_000_000
+EPILOG = """\
+examples:
+  llm-astar record --out run1                                   until Ctrl-C
+  llm-astar record --out run2 --duration 600 --max-size 500     ten minutes, files of 500 MB
+  llm-astar record --out run3 --namespace /robot1 --topics scan amcl_pose
+
+Recorded are maps and their updates, requests of GetPlan, goals and initial poses, plans, the
+planner's reports, exchanges with the language model, tf, odometry and diagnostics, each as soon
+as somebody publishes it. What the bag is good for: `llm-astar evaluate --help`.
+"""
+
+
+def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the command to `llm-astar`."""
+    parser = commands.add_parser(
+        'record',
+        description='Record the live graph into a rosbag2 bag, to be evaluated later.',
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.set_defaults(run=run)
+    parser.add_argument('--out', required=True, metavar='DIR', help='the bag, a new folder')
+    parser.add_argument(
+        '--namespace',
+        default='',
+        metavar='NS',
+        help="the robot's, such as /robot1",
+    )
+    parser.add_argument(
+        '--topics', nargs='+', default=[], metavar='NAME', help='more topics to record'
+    )
+    parser.add_argument(
+        '--duration', type=float, default=math.inf, metavar='S', help='end after so many seconds'
+    )
+    parser.add_argument(
+        '--max-size', type=float, default=0.0, metavar='MB',
+        help='begin a new file after so much (default: one file)',
+    )  # fmt: skip
+    parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Record; return 0, or 1 where nothing came. Raises ValueError, OSError."""
+    if not arguments.duration > 0 or not arguments.max_size >= 0:
+        raise ValueError('--duration S, --max-size MB: a number above 0 is expected')
+    from llm_astar_planner.nodes.tools.recorder import TOPICS, Options, record  # noqa: PLC0415
+
+    options = Options(
+        arguments.out,
+        arguments.storage,
+        round(arguments.max_size * MEGABYTE),
+        arguments.duration,
+        (*TOPICS, *arguments.topics),
+        arguments.namespace,
+    )
+    counts = record(options, lambda line: print(line, flush=True))
+    for topic, count in counts.items():
+        print(f'{count:8d} {topic}')
+    print(f'{arguments.out}: {sum(counts.values())} messages')
+    return 0 if any(counts.values()) else 1

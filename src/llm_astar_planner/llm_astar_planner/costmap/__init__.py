@@ -1,0 +1,1 @@
+"""A map under rules: what is blocked, what cells cost, what is connected."""

@@ -1,0 +1,130 @@
+"""Poses in the map's frame, through tf2 where it is there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+from llm_astar_msgs_adapter.messages.path import pose_from_message
+from llm_astar_msgs_adapter.messages.transforms import flat_pose, matrix_of, moved
+from rclpy.node import Node
+from rclpy.time import Time
+
+from llm_astar_planner.nodes.common.spin import SpinThread
+from llm_astar_planner.search.stop import POLL_PERIOD_S
+
+try:
+    import tf2_ros
+except ImportError:
+    HAS_TF2 = False
+else:
+    HAS_TF2 = True
+
+# Seconds to wait for a transform: the robot's own come many times a second.
+PATIENCE = 0.2
+
+# Whether whoever asks has time to wait; may raise what ends the whole question.
+MayWait = Callable[[], bool]
+
+
+def never() -> bool:
+    """Take what is known already."""
+    return False
+
+
+class FrameError(RuntimeError):
+    """A pose whose place on the map is not known; the message says which, and why."""
+
+
+class Buffer(Protocol):
+    """What is used of tf2_ros.Buffer."""
+
+    def lookup_transform(self, target_frame: str, source_frame: str, time: Time) -> Any:  # noqa: ANN401 - a TransformStamped
+        """Return the transform from source to target; raises where it is not known."""
+
+
+class Frames:
+    """Knows where poses of other frames, and the robot, are on the map."""
+
+    def __init__(self, buffer: Buffer | None) -> None:
+        """Take tf2's buffer, None where there is no tf2."""
+        self._buffer = buffer
+
+    def locate(
+        self, pose: PoseStamped, frame_id: str, name: str, may_wait: MayWait = never
+    ) -> Pose2D:
+        """Return a pose in `frame_id`, by the transform at its stamp, or the latest for stamp 0.
+
+        A transform that is not known yet is waited for, up to PATIENCE and while `may_wait()`.
+        An empty frame means `frame_id`. Raises FrameError naming the pose by `name` where the
+        transform is not known, GridMapError where a number is not finite, and what `may_wait`
+        raises.
+        """
+        place = pose_from_message(pose, name)
+        frame = pose.header.frame_id
+        if frame in ('', frame_id):
+            return place
+        what = f'the {name} is in frame {frame!r}, the map in {frame_id!r}'
+        stamp = Time.from_msg(pose.header.stamp)
+        found = self._look_up(frame_id, frame, stamp, may_wait, what)
+        return moved(place, matrix_of(found.transform))
+
+    def robot(self, base_frame: str, frame_id: str, may_wait: MayWait = never) -> Pose2D:
+        """Return the robot's latest pose in `frame_id`, waiting as `locate` does.
+
+        Raises FrameError, and what `may_wait` raises.
+        """
+        what = f'the pose of the robot ({base_frame!r} in {frame_id!r}) is needed'
+        found = self._look_up(frame_id, base_frame, Time(), may_wait, what)
+        return flat_pose(matrix_of(found.transform))
+
+    def _look_up(self, target: str, source: str, stamp: Time, may_wait: MayWait, what: str) -> Any:  # noqa: ANN401 - a TransformStamped
+        if self._buffer is None:
+            raise FrameError(f'{what}, and tf2_ros is not installed')
+        # Not tf2's own wait: that one sees no cancel, and never ends while simulated time rests.
+        deadline = time.monotonic() + PATIENCE
+        while True:
+            try:
+                return self._buffer.lookup_transform(target, source, stamp)
+            except Exception as error:  # noqa: BLE001 - tf2's exceptions have no class in common
+                problem = f'{what}, and no transform is known: {error}'
+            if not may_wait() or time.monotonic() >= deadline:
+                raise FrameError(problem)
+            time.sleep(POLL_PERIOD_S)
+
+
+class TransformListener:
+    """Fills a buffer from `/tf` and `/tf_static`, on a node and a thread of its own.
+
+    A robot's transforms come by the hundred a second, and must not wait for plans.
+    """
+
+    def __init__(self, parent: Node) -> None:
+        """Listen beside `parent`, in its context. Needs tf2_ros."""
+        # Remaps are the parent's: given to this node too, __node would rename both alike.
+        topics = {name: parent.resolve_topic_name(name) for name in ('/tf', '/tf_static')}
+        remaps = [word for name, to in topics.items() for word in ('-r', f'{name}:={to}')]
+        self._node = rclpy.create_node(
+            f'_{parent.get_name()}_transforms',
+            namespace=parent.get_namespace(),
+            context=parent.context,
+            cli_args=['--ros-args', *remaps],
+            parameter_overrides=[parent.get_parameter('use_sim_time')],
+            start_parameter_services=False,
+            enable_rosout=False,
+            use_global_arguments=False,
+        )
+        self.buffer = tf2_ros.Buffer(node=self._node)
+        self._listener = tf2_ros.TransformListener(self.buffer, self._node)
+        self._thread = SpinThread(self._node)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._thread.close()
+        self._listener.unregister()
+        self._node.destroy_node()

@@ -1,0 +1,1 @@
+"""Clients of a running graph: call it, watch it, record it."""

@@ -1,0 +1,148 @@
+"""A caller of the planner from outside the graph, as another robot's stack would be."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+from llm_astar_msgs_adapter.messages.diagnostics import (
+    PlanReport,
+    report_from_message,
+    status_values,
+)
+from llm_astar_msgs_adapter.messages.path import pose_to_message
+from nav_msgs.msg import Path
+from nav_msgs.srv import GetPlan
+from rclpy.client import Client
+from rclpy.node import Node
+
+from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.spin import SpinThread
+
+# Discovery takes from milliseconds to seconds on a loaded machine.
+DISCOVERY_SECONDS = 15.0
+# Reports of other callers' plans come too, and nobody fetches them.
+KEPT_REPORTS = 256
+
+
+class CallerError(RuntimeError):
+    """The graph did not answer; the message says what was missing."""
+
+
+class Caller:
+    """Calls `<planner>/get_plan` and matches each answer with its report. A context manager.
+
+    It spins its node on a thread of its own, which makes a round trip a millisecond or two.
+    """
+
+    def __init__(self, node: Node, planner: str = 'planner_node') -> None:
+        """Attach to `node`, which must not be spun by anyone else."""
+        self.node = node
+        # As the planner names itself in /diagnostics: with its namespace, without the slash.
+        self._planner = node.resolve_service_name(planner)[1:]
+        self._arrived = threading.Condition()
+        self._reports: OrderedDict[tuple[int, int], PlanReport] = OrderedDict()
+        self._health: dict[str, dict[str, Any]] = {}
+        self._client = node.create_client(GetPlan, f'{planner}/get_plan')
+        node.create_subscription(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS)
+        node.create_subscription(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
+        self._thread = SpinThread(node)
+
+    def __enter__(self) -> Caller:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._thread.close()
+
+    def wait_for(self, condition: Callable[[], bool], what: str, seconds: float) -> None:
+        """Wait until a condition holds on what has arrived.
+
+        Raises CallerError naming `what` where it does not in time.
+        """
+        with self._arrived:
+            if not self._arrived.wait_for(condition, seconds):
+                raise CallerError(f'{what} did not come within {seconds:g} s')
+
+    def wait_for_planner(self) -> None:
+        """Wait until the planner's service is there. Raises CallerError."""
+        if not self._client.wait_for_service(DISCOVERY_SECONDS):
+            raise CallerError(f'{self._client.srv_name} is not there; is {self._planner} running?')
+
+    def wait_until_ready(self, map_digest: str | None = None, *, client: str = '') -> None:
+        """Wait until the planner plans on that map (or on any) and sees its waypoint client.
+
+        `client` names a client that must have the map too. Raises CallerError.
+        """
+        self.wait_for_planner()
+
+        def has_map(name: str) -> bool:
+            digest = self._health.get(name, {}).get('map_digest')
+            return bool(digest) and map_digest in (None, digest)
+
+        def is_ready() -> bool:
+            planner = f'{self._planner}: planner'
+            if not client:
+                return has_map(planner)
+            sees_client = self._health.get(planner, {}).get('llm_client_ready')
+            waypoints = f'{self.node.resolve_service_name(client)[1:]}: waypoints'
+            return has_map(planner) and has_map(waypoints) and bool(sees_client)
+
+        self.wait_for(is_ready, f'{self._planner} ready with its map', DISCOVERY_SECONDS)
+
+    def call(
+        self, start: Pose2D, goal: Pose2D, frame_id: str = 'map', seconds: float = 30.0
+    ) -> tuple[Path, PlanReport, float]:
+        """Ask for a plan; return its path, its report and the round trip in seconds.
+
+        Raises CallerError where no answer or no report comes in time.
+        """
+        request = GetPlan.Request(
+            start=pose_to_message(start, frame_id, Time()),
+            goal=pose_to_message(goal, frame_id, Time()),
+            tolerance=0.0,
+        )
+        begin = time.perf_counter()
+        path = self.ask(self._client, request, seconds).plan
+        round_trip = time.perf_counter() - begin
+        key = (path.header.stamp.sec, path.header.stamp.nanosec)
+        self.wait_for(lambda: key in self._reports, 'the report of a plan', seconds)
+        return path, self._reports.pop(key), round_trip
+
+    def ask(self, client: Client, request: Any, seconds: float = DISCOVERY_SECONDS) -> Any:  # noqa: ANN401 - any service
+        """Call a service of the graph. Raises CallerError where it does not answer in time."""
+        if not client.wait_for_service(seconds):
+            raise CallerError(f'{client.srv_name} is not there')
+        done = threading.Event()
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: done.set())
+        if not done.wait(seconds):
+            client.remove_pending_request(future)
+            raise CallerError(f'{client.srv_name} did not answer within {seconds:g} s')
+        return future.result()
+
+    def _on_report(self, message: DiagnosticArray) -> None:
+        stamp = message.header.stamp
+        with self._arrived:
+            self._reports[stamp.sec, stamp.nanosec] = report_from_message(message, PlanReport)
+            if len(self._reports) > KEPT_REPORTS:
+                self._reports.popitem(last=False)
+            self._arrived.notify_all()
+
+    def _on_health(self, message: DiagnosticArray) -> None:
+        with self._arrived:
+            for status in message.status:
+                self._health[status.name] = status_values(status)
+            self._arrived.notify_all()

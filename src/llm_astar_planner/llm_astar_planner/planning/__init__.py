@@ -1,0 +1,1 @@
+"""From a PlanRequest to a Plan."""

@@ -1,0 +1,426 @@
+"""Compiled loops of the bucket-queue searches: moves, exact A*, distances.
+
+Cells are numbered row by row, `index = y * width + x`. A legal move is a bit of `moves[index]`:
+bits 0 to 3 are +x, +y, -x, -y, bits 4 to 7 the diagonals +x+y, -x+y, -x-y, +x-y. Lengths are
+whole numbers, `straight` and `diagonal` units a step. Each cell has a record of two int32:
+its g, and a tag `generation << 12 | counted << 11 | target << 4 | closed << 3 | move that led
+here`. A record of another generation counts as never seen, so a query clears nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+STEP_X = np.array([1, 0, -1, 0, 1, -1, -1, 1], dtype=np.int64)
+STEP_Y = np.array([0, 1, 0, -1, 1, 1, -1, -1], dtype=np.int64)
+# The lowest set bit of a byte: the next move of a mask.
+LOWEST = np.array([(mask & -mask).bit_length() - 1 for mask in range(256)], dtype=np.int64)
+
+
+def _ways_around(move: int, mask: int) -> dict[tuple[int, int], tuple[float, bool]]:
+    """Return the best ways from the cell before to each neighbour, around the cell itself.
+
+    The cell is (0, 0), entered by `move`; `mask` holds its legal moves, which tell which
+    neighbours are surely free. A way is (length, whether its last move is diagonal); of equally
+    long ways one that ends straight comes first.
+    """
+    steps = [(int(x), int(y)) for x, y in zip(STEP_X, STEP_Y)]
+    before = (-steps[move][0], -steps[move][1])
+    free = {step for bit, step in enumerate(steps) if mask >> bit & 1} | {before}
+    ways = {before: (0.0, False)}
+    for _ in range(len(free)):
+        for cell in list(ways):
+            for step_x, step_y in steps:
+                x, y = cell[0] + step_x, cell[1] + step_y
+                corners = {(x, cell[1]), (cell[0], y)} if step_x and step_y else {(x, y)}
+                if (x, y) in free and corners <= free | {(0, 0)}:
+                    way = (ways[cell][0] + math.hypot(step_x, step_y), bool(step_x and step_y))
+                    known = ways.get((x, y), (math.inf, True))
+                    if way[0] < known[0] - 1e-9 or (way[0] < known[0] + 1e-9 and way < known):
+                        ways[x, y] = (min(way[0], known[0]), way[1])
+    return ways
+
+
+def _worthwhile(move: int, mask: int) -> int:
+    """Return the moves of `mask` worth trying in a cell entered by `move`.
+
+    A move is dropped where the cell before reaches the same neighbour around this cell by a
+    shorter way, or by an equally long one whose last move is straight while the move is
+    diagonal. On uniform costs some shortest path survives (proof in docs/guided-search.md).
+    """
+    ways = _ways_around(move, mask)
+    length = 1.0 if move < 4 else math.sqrt(2.0)
+    kept = 0
+    for bit in range(8):
+        if mask >> bit & 1:
+            direct = length + (1.0 if bit < 4 else math.sqrt(2.0))
+            around, ends_diagonal = ways.get(
+                (int(STEP_X[bit]), int(STEP_Y[bit])), (math.inf, True)
+            )
+            shorter = around < direct - 1e-9
+            equal = around < direct + 1e-9 and bit >= 4 and not ends_diagonal
+            if not (shorter or equal):
+                kept |= 1 << bit
+    return kept
+
+
+# CANONICAL_SUCCESSORS[move << 8 | legal moves]; row 8 keeps them all, for the start and graded costs.
+EVERY_MOVE = 8 << 8
+CANONICAL_SUCCESSORS = np.array(
+    [_worthwhile(move, mask) for move in range(8) for mask in range(256)] + list(range(256)),
+    dtype=np.uint8,
+)
+
+TAG_BITS = 12
+CLOSED = 8
+BUCKET_BITS = 6
+POLL_MASK = 2047
+LIMIT = 2**31 - 2**24  # a g above it may not fit an int32 after one more move
+NO_PATH = 2**62
+
+# How a call of a kernel ended.
+RUNNING, FOUND, EXHAUSTED, STOPPED, NEED_SPACE, OVERFLOW = range(6)
+
+# Slots of the control array of the exact search.
+(A_STARTED, A_BUCKET, A_BEST, A_OPERATION, A_STORAGE, A_FREE, A_TOP, A_LIVE, A_SIZE) = range(9)
+
+_jit: Any = njit(cache=True, nogil=True)
+
+
+@_jit
+def build_moves(
+    blocked: NDArray[np.bool_], corner_cutting: bool, moves: NDArray[np.uint8]
+) -> None:
+    """Fill `moves` [height * width] with the legal moves of each free cell, 0 where blocked.
+
+    A diagonal needs both adjacent cardinal cells free unless `corner_cutting`.
+    """
+    height, width = blocked.shape
+    for y in range(height):
+        for x in range(width):
+            mask = 0
+            if not blocked[y, x]:
+                east = x + 1 < width and not blocked[y, x + 1]
+                west = x > 0 and not blocked[y, x - 1]
+                up = y + 1 < height and not blocked[y + 1, x]
+                down = y > 0 and not blocked[y - 1, x]
+                mask = east | up << 1 | west << 2 | down << 3
+                if y + 1 < height:
+                    if x + 1 < width and not blocked[y + 1, x + 1]:
+                        mask |= (corner_cutting or (east and up)) << 4
+                    if x > 0 and not blocked[y + 1, x - 1]:
+                        mask |= (corner_cutting or (west and up)) << 5
+                if y > 0:
+                    if x > 0 and not blocked[y - 1, x - 1]:
+                        mask |= (corner_cutting or (west and down)) << 6
+                    if x + 1 < width and not blocked[y - 1, x + 1]:
+                        mask |= (corner_cutting or (east and down)) << 7
+            moves[y * width + x] = mask
+
+
+@_jit
+def astar(
+    moves: NDArray[np.uint8],
+    price: NDArray[np.uint16],
+    width: int,
+    straight: int,
+    diagonal: int,
+    start: int,
+    goal: int,
+    every_move: bool,
+    generation: int,
+    records: NDArray[np.int32],
+    pool: NDArray[np.int64],
+    heads: NDArray[np.int32],
+    control: NDArray[np.int64],
+    stop: NDArray[np.uint8],
+) -> int:
+    """Run or resume an exact A*; return how the call ended.
+
+    `heads` is a ring of buckets, each 1 << BUCKET_BITS units of f wide and last in, first out;
+    entries live in `pool` as `cell << 32 | next entry + 1`. After NEED_SPACE call again with a
+    longer pool of the same beginning. `price` is empty, or the surcharge of each cell in 1/256:
+    a move costs its length times 1 plus the mean of the surcharges at its two ends. `every_move`
+    tries the moves that uniform costs make pointless too; graded costs need it.
+    """
+    graded = price.size > 0
+    ring = heads.size - 1
+    goal_y = goal // width
+    goal_x = goal - goal_y * width
+    extra = diagonal - straight
+    per_width = 1.0 / width
+    tag = generation << TAG_BITS
+    best: Any
+    if control[A_STARTED] == 0:
+        control[:] = 0
+        control[A_STARTED] = 1
+        heads[:] = 0
+        delta_x = abs(start % width - goal_x)
+        delta_y = abs(start // width - goal_y)
+        bucket = (straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)) >> BUCKET_BITS
+        records[2 * start] = 0
+        records[2 * start + 1] = tag
+        pool[0] = np.int64(start) << 32
+        heads[bucket & ring] = 1
+        best = NO_PATH if start != goal else 0
+        expansions = 0
+        storage = 1
+        free: Any = 0
+        top = 1
+        live = 1
+    else:
+        bucket = control[A_BUCKET]
+        best = control[A_BEST]
+        expansions = control[A_OPERATION]
+        storage = control[A_STORAGE]
+        free = control[A_FREE]
+        top = control[A_TOP]
+        live = control[A_LIVE]
+    entry: Any
+    while True:
+        while live > 0 and heads[bucket & ring] == 0:
+            bucket += 1
+        if live == 0 or bucket << BUCKET_BITS >= best:
+            status = FOUND if best < NO_PATH else EXHAUSTED
+            break
+        if top + 8 > pool.size:
+            status = NEED_SPACE
+            break
+        slot = bucket & ring
+        entry = heads[slot]
+        item = pool[entry - 1]
+        heads[slot] = item & 0xFFFFFFFF
+        pool[entry - 1] = free
+        free = entry
+        live -= 1
+        cell = item >> 32
+        cell_tag = records[2 * cell + 1]
+        if cell_tag & CLOSED:
+            continue
+        records[2 * cell + 1] = cell_tag | CLOSED
+        expansions += 1
+        if expansions & POLL_MASK == 0 and stop[0] != 0:
+            records[2 * cell + 1] = cell_tag
+            expansions -= 1
+            status = STOPPED
+            break
+        g = np.int64(records[2 * cell])
+        if g > LIMIT:
+            status = OVERFLOW
+            break
+        y = np.int64((cell + 0.5) * per_width)
+        x = cell - y * width
+        row = EVERY_MOVE if every_move or cell == start else (cell_tag & 7) << 8
+        mask = np.int64(CANONICAL_SUCCESSORS[row | moves[cell]])
+        while mask:
+            move = LOWEST[mask]
+            mask &= mask - 1
+            step_x = STEP_X[move]
+            step_y = STEP_Y[move]
+            other = cell + step_y * width + step_x
+            length = straight if move < 4 else diagonal
+            other_g = g + length
+            if graded:
+                other_g += length * (np.int64(price[cell]) + price[other]) >> 9
+            other_tag = records[2 * other + 1]
+            new = other_tag >> TAG_BITS != generation
+            if new or other_g < records[2 * other]:
+                delta_x = abs(x + step_x - goal_x)
+                delta_y = abs(y + step_y - goal_y)
+                f = other_g + straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
+                if f < best:
+                    storage += new
+                    records[2 * other] = other_g
+                    records[2 * other + 1] = tag | move
+                    if other == goal:
+                        best = other_g
+                    else:
+                        slot = (f >> BUCKET_BITS) & ring
+                        if free:
+                            entry = free
+                            free = pool[entry - 1]
+                        else:
+                            top += 1
+                            entry = top
+                        pool[entry - 1] = other << 32 | heads[slot]
+                        heads[slot] = entry
+                        live += 1
+    control[A_BUCKET] = bucket
+    control[A_BEST] = best
+    control[A_OPERATION] = expansions
+    control[A_STORAGE] = storage
+    control[A_FREE] = free
+    control[A_TOP] = top
+    control[A_LIVE] = live
+    return status
+
+
+@_jit
+def trace(
+    width: int, start: int, goal: int, records: NDArray[np.int32], path: NDArray[np.int32]
+) -> tuple[int, int]:
+    """Write the path's cells (x, y) at the end of `path`; return how many, and diagonal moves.
+
+    Where `path` is too short it keeps the last cells, and the count tells the length it needs.
+    """
+    count = 0
+    diagonals = 0
+    y = goal // width
+    x = goal - y * width
+    row = path.shape[0]
+    cell = goal
+    while True:
+        count += 1
+        row -= 1
+        if row >= 0:
+            path[row, 0] = x
+            path[row, 1] = y
+        if cell == start:
+            return count, diagonals
+        move = records[2 * cell + 1] & 7
+        diagonals += move >= 4
+        x -= STEP_X[move]
+        y -= STEP_Y[move]
+        cell = y * width + x
+
+
+@_jit
+def solve(
+    moves: NDArray[np.uint8],
+    price: NDArray[np.uint16],
+    width: int,
+    straight: int,
+    diagonal: int,
+    start: int,
+    goal: int,
+    every_move: bool,
+    generation: int,
+    records: NDArray[np.int32],
+    pool: NDArray[np.int64],
+    heads: NDArray[np.int32],
+    control: NDArray[np.int64],
+    stop: NDArray[np.uint8],
+    path: NDArray[np.int32],
+) -> tuple[int, int, int, int]:
+    """Run `astar`, then `trace` where it found a path.
+
+    Returns how it ended, the path's cells, its diagonal moves, and its cost in units.
+    """
+    if moves[goal] == 0 and start != goal:
+        control[:] = 0
+        return EXHAUSTED, 0, 0, NO_PATH
+    status = astar(
+        moves,
+        price,
+        width,
+        straight,
+        diagonal,
+        start,
+        goal,
+        every_move,
+        generation,
+        records,
+        pool,
+        heads,
+        control,
+        stop,
+    )
+    if status != FOUND and not (status == STOPPED and control[A_BEST] < NO_PATH):
+        return status, 0, 0, NO_PATH
+    count, diagonals = trace(width, start, goal, records, path)
+    return status, count, diagonals, control[A_BEST]
+
+
+@_jit
+def add_expanded(records: NDArray[np.int32], generation: int, expanded: NDArray[np.bool_]) -> None:
+    """Set `expanded` [height, width] where a cell of this generation was expanded."""
+    flat = expanded.reshape(-1)
+    mask, wanted = -1 << TAG_BITS | CLOSED, generation << TAG_BITS | CLOSED
+    for cell in range(flat.size):
+        # No write elsewhere: pages of a large map that nobody touches are never made.
+        if records[2 * cell + 1] & mask == wanted:
+            flat[cell] = True
+
+
+@_jit
+def distances(
+    moves: NDArray[np.uint8],
+    price: NDArray[np.uint16],
+    width: int,
+    straight: int,
+    diagonal: int,
+    source: int,
+    column: int,
+    marks: NDArray[np.int32],
+    pool: NDArray[np.int64],
+    heads: NDArray[np.int32],
+    stop: NDArray[np.uint8],
+) -> int:
+    """Write the cost of the way from `source` to each cell into a column of `marks`.
+
+    `marks` is int32 [cells, landmarks]; unreachable cells get -1. A bucket is narrower than a
+    move, so each cell is final when it is first met. Returns FOUND, STOPPED, NEED_SPACE (call
+    again with a longer pool) or OVERFLOW.
+    """
+    graded = price.size > 0
+    ring = heads.size - 1
+    marks[:, column] = -1
+    marks[source, column] = 0
+    heads[:] = 0
+    heads[0] = 1
+    pool[0] = np.int64(source) << 32
+    free: Any = np.int64(0)
+    top = 1
+    live = 1
+    bucket = 0
+    count = 0
+    slot: Any
+    while live > 0:
+        slot = bucket & ring
+        entry: Any = np.int64(heads[slot])
+        if entry == 0:
+            bucket += 1
+            continue
+        if top + 8 > pool.size:
+            return NEED_SPACE
+        item = pool[entry - 1]
+        heads[slot] = item & 0xFFFFFFFF
+        pool[entry - 1] = free
+        free = entry
+        live -= 1
+        cell = item >> 32
+        g = np.int64(marks[cell, column])
+        if g >> BUCKET_BITS != bucket:
+            continue
+        count += 1
+        if count & POLL_MASK == 0 and stop[0] != 0:
+            return STOPPED
+        if g > LIMIT:
+            return OVERFLOW
+        mask = np.int64(moves[cell])
+        while mask:
+            move = LOWEST[mask]
+            mask &= mask - 1
+            other = cell + STEP_Y[move] * width + STEP_X[move]
+            length = straight if move < 4 else diagonal
+            other_g = g + length
+            if graded:
+                other_g += length * (np.int64(price[cell]) + price[other]) >> 9
+            if marks[other, column] < 0 or other_g < marks[other, column]:
+                marks[other, column] = other_g
+                slot = (other_g >> BUCKET_BITS) & ring
+                if free:
+                    entry = free
+                    free = pool[entry - 1]
+                else:
+                    top += 1
+                    entry = top
+                pool[entry - 1] = other << 32 | heads[slot]
+                heads[slot] = entry
+                live += 1
+    return FOUND

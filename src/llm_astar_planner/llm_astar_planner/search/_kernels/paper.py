@@ -1,0 +1,239 @@
+"""The compiled search loop behind the paper's methods, exact to its published code.
+
+One loop serves A*, weighted A*, dynamic weighted A* and LLM-A*: f = g + (w h(goal) + h(target)),
+where w and the target are what sets them apart. Nodes are numbered x * height + y, so that the
+heap's order (f, node) is the published order (f, x, y).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+EUCLIDEAN, OCTILE, CHEBYSHEV, MANHATTAN = range(4)
+FOUND, EXHAUSTED, STOPPED = range(3)
+SQRT2 = math.sqrt(2.0)
+
+# The published order of neighbours; it decides ties among parents.
+_DX = np.array([-1, -1, 0, 1, 1, 1, 0, -1], dtype=np.int64)
+_DY = np.array([0, 1, 1, 1, 0, -1, -1, -1], dtype=np.int64)
+
+
+@njit(cache=True, nogil=True)
+def distance(kind: int, dx: float, dy: float) -> float:
+    """Return the obstacle-free distance of a displacement in cells, by heuristic `kind`."""
+    dx, dy = abs(dx), abs(dy)
+    if kind == EUCLIDEAN:
+        return math.sqrt(dx * dx + dy * dy)
+    if kind == OCTILE:
+        return max(dx, dy) + (SQRT2 - 1.0) * min(dx, dy)
+    if kind == CHEBYSHEV:
+        return max(dx, dy)
+    return dx + dy
+
+
+@njit(cache=True, nogil=True)
+def _before(keys: Any, nodes: Any, a: int, b: int) -> bool:
+    return keys[a] < keys[b] or (keys[a] == keys[b] and nodes[a] < nodes[b])
+
+
+@njit(cache=True, nogil=True)
+def _swap(keys: Any, nodes: Any, a: int, b: int) -> None:
+    keys[a], keys[b] = keys[b], keys[a]
+    nodes[a], nodes[b] = nodes[b], nodes[a]
+
+
+@njit(cache=True, nogil=True)
+def _sift_up(keys: Any, nodes: Any, i: int) -> None:
+    while i > 0:
+        parent = (i - 1) >> 1
+        if not _before(keys, nodes, i, parent):
+            return
+        _swap(keys, nodes, i, parent)
+        i = parent
+
+
+@njit(cache=True, nogil=True)
+def _sift_down(keys: Any, nodes: Any, i: int, size: int) -> None:
+    while True:
+        child = 2 * i + 1
+        if child >= size:
+            return
+        if child + 1 < size and _before(keys, nodes, child + 1, child):
+            child += 1
+        if not _before(keys, nodes, child, i):
+            return
+        _swap(keys, nodes, i, child)
+        i = child
+
+
+@njit(cache=True, nogil=True)
+def _estimate(
+    node: int, height: int, kind: int, weight: float, goal: Any, target: Any, guided: bool
+) -> float:
+    """W h(goal) + h(target), summed in the published order."""
+    x, y = node // height, node % height
+    estimate = weight * distance(kind, x - goal[0], y - goal[1])
+    if guided:
+        estimate += distance(kind, x - target[0], y - target[1])
+    return estimate
+
+
+@njit(cache=True, nogil=True)
+def _rekey(
+    keys: Any,
+    nodes: Any,
+    size: int,
+    g: Any,
+    height: int,
+    kind: int,
+    weight: float,
+    goal: Any,
+    target: Any,
+    guided: bool,
+) -> None:
+    """Give every OPEN entry its current g plus the new estimate; duplicates stay."""
+    for i in range(size):
+        node = nodes[i]
+        keys[i] = g[node] + _estimate(node, height, kind, weight, goal, target, guided)
+    for i in range(size // 2 - 1, -1, -1):
+        _sift_down(keys, nodes, i, size)
+
+
+@njit(cache=True, nogil=True)
+def paper_search(
+    blocked: NDArray[np.bool_],
+    start: NDArray[np.int64],
+    goal: NDArray[np.int64],
+    targets: NDArray[np.float64],
+    kind: int,
+    weight: float,
+    decay: float,
+    corner_cutting: bool,
+    stop: NDArray[np.uint8],
+    seen: NDArray[np.bool_],
+    closed: NDArray[np.bool_],
+) -> tuple[int, int, int, NDArray[np.int8]]:
+    """Search from start to goal, cells (x, y), on `blocked` [height, width].
+
+    `targets` [n, 2] is the paper's target list without its start: the search is drawn to each in
+    turn; empty means no target term. The weight of h(goal) at the k-th pop is
+    max(1, weight * decay^k). `seen` and `closed`, [width * height] and all False at first, are
+    filled in. Returns (status, expansions, storage, parent move [width * height], of cells with a
+    parent only).
+    """
+    height, width = blocked.shape
+    # Not filled, and `seen` tells what counts: on a large map that alone would outlast a cancel.
+    g = np.empty(width * height)
+    move_to = np.empty(width * height, dtype=np.int8)
+    keys: NDArray[np.float64] = np.empty(1024)
+    nodes: NDArray[np.int64] = np.empty(1024, dtype=np.int64)
+
+    guided = len(targets) > 0
+    index = 0
+    target = targets[0].copy() if guided else np.zeros(2)
+    goal_node = goal[0] * height + goal[1]
+    start_node = start[0] * height + start[1]
+
+    w = max(1.0, weight)
+    raw_weight = weight
+    stale = False
+    g[start_node] = 0.0
+    seen[start_node] = True
+    keys[0] = _estimate(start_node, height, kind, w, goal, target, guided)
+    nodes[0] = start_node
+    size = 1
+    storage = 1
+    expansions = 0
+    status = EXHAUSTED
+
+    while size > 0:
+        if stop[0]:
+            status = STOPPED
+            break
+        if decay != 1.0:
+            # The whole of OPEN is keyed with the current weight before each pop. Once the weight
+            # rests at 1, only a g that has shrunk since can change a key.
+            new_w = max(1.0, raw_weight)
+            if new_w != w or stale:
+                w = new_w
+                _rekey(keys, nodes, size, g, height, kind, w, goal, target, guided)
+                stale = False
+            raw_weight *= decay
+
+        node = nodes[0]
+        size -= 1
+        keys[0], nodes[0] = keys[size], nodes[size]
+        _sift_down(keys, nodes, 0, size)
+        expansions += 1
+        closed[node] = True
+        if node == goal_node:
+            status = FOUND
+            break
+
+        x, y = node // height, node % height
+        for move in range(8):
+            nx, ny = x + _DX[move], y + _DY[move]
+            if (
+                guided
+                and nx == target[0]
+                and ny == target[1]
+                and not (target[0] == goal[0] and target[1] == goal[1])
+            ):
+                if index + 1 < len(targets):
+                    index += 1
+                    target[0], target[1] = targets[index, 0], targets[index, 1]
+                _rekey(keys, nodes, size, g, height, kind, w, goal, target, guided)
+            if nx < 0 or ny < 0 or nx >= width or ny >= height:
+                continue
+            neighbour = nx * height + ny
+            if closed[neighbour]:
+                continue
+            if not seen[neighbour]:
+                seen[neighbour] = True
+                g[neighbour] = np.inf
+                storage += 1
+            # Only a start on a barrier can be a blocked node here: none of its moves is legal.
+            if blocked[ny, nx] or blocked[y, x]:
+                continue
+            diagonal = nx != x and ny != y
+            if diagonal and not corner_cutting and (blocked[y, nx] or blocked[ny, x]):
+                continue
+            new_g = g[node] + (SQRT2 if diagonal else 1.0)
+            if new_g < g[neighbour]:
+                stale = stale or g[neighbour] != np.inf
+                g[neighbour] = new_g
+                move_to[neighbour] = move
+                if size == len(keys):
+                    keys = np.concatenate((keys, np.empty(size)))
+                    nodes = np.concatenate((nodes, np.empty(size, dtype=np.int64)))
+                keys[size] = new_g + _estimate(neighbour, height, kind, w, goal, target, guided)
+                nodes[size] = neighbour
+                _sift_up(keys, nodes, size)
+                size += 1
+    return status, expansions, storage, move_to
+
+
+@njit(cache=True, nogil=True)
+def trace_back(
+    move_to: NDArray[np.int8], start: NDArray[np.int64], goal: NDArray[np.int64], height: int
+) -> NDArray[np.int32]:
+    """Follow the parent moves from goal to start; return the cells [n, 2] from start to goal."""
+    length = 1
+    x, y = goal[0], goal[1]
+    while x != start[0] or y != start[1]:
+        move = move_to[x * height + y]
+        x, y = x - _DX[move], y - _DY[move]
+        length += 1
+    path = np.empty((length, 2), dtype=np.int32)
+    x, y = goal[0], goal[1]
+    for i in range(length - 1, 0, -1):
+        path[i, 0], path[i, 1] = x, y
+        move = move_to[x * height + y]
+        x, y = x - _DX[move], y - _DY[move]
+    path[0, 0], path[0, 1] = x, y
+    return path

@@ -1,0 +1,159 @@
+"""Make a waypoint source from settings, the same for nodes and command line."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+
+from llm_astar_planner.waypoints.baselines import ablation_sources
+from llm_astar_planner.waypoints.cache import CachedSource
+from llm_astar_planner.waypoints.config import (
+    DEFAULT_PROMPT,
+    SettingsError,
+    SourceSettings,
+)
+from llm_astar_planner.waypoints.learned.network import packaged_weights
+from llm_astar_planner.waypoints.learned.source import EmbeddedSource
+from llm_astar_planner.waypoints.llm.client import ChatClient
+from llm_astar_planner.waypoints.llm.credentials import Endpoint
+from llm_astar_planner.waypoints.llm.failure import EndpointFailure
+from llm_astar_planner.waypoints.llm.limits import CallBudget
+from llm_astar_planner.waypoints.llm.protocol import Dialect
+from llm_astar_planner.waypoints.llm.resilience import RetryPolicy
+from llm_astar_planner.waypoints.llm.source import EndpointSource
+from llm_astar_planner.waypoints.none import NoSource
+from llm_astar_planner.waypoints.prompts.message import Message
+from llm_astar_planner.waypoints.prompts.query_parser import Asker, QueryError
+from llm_astar_planner.waypoints.prompts.template import load_template
+from llm_astar_planner.waypoints.recording import RecordingSource
+from llm_astar_planner.waypoints.replay import ReplaySource
+from llm_astar_planner.waypoints.source import WaypointSource
+from llm_astar_planner.waypoints.transcript import TranscriptWriter
+
+__all__ = [
+    'SOURCES',
+    'SettingsError',
+    'SourceSettings',
+    'client_of',
+    'make_asker',
+    'make_client',
+    'make_source',
+]
+
+Dataset = Sequence[BarrierMap] | None
+# How long a request that missed its deadline may still bring an answer for the next time.
+LATE_S = 60.0
+
+
+def make_source(settings: SourceSettings, dataset: Dataset = None) -> WaypointSource:
+    """Make the source `settings` name; `dataset` lets samples be recognised by their cells.
+
+    Raises SettingsError for settings that fit no source, and what the source raises on its files.
+    """
+    if settings.source not in SOURCES:
+        raise SettingsError(
+            f'source: {settings.source!r} is unknown; there is {", ".join(SOURCES)}'
+        )
+    settings.check()
+    return SOURCES[settings.source](settings, dataset)
+
+
+def make_client(settings: SourceSettings) -> ChatClient:
+    """Make the client of the endpoint alone. Raises SettingsError."""
+    settings.check()
+    return ChatClient(
+        Endpoint(settings.base_url, settings.api_key_env),
+        settings.model,
+        Dialect(settings.max_output_tokens, settings.temperature, settings.response_format),
+        RetryPolicy(settings.max_retries),
+        CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
+        max_concurrent=settings.max_concurrent,
+    )
+
+
+def make_asker(settings: SourceSettings) -> Asker:
+    """Make what `parse_query` asks about sentences in free wording. Raises SettingsError.
+
+    The asker raises QueryError with the status and the detail of a failure.
+    """
+    client = make_client(replace(settings, source='endpoint', response_format='json_schema'))
+
+    def ask(messages: tuple[Message, ...], schema: dict[str, Any]) -> str:
+        try:
+            return client.complete(messages, time.monotonic() + settings.timeout_s, schema).text
+        except EndpointFailure as failure:
+            raise QueryError(f'query: {failure.status.value}: {failure}') from None
+
+    return ask
+
+
+def client_of(source: WaypointSource) -> ChatClient | None:
+    """Return the endpoint's client inside a source, for its state and counts, or None."""
+    inner: object = source
+    while isinstance(inner, (CachedSource, RecordingSource)):
+        inner = inner.inner
+    return inner.client if isinstance(inner, EndpointSource) else None
+
+
+def _endpoint(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    template = load_template(settings.prompt or DEFAULT_PROMPT)
+    source = EndpointSource(
+        make_client(settings),
+        template,
+        timeout_s=settings.timeout_s,
+        max_prompt_tokens=settings.max_prompt_tokens,
+        repair_rounds=settings.repair_rounds,
+        late_s=LATE_S,
+        dataset=dataset,
+    )
+    return CachedSource(
+        _recorded(source, settings, dataset),
+        model=settings.model,
+        prompt=template.name,
+        size=settings.cache_size,
+        timeout_s=settings.timeout_s,
+    )
+
+
+def _replay(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    if not settings.transcript:
+        raise SettingsError('transcript: name the JSON Lines file that source replay answers from')
+    return ReplaySource(settings.transcript, settings.model, settings.prompt, dataset)
+
+
+def _embedded(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    del dataset
+    # A file of weights that is broken is told when the source is made, not when it is asked.
+    packaged_weights()
+    return EmbeddedSource(settings.candidates)
+
+
+def _none(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    del settings, dataset
+    return NoSource()
+
+
+def _ablation(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    del dataset
+    return ablation_sources()[settings.source]
+
+
+def _recorded(
+    source: WaypointSource, settings: SourceSettings, dataset: Dataset
+) -> WaypointSource:
+    if not settings.record:
+        return source
+    return RecordingSource(source, TranscriptWriter(settings.record), dataset)
+
+
+SOURCES: dict[str, Callable[[SourceSettings, Dataset], WaypointSource]] = {
+    'none': _none,
+    'embedded': _embedded,
+    'replay': _replay,
+    'endpoint': _endpoint,
+    **dict.fromkeys(ablation_sources(), _ablation),
+}

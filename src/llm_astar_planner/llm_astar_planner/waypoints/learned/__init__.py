@@ -1,0 +1,1 @@
+"""Waypoints from the embedded transformer."""

@@ -1,0 +1,174 @@
+"""The embedded waypoint network's forward pass in numpy, float32, and its weights file.
+
+The same arithmetic as `training/llm_astar_training/network.py` in torch; a test holds the two
+together. Not a language model: a small transformer over a map's barrier ends.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import threading
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llm_astar_planner.waypoints.learned.features import Features, Floats
+
+try:
+    from threadpoolctl import ThreadpoolController
+except ImportError:  # pip brings it, but rosdep has no key for it
+    ThreadpoolController = None
+
+WEIGHTS_FILE = 'weights.npz'
+FORMAT = 1
+_EPSILON = np.float32(1e-5)
+# The limit is the process's own, so one pass at a time sets it and puts it back.
+_ONE_PASS = threading.Lock()
+
+
+class WeightsError(ValueError):
+    """A weights file that is not one; the message names the file and what is wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """The weights by their torch names, the sizes of the network and the file's digest."""
+
+    arrays: Mapping[str, Floats]
+    shape: Mapping[str, int]
+    digest: str
+
+    def linear(self, name: str, x: Floats) -> Floats:
+        """Apply a linear layer to the last axis."""
+        result: Floats = x @ self.arrays[f'{name}.weight'].T
+        result += self.arrays[f'{name}.bias']
+        return result
+
+    def channels(self, name: str, x: Floats) -> Floats:
+        """Apply a linear layer to the last axis but one."""
+        result: Floats = self.arrays[f'{name}.weight'] @ x
+        result += self.arrays[f'{name}.bias'][:, None]
+        return result
+
+    def norm(self, name: str, x: Floats) -> Floats:
+        """Apply a layer norm to the last axis."""
+        x = x - x.mean(axis=-1, keepdims=True)
+        scale = np.sqrt(np.square(x).mean(axis=-1, keepdims=True) + _EPSILON)
+        result: Floats = x / scale * self.arrays[f'{name}.weight'] + self.arrays[f'{name}.bias']
+        return result
+
+
+@lru_cache(maxsize=1)
+def packaged_weights() -> Weights:
+    """Return the weights that come with the package, read once."""
+    data = (files('llm_astar_planner.waypoints.learned') / WEIGHTS_FILE).read_bytes()
+    return read_weights(data, WEIGHTS_FILE)
+
+
+def read_weights(data: bytes, name: str = 'weights') -> Weights:
+    """Read what `llm_astar_training.export` wrote. Raises WeightsError."""
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as held:
+            header = json.loads(held['header'].tobytes())
+            arrays = {key: held[key].astype(np.float32) for key in held if key != 'header'}
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise WeightsError(f'{name}: is no file of exported weights: {error}') from None
+    if header.pop('format', None) != FORMAT:
+        raise WeightsError(f'{name}: format: is not {FORMAT}; export the weights again')
+    return Weights(arrays, header, hashlib.sha256(data).hexdigest()[:12])
+
+
+def hop_logits(weights: Weights, features: Features) -> Floats:
+    """Return [n, N, N]: how likely, as a logit, the next hop from node i is node j.
+
+    Runs on one core: matrices so small lose tenfold to the threads of a BLAS on a busy machine.
+    """
+    if ThreadpoolController is None:
+        return _forward(weights, features)
+    with _ONE_PASS, _blas().limit(limits=1, user_api='blas'):
+        return _forward(weights, features)
+
+
+@lru_cache(maxsize=1)
+def _blas() -> Any:  # noqa: ANN401 - a class that may not be there
+    return ThreadpoolController()
+
+
+def _forward(weights: Weights, features: Features) -> Floats:
+    edge = _edges(weights, features)
+    x = weights.linear('enter_out', _relu(weights.linear('enter', features.nodes)))
+    for layer in range(weights.shape['layers']):
+        x = _layer(weights, f'layers.{layer}', x, edge)
+    x = weights.norm('norm', x)
+    query, key = weights.linear('query', x), weights.linear('key', x)
+    logits = query @ key.swapaxes(1, 2) * np.float32(x.shape[-1] ** -0.5)
+    pair = weights.linear('left', x)[:, :, None] + weights.linear('right', x)[:, None]
+    pair = pair + weights.linear('across', edge.transpose(0, 2, 3, 1))
+    result: Floats = logits + weights.linear('hop', _relu(pair))[..., 0]
+    return result
+
+
+def _edges(weights: Weights, features: Features) -> Floats:
+    """Return what the barriers make of every pair of nodes: [n, edge, N, N]."""
+    pairs = features.pairs
+    n, nodes, each, _ = features.barriers.shape
+    forms, rank = weights.shape['forms'], weights.shape['rank']
+    seen = np.concatenate(
+        [_relu(weights.linear('edges.view', features.barriers)), features.barriers], axis=-1
+    )
+    left, right = (
+        weights.linear(f'edges.{side}', seen).reshape(n, nodes, each, forms, rank)
+        for side in ('left', 'right')
+    )
+    left, right = left.transpose(0, 2, 3, 1, 4), right.transpose(0, 2, 3, 4, 1)
+    near = pairs[:, None, -1]
+    total = np.zeros((n, weights.shape['meet'], nodes * nodes), np.float32)
+    met, said = np.empty((n, forms, nodes, nodes), np.float32), np.empty_like(total)
+    zeros = np.zeros(total.shape[1:], np.float32)
+    bias = zeros + weights.arrays['edges.meet.bias'][:, None]
+    # A barrier at a time and in place: the forms of 30 of them would not fit into the caches.
+    for k in range(each):
+        np.matmul(left[:, k], right[:, k], out=met)
+        np.multiply(met, near, out=met)
+        np.matmul(weights.arrays['edges.meet.weight'], met.reshape(n, forms, -1), out=said)
+        total += np.maximum(np.add(said, bias, out=said), zeros, out=said)
+    edge = np.concatenate([total, pairs.reshape(n, -1, nodes * nodes)], axis=1)
+    edge = weights.channels('edges.out', _relu(weights.channels('edges.mix', edge)))
+    return edge.reshape(n, -1, nodes, nodes)
+
+
+def _layer(weights: Weights, name: str, x: Floats, edge: Floats) -> Floats:
+    """Attend to the other nodes with a look at the edges, then apply the perceptron."""
+    n, nodes, width = x.shape
+    heads = weights.shape['heads']
+    qkv = weights.linear(f'{name}.qkv', weights.norm(f'{name}.first', x))
+    q, k, v = qkv.reshape(n, nodes, 3, heads, -1).transpose(2, 0, 3, 1, 4)
+    bias = weights.channels(f'{name}.bias', edge.reshape(n, -1, nodes * nodes))
+    scores = q @ k.swapaxes(-1, -2) * np.float32(q.shape[-1] ** -0.5)
+    attention = _softmax(scores + bias.reshape(n, heads, nodes, nodes))
+    heard = (attention @ v).swapaxes(1, 2).reshape(n, nodes, width)
+    along = attention.swapaxes(1, 2) @ edge.transpose(0, 2, 3, 1)
+    x = x + weights.linear(
+        f'{name}.out', np.concatenate([heard, along.reshape(n, nodes, -1)], axis=-1)
+    )
+    inner = _relu(weights.linear(f'{name}.up', weights.norm(f'{name}.second', x)))
+    return x + weights.linear(f'{name}.down', inner)
+
+
+def _relu(x: Floats) -> Floats:
+    # With an array of zeros it takes a third of the time that it takes with the number.
+    return np.maximum(x, np.zeros(x.shape[-2:], np.float32))
+
+
+def _softmax(x: Floats) -> Floats:
+    x = np.exp(x - x.max(axis=-1, keepdims=True))
+    result: NDArray[np.float32] = x / x.sum(axis=-1, keepdims=True)
+    return result

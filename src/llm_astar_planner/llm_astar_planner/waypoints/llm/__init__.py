@@ -1,0 +1,1 @@
+"""Waypoints from a language model behind an OpenAI-compatible endpoint."""

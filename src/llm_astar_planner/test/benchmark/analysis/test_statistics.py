@@ -1,0 +1,56 @@
+"""Intervals draw whole maps, repeat by seed, and widen where samples hang together."""
+
+import math
+
+import numpy as np
+import pytest
+from llm_astar_planner.benchmark.analysis.statistics import mean_interval, ratio_interval
+
+
+def values(rng, maps, pairs, within):
+    """Return values and maps: each map has its own level, its samples spread by `within`."""
+    levels = np.repeat(rng.normal(size=maps), pairs)
+    return levels + within * rng.normal(size=maps * pairs), np.repeat(np.arange(maps), pairs)
+
+
+def test_the_estimate_is_the_mean_and_lies_inside():
+    interval = mean_interval([1.0, 2.0, 3.0, 6.0], [0, 0, 1, 1])
+    assert interval.value == 3.0
+    assert interval.low <= 3.0 <= interval.high
+
+
+def test_the_same_seed_draws_the_same_maps():
+    data = values(np.random.default_rng(0), 20, 5, 1.0)
+    assert mean_interval(*data, seed=4) == mean_interval(*data, seed=4)
+    assert mean_interval(*data, seed=4) != mean_interval(*data, seed=5)
+
+
+def test_samples_of_one_map_do_not_count_as_independent():
+    numbers, maps = values(np.random.default_rng(1), 40, 10, 0.1)
+    clustered = mean_interval(numbers, maps)
+    alone = mean_interval(numbers, np.arange(len(numbers)))
+    assert clustered.high - clustered.low > 2 * (alone.high - alone.low)
+
+
+def test_about_95_of_100_intervals_hold_the_truth():
+    rng = np.random.default_rng(2)
+    intervals = [mean_interval(*values(rng, 60, 3, 0.5), seed=i) for i in range(200)]
+    hits = sum(interval.low <= 0.0 <= interval.high for interval in intervals)
+    assert 0.88 <= hits / 200 <= 0.99
+
+
+def test_ratios_are_averaged_geometrically():
+    interval = ratio_interval([0.5, 2.0, 0.5, 2.0], [0, 1, 2, 3])
+    assert interval.value == pytest.approx(1.0)
+    assert interval.low < 1.0 < interval.high
+    assert ratio_interval([0.5, 1.0, 4.0], [0, 1, 2]).value == pytest.approx(2.0 ** (1 / 3))
+
+
+def test_one_map_says_nothing_of_others_and_none_says_nothing():
+    alone = mean_interval([1.0, 3.0], [7, 7])
+    assert alone.value == 2.0
+    assert math.isnan(alone.low)
+    assert math.isnan(alone.high)
+    assert math.isnan(mean_interval([1.0], [7]).low)
+    assert mean_interval([1.0, 1.0], [7, 7]) == (1.0, 1.0, 1.0)
+    assert all(math.isnan(value) for value in mean_interval([], []))

@@ -1,0 +1,116 @@
+"""Generated datasets follow the recipe, and the checker finds what does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from llm_astar_msgs_adapter.maps.barrier_map import (
+    Barrier,
+    BarrierMap,
+    Sample,
+    load_barrier_maps,
+    save_barrier_maps,
+)
+from llm_astar_planner.benchmark.datasets.generate import (
+    GenerationError,
+    MapRules,
+    detour,
+    generate,
+    query_sentence,
+)
+from llm_astar_planner.benchmark.datasets.validate import check_file, check_maps, summarise
+from llm_astar_planner.search.visibility import LineOfSightChecker
+
+
+@pytest.fixture(scope='module')
+def maps():
+    return list(generate(seed=3, maps=6))
+
+
+def test_the_same_seed_makes_the_same_maps_however_many_follow(maps):
+    assert list(generate(seed=3, maps=2)) == maps[:2]
+    assert next(generate(seed=4, maps=1)) != maps[0]
+
+
+def test_maps_follow_the_recipe(maps):
+    for barrier_map in maps:
+        assert (barrier_map.range_x, barrier_map.range_y) == ((0, 51), (0, 31))
+        assert 1 <= len(barrier_map.horizontal_barriers) <= 4
+        assert 1 <= len(barrier_map.vertical_barriers) <= 4
+        assert len({sample[:2] for sample in barrier_map.samples}) == 10
+        assert detour(barrier_map) >= MapRules().min_detour
+
+
+def test_straight_lines_are_blocked_and_the_checker_agrees(maps):
+    for barrier_map in maps:
+        walls = LineOfSightChecker(barrier_map.to_grid().blocked())
+        starts, goals, _ = zip(*barrier_map.samples)
+        assert not walls.clear(starts, goals).any()
+    assert list(check_maps(maps)) == []
+
+
+def test_the_query_is_the_sentence_of_the_dataset():
+    barrier_map = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 25),), (Barrier(25, 10, 22),))
+    assert query_sentence(barrier_map, (5, 5), (20, 20)) == (
+        'design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids horizontal '
+        'barriers centered at [[10, 0, 25]] and vertical barriers at [[25, 10, 22]].'
+    )
+
+
+def test_rules_nothing_can_meet_are_refused(monkeypatch):
+    monkeypatch.setattr('llm_astar_planner.benchmark.datasets.generate.TRIES', 3)
+    with pytest.raises(GenerationError, match='map 0: none of 3 random maps'):
+        list(generate(0, 1, MapRules(min_detour=50.0)))
+    with pytest.raises(GenerationError, match='size'):
+        list(generate(0, 1, MapRules(size=(4, 4))))
+
+
+def test_the_checker_names_what_it_finds(tmp_path, maps):
+    start, goal, query = maps[0].samples[0]
+    barrier = maps[0].horizontal_barriers[0]
+    bad = (
+        Sample((0, 5), goal),
+        Sample((barrier.first, barrier.line), goal),
+        Sample(start, start),
+        Sample(start, goal, 'design a path to the moon'),
+        Sample(start, goal, query),
+    )
+    path = tmp_path / 'bad.json'
+    save_barrier_maps([replace(maps[0], samples=bad)], path)
+    summary, findings = check_file(path)
+    assert (summary.maps, summary.samples, summary.detours) == (1, 5, ())
+    text = '\n'.join(str(finding) for finding in findings)
+    assert text.count('error:') == 2
+    for part in ('pair 0: start', 'both', 'query does not', 'pair 4: repeats an earlier'):
+        assert part in text
+
+
+def test_a_goal_behind_a_closed_wall_is_an_error():
+    shut = BarrierMap(7, (0, 21), (0, 11), (), (Barrier(10, 0, 10),), (Sample((3, 3), (15, 3)),))
+    (finding,) = check_maps([shut])
+    assert finding.error
+    assert 'no path' in finding.message
+    assert summarise([shut]).detours == ()
+
+
+def test_the_shipped_samples_are_the_command_s_own(request):
+    shipped = load_barrier_maps(request.config.rootpath / 'maps' / 'samples_1000.json')
+    assert (len(shipped), sum(len(m.samples) for m in shipped)) == (100, 1000)
+    assert shipped[:3] == list(generate(seed=0, maps=3))
+
+
+def test_walls_join_touching_cells_and_nothing_else():
+    blocked = np.zeros((7, 7), dtype=bool)
+    blocked[3, 1:4] = True
+    blocked[5, 5] = True
+    walls = LineOfSightChecker(blocked)
+    assert walls.clear(
+        [[2, 1], [5, 1], [4, 3], [4, 6]], [[2, 6], [5, 4], [4, 5], [6, 4]]
+    ).tolist() == [
+        False,
+        True,
+        True,
+        False,
+    ]
+    assert walls.clear_along([(0, 0), (6, 0), (6, 6)])
+    assert not walls.clear_along([(0, 0), (float('nan'), 0)])

@@ -1,0 +1,292 @@
+"""The command line as a user types it, without ROS."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from llm_astar_planner.cli.main import COMMANDS, main
+from llm_astar_planner.resources import find_file
+from PIL import Image
+
+KEYS = {
+    'code',
+    'code_name',
+    'path',
+    'waypoints',
+    'guided_by',
+    'operation',
+    'storage',
+    'length',
+    'seconds_source',
+    'seconds_search',
+}
+
+
+def run(capsys, *arguments):
+    code = main(list(arguments))
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def run_json(capsys, *arguments):
+    code, out, err = run(capsys, *arguments, '--json')
+    assert err == ''
+    return code, json.loads(out)
+
+
+@pytest.fixture
+def shifted(tmp_path):
+    """A map whose coordinates do not start at zero."""
+    path = tmp_path / 'shifted.json'
+    barriers = {'horizontal_barriers': [[110, -40, -15]], 'vertical_barriers': []}
+    entry = {'id': 0, 'range_x': [-50, 1], 'range_y': [100, 131], 'start_goal': [], **barriers}
+    path.write_text(json.dumps([entry]))
+    return str(path)
+
+
+def test_plan_prints_one_json_object(capsys):
+    code, plan = run_json(
+        capsys, 'plan', '--pair', '0', '--reply', 'Generated Path: [[31, 10], [27, 9], [60, 2]]'
+    )
+    assert code == 0
+    assert set(plan) >= KEYS
+    assert (plan['code'], plan['code_name']) == (0, 'NONE')
+    assert plan['path'][0] == [39, 18]
+    assert plan['path'][-1] == [7, 19]
+    assert plan['guided_by'] == 'reply'
+    assert plan['waypoints'][0] == {'x': 31.0, 'y': 10.0, 'verdict': 'accepted'}
+    assert plan['waypoints'][2]['verdict'] == 'out_of_bounds'
+
+
+def test_replayed_waypoints_guide_better_than_none_on_the_demo(capsys):
+    transcript = str(find_file('demo_transcript.jsonl', 'maps'))
+    replay = ['--source', 'replay', '--transcript', transcript]
+    figures = {
+        name: run_json(capsys, 'plan', *arguments)[1]['operation']
+        for name, arguments in {
+            'astar': ['--method', 'astar'],
+            'none': ['--method', 'llm_astar'],
+            'replay': ['--method', 'llm_astar', *replay],
+            'guided': replay,
+        }.items()
+    }
+    assert figures == {'astar': 721, 'none': 439, 'replay': 49, 'guided': 38}
+
+
+def test_coordinates_are_the_maps_own(capsys, shifted):
+    code, plan = run_json(
+        capsys, 'plan', '--map', shifted, '--start', '-30', '105', '--goal', '-30', '120',
+        '--reply', '[[-14, 110], [-14, 111]]',
+    )  # fmt: skip
+    assert code == 0
+    assert plan['path'][0] == [-30, 105]
+    assert [point['verdict'] for point in plan['waypoints']] == ['accepted', 'accepted']
+    assert plan['waypoints'][0]['x'] == -14
+
+
+def test_guided_proves_its_bound_unless_told_to_take_the_first_path(capsys):
+    bounded = run_json(capsys, 'plan', '--map-id', '1')[1]
+    first = run_json(capsys, 'plan', '--map-id', '1', '--max-suboptimality', '0')[1]
+    assert 1.0 <= bounded['ratio'] <= 1.1
+    assert first['first_operation'] == first['operation'] <= bounded['operation']
+
+
+def test_a_reader_that_has_seen_enough_is_no_error():
+    command = f'{sys.executable} -m llm_astar_planner.cli.main plan --any-angle | head -c 1'
+    done = subprocess.run(command, shell=True, capture_output=True, text=True)  # noqa: S602
+    assert done.stderr == ''
+    assert done.stdout == 'N'
+
+
+def test_no_plan_is_exit_code_1_and_still_json(capsys):
+    code, plan = run_json(capsys, 'plan', '--start', '0', '0', '--goal', '5', '5')
+    assert code == 1
+    assert (plan['code'], plan['code_name']) == (205, 'START_OCCUPIED')
+    assert plan['path'] == []
+    assert plan['length'] is None
+
+
+ROOM = """\
+image: room.pgm
+resolution: 0.05
+origin: [-1.0, -2.0, 0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.25
+"""
+
+
+@pytest.fixture
+def room(tmp_path):
+    """A map_server map: 60 x 40 cells with a wall that leaves a door of 11 at the top."""
+    pixels = np.full((40, 60), 254, dtype=np.uint8)
+    pixels[11:, 30] = 0
+    Image.fromarray(pixels).save(tmp_path / 'room.pgm')
+    (tmp_path / 'room.yaml').write_text(ROOM)
+    return str(tmp_path / 'room.yaml')
+
+
+def test_a_robots_body_is_kept_off_the_walls_of_a_map_server_map(capsys, room):
+    where = ['plan', '--map', room, '--start', '5', '20', '--goal', '55', '20']
+    point = run_json(capsys, *where)[1]
+    body = run_json(capsys, *where, '--robot-radius', '0.2')[1]
+    wary = run_json(capsys, *where, '--robot-radius', '0.2', '--inflation-radius', '0.5')[1]
+    assert point['clearance'] < 0.2 < body['clearance']
+    assert body['length'] <= wary['length']
+    assert wary['cost'] > wary['length']
+    code, stuck = run_json(capsys, *where, '--robot-radius', '0.6')
+    assert (code, stuck['code_name']) == (1, 'NO_VALID_PATH')
+
+
+def test_tolerances_and_via_cells_are_told_of(capsys, room):
+    where = ['plan', '--map', room, '--start', '30', '35', '--goal', '66', '20']
+    code, refused = run_json(capsys, *where)
+    assert (code, refused['code_name']) == (1, 'GOAL_OUTSIDE_MAP')
+    where += ['--robot-radius', '0.2', '--tolerance', '0.5']
+    where += ['--via', '10', '9', '--via', '50', '33']
+    code, plan = run_json(capsys, *where)
+    assert code == 0
+    assert plan['goal'] == plan['path'][-1] == [59, 20]
+    assert plan['goal_shift'] == pytest.approx(0.35)
+    assert plan['path'].index([10, 9]) < plan['path'].index([50, 33])
+    assert len(plan['warnings']) == 1
+    text = run(capsys, *where)[1]
+    assert 'warning    the goal cell (66, 20) is outside the map' in text
+    assert 'clearance  0.' in text
+    escape = ['--start', '28', '20', '--goal', '10', '20', '--start-tolerance', '0.3']
+    plan = run_json(capsys, 'plan', '--map', room, '--robot-radius', '0.2', *escape)[1]
+    assert plan['start'] == plan['path'][0] == [25, 20]
+    assert plan['start_shift'] == pytest.approx(0.15)
+
+
+def test_a_wish_bends_the_path_and_is_told_of(capsys, chat_server):
+    chat_server.script = [chat_server.completion('[[39, 18], [5, 5], [7, 19]]')]
+    endpoint = ('--source', 'endpoint', '--base-url', chat_server.base_url, '--model', 'tiny')
+    code, plan = run_json(capsys, 'plan', *endpoint, '--instruction', 'pass by 5, 5')
+    assert (code, plan['instruction']) == (0, 'followed through 1 via point')
+    assert [5, 5] in plan['path']
+    assert plan['guided_by'] == 'endpoint:tiny'
+    _, out, _ = run(capsys, 'plan', '--source', 'none', '--instruction', 'pass by 5, 5')
+    assert 'wish ignored: source none cannot read instructions' in out
+
+
+def test_a_person_reads_the_plan(capsys):
+    code, out, _ = run(capsys, 'plan', '--reply', 'no idea')
+    assert code == 0
+    assert 'guided by  none (source reply, MALFORMED)' in out
+    assert 'no list of points' in out
+
+
+def test_the_picture_is_drawn_where_asked(capsys, tmp_path):
+    picture = tmp_path / 'new' / 'plan.png'
+    code, out, _ = run(capsys, 'plan', '--reply', '[[31, 10], [27, 10]]', '--png', str(picture))
+    assert code == 0
+    assert str(picture) in out
+    with Image.open(picture) as image:
+        assert image.width > 600
+        assert len(image.convert('RGB').getcolors(1 << 20)) > 10
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (['--method', 'theta'], ["method 'theta'", 'weighted_astar']),
+        (['--heuristic', 'l7'], ["heuristic 'l7'", 'octile']),
+        (['--source', 'oracle9'], ['source', 'oracle9', 'replay']),
+        (['--source', 'replay'], ['transcript']),
+        (['--source', 'replay', '--transcript', 'nowhere.jsonl'], ['nowhere.jsonl']),
+        (['--map', 'nowhere.json'], ['nowhere.json', 'demo.json']),
+        (['--map-id', '99'], ['99', 'holds 0, 1, 2']),
+        (['--pair', '99'], ['--pair 99']),
+        (['--start', '1', '1'], ['--goal']),
+        (['--weight', '0.5'], ['weight 0.5']),
+        (['--time-limit', '-1'], ['--time-limit']),
+        (['--record', 'a.jsonl', '--source', 'embedded'], ['--record', '--source endpoint']),
+        (['--max-suboptimality', '0.9'], ['max_suboptimality 0.9']),
+        (['--tolerance', '-1'], ['tolerance -1']),
+        (['--png', 'plan.xyz'], ['xyz']),
+        (['--png', '.'], ['.: Is a directory']),
+        (['--instruction', 'x' * 501], ['instruction', '501', '500']),
+        (['--robot-radius', '-1'], ['robot_radius', '-1.0', '0 to 10']),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_code_2(capsys, arguments, words):
+    code, _, err = run(capsys, 'plan', *arguments)
+    assert code == 2
+    assert err.startswith('llm-astar: error: ')
+    assert err.count('\n') == 1
+    for word in words:
+        assert word in err
+
+
+def test_a_broken_map_names_file_map_and_field(capsys, tmp_path):
+    path = tmp_path / 'broken.json'
+    path.write_text('[{"id": 5, "range_x": [0, 51], "range_y": "wide"}]')
+    code, _, err = run(capsys, 'plan', '--map', str(path))
+    assert code == 2
+    for word in (str(path), 'id 5', 'range_y', 'wide'):
+        assert word in err
+
+
+def test_doctor_finds_what_is_here(capsys):
+    code, report = run_json(capsys, 'doctor')
+    findings = {finding['name']: finding for finding in report['findings']}
+    assert code == (0 if report['ok'] else 1)
+    for name in ('python', 'numpy', 'numba', 'searches', 'maps/', 'config/'):
+        assert findings[name]['found'], findings[name]
+    assert 'for ros2' in findings['ros2cli']['detail'] or findings['ros2cli']['found']
+
+
+def test_doctor_tells_how_to_get_what_is_missing(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'rclpy.node', None)
+    code, out, _ = run(capsys, 'doctor')
+    assert code == 1
+    line = next(line for line in out.splitlines() if ' rclpy ' in line)
+    assert line.startswith('MISSING')
+    assert 'make install' in line
+
+
+@pytest.mark.parametrize('command', COMMANDS)
+def test_every_command_says_what_it_does(capsys, command):
+    with pytest.raises(SystemExit) as end:
+        main([command, '--help'])
+    assert end.value.code == 0
+    usage, description, *_ = capsys.readouterr().out.split('\n\n')
+    assert usage.startswith(f'usage: llm-astar {command} ')
+    assert description.rstrip().endswith('.')
+
+
+def without(module, *arguments):
+    """Run a command where a module is not installed."""
+    program = (
+        f'import sys; sys.modules[{module!r}] = None; '
+        f'from llm_astar_planner.cli.main import main; sys.exit(main({list(arguments)!r}))'
+    )
+    return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+
+
+@pytest.mark.parametrize('module', ['numpy', 'numba', 'httpx'])
+def test_doctor_runs_without_what_it_finds_missing(module):
+    done = without(module, 'doctor')
+    assert done.returncode == 1
+    assert f'MISSING  {module} ' in done.stdout, done.stderr
+
+
+def test_a_command_that_misses_a_module_names_the_doctor():
+    done = without('numba', 'plan')
+    assert done.returncode == 1
+    assert done.stderr.count('\n') == 1
+    assert 'numba' in done.stderr
+    assert 'llm-astar doctor' in done.stderr
+
+
+def test_plan_needs_no_ros():
+    program = (
+        'import sys; sys.modules["rclpy"] = sys.modules["nav_msgs"] = None; '
+        'from llm_astar_planner.cli.main import main; sys.exit(main(["plan"]))'
+    )
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert 'NONE (0)' in done.stdout

@@ -1,0 +1,92 @@
+"""`llm-astar draw` and the figures: pictures and animations of what was really searched."""
+
+import numpy as np
+import pytest
+from llm_astar_planner.benchmark.analysis.trace import distance, trace
+from llm_astar_planner.benchmark.report.animation import save_animation
+from llm_astar_planner.benchmark.report.figures import (
+    SHOWCASE,
+    SHOWCASE_ENDS,
+    SHOWCASE_WAYPOINTS,
+    cell_image,
+)
+from llm_astar_planner.cli import main as cli
+from llm_astar_planner.visualization.figures import Picture, draw
+from matplotlib.figure import Figure
+from PIL import Image
+
+
+@pytest.mark.parametrize('name', ['a.png', 'a.svg', 'deep/a.gif'])
+def test_the_ending_chooses_picture_or_animation(tmp_path, name, capsys):
+    path = tmp_path / name
+    assert cli.main(['draw', '--map-id', '5', '--pair', '3', '--out', str(path)]) == 0
+    assert path.stat().st_size > 1000
+    assert capsys.readouterr().out == f'{path}\n'
+
+
+@pytest.mark.parametrize(
+    ('words', 'part'),
+    [
+        (['--pair', '99', '--out', 'a.png'], '--pair 99: map 0 has 10 pairs'),
+        (['--map-id', '999', '--out', 'a.png'], 'map id 999'),
+        (['--source', 'tea', '--out', 'a.png'], "'tea' is unknown"),
+        (['--out', 'a.nothing'], 'nothing'),
+    ],
+)
+def test_bad_usage_is_one_line(words, part, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv('MPLBACKEND', 'agg')
+    assert cli.main(['draw', *words]) == 2
+    error = capsys.readouterr().err
+    assert part in error
+    assert error.count('\n') == 1
+
+
+def test_an_animation_ends_with_both_searches_done(tmp_path):
+    blocked = SHOWCASE.to_grid().blocked()
+    plain = trace(blocked, *SHOWCASE_ENDS)
+    path = tmp_path / 'a.gif'
+    save_animation(path, blocked, [('A*', plain, ()), ('again', plain, [(2, 8)])], SHOWCASE_ENDS)
+    with Image.open(path) as image:
+        assert 10 < image.n_frames <= 60
+        image.seek(image.n_frames - 1)
+        assert image.info['duration'] == 2500
+
+
+def test_the_showcase_shows_what_its_caption_says():
+    blocked = SHOWCASE.to_grid().blocked()
+    goals = [*SHOWCASE_WAYPOINTS, SHOWCASE_ENDS[1]]
+    guided = trace(blocked, *SHOWCASE_ENDS, goals, 'chebyshev')
+    plain = trace(blocked, *SHOWCASE_ENDS, (), 'chebyshev')
+    assert len(guided.switches) == len(SHOWCASE_WAYPOINTS)
+    assert len(guided.order) < len(plain.order)
+    assert guided.path[-1] == plain.path[-1] == SHOWCASE_ENDS[1]
+
+
+def test_obstacles_lie_over_what_was_expanded():
+    blocked = np.array([[True, False], [False, False]])
+    image = cell_image(blocked, ([(0, 0), (1, 0)], '#ff0000'), ([(1, 0), (0, 1)], '#0000ff'))
+    assert image[0, 1].tolist() == [1.0, 0.0, 0.0]
+    assert image[1, 0].tolist() == [0.0, 0.0, 1.0]
+    assert image[0, 0].max() < 0.2
+    assert image[1, 1].tolist() == [1.0, 1.0, 1.0]
+
+
+def test_only_traced_heuristics_are_known():
+    assert distance('chebyshev', (0, 0), (3, 4)) == 4
+    with pytest.raises(ValueError, match='octile'):
+        distance('octile', (0, 0), (1, 1))
+
+
+def test_a_title_is_never_wider_than_its_picture(tmp_path):
+    grid_map = SHOWCASE.to_grid()
+    nothing = np.zeros(grid_map.cells.shape, dtype=bool)
+    title = 'guided, guided by a model with quite a long name for itself: 49 expansions, ' * 3
+    path = np.empty((0, 2), dtype=np.int32)
+    picture = Picture(grid_map, (1, 1), (9, 9), path, nothing, (), title)
+    figure = Figure(figsize=(7.0, 6.0), layout='constrained')
+    draw(figure.add_subplot(), picture)
+    figure.savefig(tmp_path / 'a.png')
+    box = figure.axes[0].title.get_window_extent()
+    assert box.x0 >= 0.0
+    assert box.x1 <= figure.bbox.width

@@ -1,0 +1,100 @@
+"""Paths through via cells: legs, planned one after the other on one deadline."""
+
+import threading
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.planning.path_validator import via_problem
+from llm_astar_planner.planning.planner import CostmapConfig, Planner, PlanRequest
+from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.segment import Leg
+from llm_astar_planner.search.paper import METHODS, no_stop
+from llm_astar_planner.waypoints.fixed import FixedReply
+
+CELLS = np.zeros((40, 60), dtype=np.int8)
+CELLS[5:35, 30] = 100
+PLANNER = Planner(GridMap(CELLS, 0.05), CostmapConfig(robot_radius=0.1))
+START, GOAL, VIA = (5, 20), (55, 20), ((40, 36), (20, 2))
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_a_path_passes_its_via_cells_in_order_and_adds_up(method):
+    plan = PLANNER.plan(PlanRequest(START, GOAL, method, via=VIA))
+    assert plan.code is ResultCode.NONE, plan.message
+    assert PLANNER.path_problem(plan.path, START, GOAL) is None
+    assert via_problem(plan.path, VIA) is None
+    assert via_problem(plan.path, VIA[::-1]) is not None
+    places = [START, *VIA, GOAL]
+    legs = [PLANNER.plan(PlanRequest(start, goal, method)) for start, goal in pairwise(places)]
+    assert plan.length == pytest.approx(sum(leg.length for leg in legs))
+    assert plan.cost == pytest.approx(sum(leg.cost for leg in legs))
+    assert plan.expansions == sum(leg.expansions for leg in legs)
+    assert plan.storage == sum(leg.storage for leg in legs)
+    assert len(plan.path) == sum(len(leg.path) for leg in legs) - len(VIA)
+    if method == 'exact_astar':
+        assert plan.suboptimality_bound == 1.0
+    if not np.isnan(plan.suboptimality_bound):
+        assert plan.suboptimality_bound <= max(leg.suboptimality_bound for leg in legs) + 1e-9
+
+
+def test_a_bound_holds_for_the_whole_path():
+    exact = PLANNER.plan(PlanRequest(START, GOAL, 'exact_astar', via=VIA))
+    plan = PLANNER.plan(PlanRequest(START, GOAL, via=VIA, max_suboptimality=1.05))
+    assert plan.suboptimality_bound <= 1.05
+    assert plan.cost <= plan.suboptimality_bound * exact.cost + 1e-6
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_a_via_cell_may_be_an_end_or_the_one_before(method):
+    plan = PLANNER.plan(PlanRequest(START, GOAL, method, via=(START, (40, 36), (40, 36), GOAL)))
+    assert plan.code is ResultCode.NONE
+    assert via_problem(plan.path, (START, (40, 36), GOAL)) is None
+
+
+def test_the_via_cells_stand_in_for_a_source():
+    plan = PLANNER.plan(PlanRequest(START, GOAL, source=FixedReply('[[20, 20]]'), via=VIA))
+    assert (plan.guided_by, plan.waypoints) == ('none', ())
+
+
+def test_an_any_angle_path_still_turns_at_its_via_cells():
+    plan = PLANNER.plan(PlanRequest(START, GOAL, via=VIA, any_angle=True))
+    points = [tuple(point) for point in plan.any_angle.points.tolist()]
+    assert [points.index(cell) for cell in VIA] == sorted(points.index(cell) for cell in VIA)
+    assert plan.any_angle.length <= plan.length
+
+
+def test_each_leg_has_its_share_of_one_deadline(monkeypatch):
+    """The first leg, however much it could prove, leaves the others their time."""
+    deadlines = []
+    search = Leg.search
+
+    def noted(leg, watcher=None):
+        deadlines.append(leg.deadline)
+        return search(leg, watcher)
+
+    monkeypatch.setattr(Leg, 'search', noted)
+    begin = time.monotonic()
+    PLANNER.plan(PlanRequest(START, GOAL, via=VIA, time_limit=1000.0))
+    shares = np.array(deadlines) - begin
+    assert 200.0 < shares[0] < 500.0
+    assert shares[0] < shares[1] < shares[2]
+    assert shares[2] == pytest.approx(1000.0, abs=60.0)
+
+
+def test_a_cancel_ends_every_leg():
+    planner = Planner(GridMap(np.zeros((2500, 2500), dtype=np.int8)))
+    _ = planner.components
+    stop, plans = no_stop(), []
+    via = ((2400, 1200), (10, 1300))
+    request = PlanRequest((1, 1), (2400, 900), 'dynamic_weighted_astar', time_limit=300, via=via)
+    thread = threading.Thread(target=lambda: plans.append(planner.plan(request, stop)))
+    thread.start()
+    time.sleep(0.1)
+    stop[0] = 1
+    thread.join(60.0)
+    assert plans[0].code is ResultCode.TIMEOUT
+    assert plans[0].message.startswith('cancelled')
+    assert 'from the start to via 1' in plans[0].message

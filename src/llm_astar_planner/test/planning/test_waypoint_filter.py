@@ -1,0 +1,135 @@
+from itertools import combinations, product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
+from llm_astar_planner.planning.waypoint_filter import (
+    CheckedWaypoint,
+    WaypointStatus,
+    judge,
+    mark_out_of_order,
+    snap,
+    target_list,
+    waypoint_cells,
+)
+
+# A 12 x 10 map with a wall along x = 6 that leaves the right side cut off, as component 2.
+BLOCKED = np.zeros((10, 12), dtype=bool)
+BLOCKED[:, 6] = True
+COMPONENTS = np.ones((10, 12), dtype=np.int32)
+COMPONENTS[:, 6] = 0
+COMPONENTS[:, 7:] = 2
+
+
+def verdicts(*waypoints):
+    judged = judge(waypoints, BLOCKED, COMPONENTS, start=(2, 2))
+    return [point.status.value for point in judged]
+
+
+def test_each_waypoint_gets_its_verdict():
+    assert verdicts((3, 3), (6, 4), (8, 4), (40, 4), (3, -2)) == [
+        'accepted',
+        'occupied',
+        'unreachable',
+        'out_of_bounds',
+        'out_of_bounds',
+    ]
+
+
+def test_the_published_filter_keeps_two_lines_off_the_edge():
+    assert verdicts((1, 5), (2, 5), (9, 5), (10, 5)) == [
+        'out_of_bounds',
+        'accepted',
+        'unreachable',
+        'out_of_bounds',
+    ]
+    assert verdicts((3, 1), (3, 2), (3, 7), (3, 8)) == [
+        'out_of_bounds',
+        'accepted',
+        'accepted',
+        'out_of_bounds',
+    ]
+
+
+def test_a_point_between_lattice_points_lies_on_no_cell():
+    assert verdicts((6.25, 4)) == ['accepted']
+
+
+@given(st.lists(st.tuples(st.floats(), st.floats())))
+def test_any_numbers_are_judged(waypoints):
+    assert len(verdicts(*waypoints)) == len(waypoints)
+
+
+def test_the_last_cell_of_a_known_barrier_passes_as_in_the_published_code():
+    barrier_map = BarrierMap(0, (0, 12), (0, 10), (Barrier(5, 3, 7),))
+    blocked = barrier_map.to_grid().blocked()
+    known = waypoint_cells(blocked, barrier_map)
+    assert not known[5, 7]
+    assert known[5, 6]
+    assert waypoint_cells(blocked)[5, 7]
+
+
+def judged(*waypoints):
+    return [CheckedWaypoint(x, y, WaypointStatus(verdict)) for x, y, verdict in waypoints]
+
+
+@pytest.mark.parametrize(
+    ('waypoints', 'expected'),
+    [
+        ([], [(1, 1), (9, 9)]),
+        ([(4, 4, 'accepted')], [(1, 1), (4, 4), (9, 9)]),
+        ([(1, 1, 'accepted'), (9, 9, 'accepted')], [(1, 1), (9, 9)]),
+        ([(4, 4, 'occupied'), (5, 5, 'out_of_bounds')], [(1, 1), (9, 9)]),
+        ([(4, 4, 'unreachable')], [(1, 1), (4, 4), (9, 9)]),
+        ([(9, 9, 'accepted'), (4, 4, 'accepted')], [(1, 1), (9, 9), (4, 4), (9, 9)]),
+    ],
+)
+def test_the_target_list_has_start_and_goal_and_what_can_be_stood_on(waypoints, expected):
+    assert target_list(judged(*waypoints), (1, 1), (9, 9)) == expected
+
+
+def test_start_equal_to_goal_is_one_target():
+    assert target_list([], (1, 1), (1, 1)) == [(1, 1)]
+
+
+PATH = np.array([[x, 5] for x in range(10)], dtype=np.int32)
+
+
+def test_waypoints_the_path_passes_in_another_order_are_marked():
+    places = [(2, 4), (7, 6), (4, 5), (5, 5)]
+    points = judged(*((x, y, 'accepted') for x, y in places))
+    marked = [point.status.value for point in mark_out_of_order(points, PATH)]
+    assert marked == ['accepted', 'out_of_order', 'accepted', 'accepted']
+
+
+def test_of_every_list_as_few_are_marked_as_can_be():
+    for places in product(range(1, 5), repeat=5):
+        marked = mark_out_of_order(judged(*((x, 5, 'accepted') for x in places)), PATH)
+        kept = [point.x for point in marked if point.status.value == 'accepted']
+        longest = max(
+            length
+            for length in range(6)
+            for run in combinations(places, length)
+            if list(run) == sorted(run)
+        )
+        assert kept == sorted(kept)
+        assert len(kept) == longest
+
+
+def test_only_accepted_waypoints_can_be_out_of_order():
+    points = judged((7, 5, 'accepted'), (1, 5, 'occupied'), (8, 5, 'accepted'))
+    assert mark_out_of_order(points, PATH) == tuple(points)
+
+
+def test_without_a_path_there_is_no_order():
+    points = judged((7, 5, 'accepted'), (1, 5, 'accepted'))
+    assert mark_out_of_order(points, PATH[:0]) == tuple(points)
+
+
+def test_snapping_takes_back_only_what_metres_lost():
+    assert snap(25.999999999) == 26.0
+    assert snap(25.5) == 25.5
+    assert np.isnan(snap(float('nan')))
+    assert snap(float('inf')) == float('inf')

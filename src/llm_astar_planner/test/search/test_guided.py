@@ -1,0 +1,307 @@
+import math
+import threading
+
+import numpy as np
+import pytest
+from grids import assert_path, dijkstra, queries
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from llm_astar_planner.search import grid_graph
+from llm_astar_planner.search._kernels import guided as kernels_guided
+from llm_astar_planner.search.grid_graph import GridGraph, exact_astar
+from llm_astar_planner.search.guided import GuidedSearch, guided
+from llm_astar_planner.search.landmarks import Landmarks
+from llm_astar_planner.search.result import SearchStatus
+
+HOSTILE = ('none', 'random', 'reversed', 'corner', 'thousands', 'duplicates', 'unreachable', 'mad')
+
+
+def waypoints_of(kind, grid, start, goal, random):
+    height, width = grid.blocked.shape
+    anywhere = random.uniform(-3.0, (width + 3.0, height + 3.0), (6, 2))
+    if kind == 'none':
+        return np.empty((0, 2))
+    if kind == 'reversed':
+        path = exact_astar(grid, start, goal).path[::-3].astype(float)
+        return np.concatenate((path, [goal], [start]))
+    if kind == 'corner':
+        return np.zeros((9, 2))
+    if kind == 'thousands':
+        return random.uniform(0.0, (width, height), (3000, 2))
+    if kind == 'duplicates':
+        return np.repeat(anywhere, 40, axis=0)
+    if kind == 'unreachable':
+        return np.argwhere(grid.blocked)[:50, ::-1].astype(float)
+    if kind == 'mad':
+        return np.array([[math.nan, 1.0], [math.inf, -math.inf], [1e300, -1e300], [0.5, 0.5]])
+    return anywhere
+
+
+@settings(max_examples=1500, deadline=None)
+@given(
+    query=queries(),
+    kind=st.sampled_from(HOSTILE),
+    wanted=st.sampled_from([None, 1.0, 1.1, 1.5]),
+    marked=st.booleans(),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_the_ratio_always_holds_and_the_work_is_bounded(query, kind, wanted, marked, seed):
+    grid, start, goal = query
+    waypoints = waypoints_of(kind, grid, start, goal, np.random.default_rng(seed))
+    landmarks = Landmarks.build(grid, count=4) if marked else None
+    result = guided(grid, start, goal, waypoints, max_suboptimality=wanted, landmarks=landmarks)
+    exact = exact_astar(grid, start, goal)
+    truth = dijkstra(grid, start, goal)
+    reach = max(abs(start[0] - goal[0]), abs(start[1] - goal[1]))
+    none = guided(grid, start, goal, [], landmarks=landmarks).expansions
+    known = none if math.isfinite(truth) else max(none, reach)
+    assert result.expansions <= none + 2.0 * known
+    assert result.expansions == (
+        result.guided_expansions + result.proof_expansions + result.plain_expansions
+    )
+    if math.isinf(truth):
+        assert result.status is SearchStatus.EXHAUSTED
+        assert len(result.path) == 0
+        return
+    assert result.status is SearchStatus.FOUND
+    assert_path(grid, result.path, start, goal, result.cost)
+    # Fixed-point costs are under the true ones by less than a unit a move.
+    rounding = (len(result.path) + len(exact.path)) / grid.straight + 1e-6
+    assert result.lower_bound <= exact.cost + 1e-9
+    assert result.cost <= result.suboptimality_bound * truth + rounding
+    assert result.suboptimality_bound == pytest.approx(
+        max(1.0, result.cost / (result.lower_bound or 1.0))
+    )
+    if wanted is not None:
+        assert result.suboptimality_bound <= wanted + 1e-12
+    if wanted == 1.0:
+        assert result.cost == exact.cost
+    assert result.first_cost >= result.cost
+    assert result.first_expansions <= result.expansions
+
+
+def winding(size=61):
+    """LineOfSightChecker with gaps on alternate sides: the way is many times the straight line."""
+    blocked = np.zeros((size, size), dtype=bool)
+    for index, y in enumerate(range(10, size - 5, 10)):
+        blocked[y] = True
+        blocked[y, [1, 2, 3] if index % 2 else [-2, -3, -4]] = False
+    return blocked
+
+
+def corners(result):
+    path = result.path
+    turns = (np.diff(path, n=2, axis=0) != 0).any(axis=1)
+    return path[1:-1][turns].astype(float)
+
+
+def test_good_waypoints_save_most_of_the_work():
+    grid = GridGraph(winding())
+    exact = exact_astar(grid, (5, 2), (55, 58))
+    led = guided(grid, (5, 2), (55, 58), corners(exact), slack=1000.0)
+    assert led.expansions < 0.35 * exact.expansions
+    assert led.cost <= 1.02 * exact.cost
+    assert led.plain_expansions == 0
+
+
+def test_without_a_bound_it_ends_at_the_first_path():
+    grid = GridGraph(winding())
+    exact = exact_astar(grid, (5, 2), (55, 58))
+    first = guided(grid, (5, 2), (55, 58), corners(exact), slack=1000.0)
+    assert first.expansions == first.first_expansions
+    assert first.cost == first.first_cost
+    assert first.proof_expansions == 0
+    bounded = guided(grid, (5, 2), (55, 58), corners(exact), slack=1000.0, max_suboptimality=1.0)
+    assert bounded.first_expansions == first.expansions
+    assert bounded.proof_expansions > 0
+    assert bounded.cost == exact.cost
+    assert bounded.suboptimality_bound == 1.0
+
+
+def test_landmarks_make_the_proof_cheap():
+    grid = GridGraph(winding())
+    landmarks = Landmarks.build(grid)
+    exact = exact_astar(grid, (5, 2), (55, 58))
+    query = (grid, (5, 2), (55, 58), corners(exact))
+    without = guided(*query, max_suboptimality=1.1)
+    marked = guided(*query, max_suboptimality=1.1, landmarks=landmarks)
+    assert without.suboptimality_bound <= 1.1
+    assert marked.suboptimality_bound <= 1.1
+    assert marked.expansions < 0.5 * without.expansions
+
+
+def test_hostile_waypoints_cost_no_more_than_promised():
+    random = np.random.default_rng(3)
+    for _ in range(20):
+        blocked = random.random((80, 80)) < 0.25
+        blocked[[0, 79], [0, 79]] = False
+        grid = GridGraph(blocked)
+        landmarks = Landmarks.build(grid)
+        # To the far corners and back, again and again.
+        far = np.tile([[79.0, 0.0], [0.0, 79.0], [0.0, 0.0]], (30, 1))
+        none, led = (
+            guided(grid, (0, 0), (79, 79), waypoints, landmarks=landmarks)
+            for waypoints in ([], far)
+        )
+        assert led.expansions <= 3.0 * none.expansions
+        assert led.status is none.status
+
+
+def detour(**options):
+    """A search over open ground, led far astray."""
+    grid = GridGraph(np.zeros((41, 41), dtype=bool))
+    search = GuidedSearch(grid, (0, 20), (40, 20), max_suboptimality=1.0, slack=1000.0, **options)
+    search.guide([[20.0, 0.0]])
+    return grid, search
+
+
+def test_improvements_come_as_they_are_found():
+    grid, search = detour()
+    seen = list(search.improvements())
+    assert len(seen) > 1
+    costs = [improvement.cost for improvement in seen]
+    assert costs == sorted(costs, reverse=True)
+    assert costs[-1] == 40.0
+    for improvement in seen:
+        assert_path(grid, improvement.path, (0, 20), (40, 20), improvement.cost)
+        assert improvement.suboptimality_bound >= improvement.cost / 40.0
+    result = search.result()
+    assert result.path.tolist() == seen[-1].path.tolist()
+    assert result.first_cost == seen[0].cost
+    assert result.first_expansions == seen[0].expansions < result.expansions
+
+
+def test_it_can_be_left_at_the_first_path():
+    _, search = detour()
+    for improvement in search.improvements():
+        first = improvement
+        break
+    result = search.result()
+    assert result.status is SearchStatus.STOPPED
+    assert result.path.tolist() == first.path.tolist()
+    assert result.suboptimality_bound == first.suboptimality_bound > 1.0
+
+
+def test_until_waypoints_come_it_is_an_exact_search():
+    search = GuidedSearch(winding(), (5, 2), (55, 58))
+    with pytest.raises(RuntimeError, match='not run'):
+        search.result()
+    assert [improvement.suboptimality_bound for improvement in search.improvements()][-1] == 1.0
+    result = search.result()
+    exact = exact_astar(winding(), (5, 2), (55, 58))
+    assert result.expansions == result.plain_expansions > 0
+    assert result.cost == exact.cost
+
+
+def test_without_waypoints_it_is_an_exact_search_that_landmarks_shorten():
+    grid = GridGraph(winding())
+    none = guided(grid, (5, 2), (55, 58), [])
+    marked = guided(grid, (5, 2), (55, 58), [], landmarks=Landmarks.build(grid))
+    assert (marked.guided_expansions, marked.proof_expansions, marked.suboptimality_bound) == (
+        0,
+        0,
+        1.0,
+    )
+    assert marked.cost == none.cost
+    assert marked.expansions < 0.5 * none.expansions
+
+
+def test_waypoints_may_come_while_it_runs(monkeypatch):
+    blocked = winding(201)
+    grid = GridGraph(blocked)
+    exact = exact_astar(grid, (5, 2), (195, 198))
+    search = GuidedSearch(grid, (5, 2), (195, 198))
+    plain = kernels_guided.advance
+    slices = []
+
+    def advance(*arguments):
+        slices.append(arguments)
+        if len(slices) == 2:
+            # The reply comes from another thread, after two slices.
+            reply = threading.Thread(target=search.guide, args=(corners(exact),))
+            reply.start()
+            reply.join()
+        return plain(*arguments)
+
+    monkeypatch.setattr(kernels_guided, 'advance', advance)
+    for _ in search.improvements():
+        pass
+    result = search.result()
+    assert result.guided_expansions > 0
+    assert 0 < result.plain_expansions < exact.expansions
+    assert result.status is SearchStatus.FOUND
+
+
+def test_other_waypoints_may_replace_them():
+    grid = GridGraph(winding(201))
+    exact = exact_astar(grid, (5, 2), (195, 198))
+    search = GuidedSearch(grid, (5, 2), (195, 198))
+    search.guide([[195.0, 5.0]] * 3)
+    search.guide(corners(exact))
+    for _ in search.improvements():
+        pass
+    once = guided(grid, (5, 2), (195, 198), corners(exact))
+    assert search.result().expansions == once.expansions
+
+
+def test_a_raised_flag_stops_it_with_what_it_has():
+    stop = np.zeros(1, dtype=np.uint8)
+    _, search = detour(stop=stop)
+    for _ in search.improvements():
+        stop[0] = 1
+    result = search.result()
+    assert result.status is SearchStatus.STOPPED
+    assert len(result.path) > 0
+    assert result.suboptimality_bound > 1.0
+    nothing = GuidedSearch(winding(301), (5, 2), (290, 285), stop=stop)
+    assert list(nothing.improvements()) == []
+    assert nothing.result().status is SearchStatus.STOPPED
+    assert nothing.result().suboptimality_bound == math.inf
+
+
+def test_start_as_goal_is_a_path_of_one_cell():
+    for waypoints in ([], [[3.0, 3.0]]):
+        result = guided(np.zeros((5, 5), dtype=bool), (1, 2), (1, 2), waypoints)
+        assert result.status is SearchStatus.FOUND
+        assert result.path.tolist() == [[1, 2]]
+        assert result.suboptimality_bound == 1.0
+
+
+def test_blocked_ends_have_no_path():
+    blocked = np.zeros((3, 3), dtype=bool)
+    blocked[0, 0] = True
+    for start, goal in (((0, 0), (2, 2)), ((2, 2), (0, 0)), ((0, 0), (0, 0))):
+        assert guided(blocked, start, goal, []).status is SearchStatus.EXHAUSTED
+
+
+def test_numbers_out_of_range_are_refused():
+    free = np.zeros((3, 3), dtype=bool)
+    with pytest.raises(ValueError, match='max_suboptimality'):
+        GuidedSearch(free, (0, 0), (2, 2), max_suboptimality=0.9)
+    with pytest.raises(ValueError, match='max_suboptimality'):
+        GuidedSearch(free, (0, 0), (2, 2), max_suboptimality=math.nan)
+    with pytest.raises(ValueError, match='weight'):
+        GuidedSearch(free, (0, 0), (2, 2), weight=0.5)
+    with pytest.raises(ValueError, match='off a grid'):
+        GuidedSearch(free, (0, 0), (3, 2))
+    with pytest.raises(ValueError, match='waypoints: shape'):
+        guided(free, (0, 0), (2, 2), [[1.0, 2.0, 3.0]])
+
+
+def test_landmarks_of_another_map_are_refused():
+    landmarks = Landmarks.build(GridGraph(np.zeros((4, 4), dtype=bool)))
+    with pytest.raises(ValueError, match='landmarks'):
+        GuidedSearch(np.zeros((5, 4), dtype=bool), (0, 0), (2, 2), landmarks=landmarks)
+
+
+def test_too_long_a_path_falls_back_to_coarse_units():
+    grid = GridGraph(np.zeros((2, 400), dtype=bool))
+    huge = GridGraph(grid.blocked)
+    huge.straight, huge.diagonal = (value * 4000 for value in grid_graph.FINE_UNITS)
+    huge.ring = 1 << 20
+    fine = exact_astar(grid, (0, 0), (399, 1))
+    for waypoints in ([], [[200.0, 1.0]]):
+        result = guided(huge, (0, 0), (399, 1), waypoints, max_suboptimality=1.0)
+        assert result.length == fine.length
+        assert result.suboptimality_bound == 1.0
+        assert bool(result.guided_expansions) == bool(waypoints)

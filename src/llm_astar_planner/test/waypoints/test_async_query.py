@@ -1,0 +1,112 @@
+"""No source can hold up a plan: not one that hangs, dies, lies, or comes late."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.planning.planner import Planner, PlanRequest
+from llm_astar_planner.search.paper import no_stop
+from llm_astar_planner.waypoints.async_query import ask
+from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
+
+LONG = 60.0
+CELLS = np.zeros((40, 60), dtype=np.int8)
+CELLS[:35, 30] = 100
+PLANNER = Planner(GridMap(CELLS)).prepare()
+
+
+class Source:
+    """Does what it is told to; hangs until the test ends where that is to hang."""
+
+    name = 'fake'
+
+    def __init__(self, answer):
+        self.answer = answer
+        self.end = threading.Event()
+
+    def waypoints(self, query):
+        return self.answer(self, query)
+
+
+def hang(source, query):
+    source.end.wait(LONG)
+    return WaypointReply(((1.0, 1.0),))
+
+
+def die(source, query):
+    raise ConnectionError('gone')
+
+
+def lie(source, query):
+    wrong = ((30.0, 3.0), (-5.0, 1e300), (float('nan'), 2.0), (59.0, 39.0), (0.0, 0.0))
+    return WaypointReply(wrong, 'liar', SourceStatus.OK)
+
+
+def be_late(source, query):
+    source.end.wait(0.05)
+    return lie(source, query)
+
+
+def babble(source, query):
+    return WaypointReply(((50.0, 30.0), (3.0, 30.0)) * 50_000, detail='chatty')
+
+
+@pytest.fixture
+def source(request):
+    source = Source(request.param)
+    yield source
+    source.end.set()
+
+
+@pytest.mark.parametrize('source', [hang, die, lie, be_late, babble], indirect=True)
+@pytest.mark.parametrize('method', ['guided', 'llm_astar'])
+@pytest.mark.parametrize('waiting', [True, False])
+def test_whatever_a_source_does_there_is_a_path_in_time(source, method, waiting):
+    began = time.monotonic()
+    plan = PLANNER.plan(
+        PlanRequest(
+            (2, 2),
+            (55, 3),
+            method=method,
+            source=source,
+            time_limit=LONG / 6,
+            source_time_limit=0.2,
+            max_suboptimality=1.1,
+            search_while_waiting=waiting,
+        )
+    )
+    assert plan.code == 0, plan.message
+    assert PLANNER.path_problem(plan.path, (2, 2), (55, 3)) is None
+    assert time.monotonic() - began < LONG / 4
+
+
+@pytest.mark.parametrize('source', [hang], indirect=True)
+def test_a_source_that_hangs_is_left_behind_at_its_time_limit(source):
+    reply, seconds = ask(source, WaypointQuery(PLANNER.grid_map, (1, 1), (2, 2), 0.05))
+    assert reply.status is SourceStatus.TIMEOUT
+    assert 'fake' in reply.detail
+    assert seconds < LONG / 2
+
+
+@pytest.mark.parametrize('source', [hang], indirect=True)
+@pytest.mark.parametrize('method', ['guided', 'llm_astar'])
+def test_a_cancel_ends_the_waiting_for_waypoints(source, method):
+    stop, plans = no_stop(), []
+    request = PlanRequest((2, 2), (55, 3), method=method, source=source, time_limit=LONG)
+    began = time.monotonic()
+    thread = threading.Thread(target=lambda: plans.append(PLANNER.plan(request, stop)))
+    thread.start()
+    stop[0] = 1
+    thread.join(LONG)
+    assert time.monotonic() - began < LONG / 4
+    assert plans[0].code.name in ('TIMEOUT', 'NONE')
+    assert plans[0].guided_by == 'none'
+
+
+def test_of_any_number_of_waypoints_only_the_first_thousand_are_taken():
+    query = WaypointQuery(GridMap(CELLS), (2, 2), (55, 3), LONG)
+    reply, _ = ask(Source(babble), query)
+    assert reply.waypoints == babble(None, query).waypoints[:1000]
+    assert reply.detail == 'chatty; only the first 1000 of 100000 waypoints are taken'

@@ -1,0 +1,132 @@
+"""The cache: asked once, bounded, and never left waiting."""
+
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.waypoints import cache
+from llm_astar_planner.waypoints.cache import CachedSource
+from llm_astar_planner.waypoints.source import (
+    SampleKey,
+    SourceStatus,
+    WaypointQuery,
+    WaypointReply,
+)
+
+QUERY = WaypointQuery(GridMap(np.zeros((30, 50), dtype=np.int8)), (5, 5), (20, 20))
+
+
+class Scripted:
+    """Counts its queries and answers as told, when told."""
+
+    name = 'scripted'
+
+    def __init__(self, status=SourceStatus.OK, opened=True):
+        self.status = status
+        self.queries = []
+        self.gate = threading.Event()
+        if opened:
+            self.gate.set()
+
+    def waypoints(self, query):
+        self.queries.append(query)
+        assert self.gate.wait(20)
+        if self.status is None:
+            raise RuntimeError('a bug')
+        return WaypointReply(((1.0, 2.0),), 'scripted', self.status, prompt_tokens=7)
+
+
+def test_a_planner_asked_again_and_again_makes_one_call():
+    inner = Scripted()
+    source = CachedSource(inner, model='tiny')
+    replies = [source.waypoints(QUERY) for _ in range(100)]
+    assert len(inner.queries) == 1
+    assert {reply.waypoints for reply in replies} == {((1.0, 2.0),)}
+    assert sum(reply.prompt_tokens for reply in replies) == 7
+    assert source.name == 'scripted'
+
+
+def test_another_question_is_another_call():
+    inner = Scripted()
+    source = CachedSource(inner)
+    other_map = GridMap(np.full((30, 50), 100, dtype=np.int8))
+    variants = (
+        QUERY,
+        replace(QUERY, start=(6, 5)),
+        replace(QUERY, goal=(6, 5)),
+        replace(QUERY, grid_map=other_map),
+        replace(QUERY, sample=SampleKey(0, 0)),
+    )
+    for query in variants * 2:
+        source.waypoints(query)
+    assert len(inner.queries) == len(variants)
+
+
+def test_answers_without_a_route_are_kept_and_failures_are_not():
+    for status, calls in (
+        (SourceStatus.NO_WAYPOINTS, 1),
+        (SourceStatus.MALFORMED, 1),
+        (SourceStatus.TIMEOUT, 2),
+        (SourceStatus.UNREACHABLE, 2),
+        (SourceStatus.REFUSED, 2),
+    ):
+        inner = Scripted(status)
+        source = CachedSource(inner)
+        assert [source.waypoints(QUERY).status for _ in range(2)] == [status] * 2
+        assert len(inner.queries) == calls
+
+
+def test_the_oldest_answer_is_dropped():
+    inner = Scripted()
+    source = CachedSource(inner, size=2)
+    first, second, third = (replace(QUERY, goal=(x, 20)) for x in (20, 21, 22))
+    for query in (first, second, first, third, first):
+        source.waypoints(query)
+    assert len(inner.queries) == 3
+    source.waypoints(second)
+    assert len(inner.queries) == 4
+
+
+def test_identical_questions_are_asked_once_and_a_late_answer_is_kept():
+    inner = Scripted(opened=False)
+    source = CachedSource(inner, timeout_s=20.0)
+    replies = []
+    threads = [
+        threading.Thread(target=lambda: replies.append(source.waypoints(QUERY))) for _ in range(5)
+    ]
+    for thread in threads:
+        thread.start()
+    hasty = source.waypoints(replace(QUERY, time_limit=0.05))
+    assert hasty.status is SourceStatus.TIMEOUT
+    assert 'a late one is kept' in hasty.detail
+    inner.gate.set()
+    for thread in threads:
+        thread.join()
+    assert [reply.status for reply in replies] == [SourceStatus.OK] * 5
+    assert len(inner.queries) == 1
+    assert inner.queries[0].time_limit <= 20.0
+    assert source.waypoints(replace(QUERY, time_limit=0.0)).status is SourceStatus.OK
+
+
+def test_questions_under_way_are_bounded(monkeypatch):
+    monkeypatch.setattr(cache, 'MAX_PENDING', 2)
+    inner = Scripted(opened=False)
+    source = CachedSource(inner)
+    hasty = [replace(QUERY, goal=(20 + i, 20), time_limit=0.01) for i in range(3)]
+    statuses = [source.waypoints(query).status for query in hasty]
+    assert statuses == [SourceStatus.TIMEOUT, SourceStatus.TIMEOUT, SourceStatus.REFUSED]
+    inner.gate.set()
+    deadline = time.monotonic() + 20
+    while source.waypoints(hasty[1]).status is not SourceStatus.OK:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_a_bug_in_the_source_leaves_nobody_waiting(caplog):
+    inner = Scripted(status=None)
+    reply = CachedSource(inner).waypoints(QUERY)
+    assert reply.status is SourceStatus.ERROR
+    assert 'RuntimeError' in reply.detail
+    assert 'the waypoint source failed' in caplog.text
