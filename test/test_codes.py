@@ -13,11 +13,12 @@ from llm_astar_msgs_adapter.messages.diagnostics import (
     report_to_message,
 )
 from llm_astar_planner.cli.plan_output import plan_to_json, plan_to_text
-from llm_astar_planner.planning.planner import CostmapConfig, Planner, PlanRequest
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.request_check import MAX_VIA
-from llm_astar_planner.planning.result_code import ResultCode
 from llm_astar_planner.planning.segment import Leg
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.grid_graph import PathTooLongError
 from llm_astar_planner.search.paper import no_stop
 

@@ -31,7 +31,8 @@ from llm_astar_msgs_adapter.messages.path import path_from_message, pose_to_mess
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.tools.planner_client import CallerError
-from llm_astar_planner.planning.planner import Planner, PlanRequest
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetMap

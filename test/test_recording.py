@@ -23,7 +23,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
-from rosbags.rosbag2 import RequestConverter
+from rosbags.rosbag2 import Reader
 from std_msgs.msg import String
 
 ALONE = '/recorded'
@@ -141,7 +141,7 @@ def test_mcaps_own_reader_checks_every_checksum_of_a_recording(drive):
 
 def test_a_recording_keeps_what_publishers_offered(drive):
     folder, _, recorder = drive
-    with RequestConverter(folder) as reader:
+    with Reader(folder) as reader:
         offered = {c.topic: c.ext.offered_qos_profiles[0].durability for c in reader.connections}
     assert offered[f'{ALONE}/map'] is QosDurability.TRANSIENT_LOCAL
     assert offered[f'{ALONE}/plan'] is QosDurability.VOLATILE
@@ -185,7 +185,7 @@ def test_messages_are_written_as_they_come_and_split_by_size(tmp_path):
     node.destroy_node()
     assert recorder.returncode == 0, recorder.lines
     assert len(list(bag.glob('bag_*'))) >= 3
-    with RequestConverter(bag) as reader:
+    with Reader(bag) as reader:
         messages = list(reader.messages())
     texts = [
         bag_types().deserialize_cdr(data, 'std_msgs/msg/String').data for *_, data in messages

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.occupancy_grid import quaternion_of
 from llm_astar_msgs_adapter.messages.path import path_to_message, pose_to_message
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.nodes import nav2_actions
 from llm_astar_planner.nodes.common.tf import PATIENCE, POLL_PERIOD_S, FrameError, Frames
 from llm_astar_planner.nodes.planner.nav2_server import (
@@ -31,9 +32,9 @@ from llm_astar_planner.nodes.planner.request_conversion import (
     RequestError,
 )
 from llm_astar_planner.nodes.planner.request_handler import Answer, RequestHandler
-from llm_astar_planner.planning.planner import CostmapConfig, Planner
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.recall import Recall
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.types import ResultCode
 from nav_msgs.msg import Path
 
 LONG = 60.0

@@ -172,7 +172,7 @@ def is_refusal(planner, start, goal):
     """Tell whether no path can exist."""
     if not all(planner.grid_map.contains(cell) for cell in (start, goal)):
         return True
-    places = [planner.components[y, x] for x, y in (start, goal)]
+    places = [planner.costmap.components[y, x] for x, y in (start, goal)]
     return places[0] != places[1] or 0 in places
 
 

@@ -18,7 +18,7 @@ from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.nodes.tools.monitor_lines import Kind, Seen, to_json, to_line
 from llm_astar_planner.planning.report import failure_report
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.types import ResultCode
 from rclpy.parameter import Parameter
 
 SPACE = '/watched'

@@ -17,7 +17,7 @@ from mcap.exceptions import EndOfFile
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
-from rosbags.rosbag2 import RequestConverter
+from rosbags.rosbag2 import Reader
 
 STRING = 'std_msgs/msg/String'
 CHATTER = Topic('/chatter', define(STRING), (qos(),))
@@ -61,7 +61,7 @@ def test_a_topic_that_comes_later_is_in_the_metadata_too(tmp_path):
         write(bag, 15)
         bag.add_topic(CHATTER._replace(name='/late'))
         write(bag, 2, '/late')
-    with RequestConverter(tmp_path / 'bag') as reader:
+    with Reader(tmp_path / 'bag') as reader:
         counts = {connection.topic: connection.msgcount for connection in reader.connections}
         assert counts == bag.counts == {'/chatter': 15, '/late': 2}
         assert len(list(reader.messages())) == 17
@@ -76,7 +76,7 @@ def test_an_error_amid_the_messages_still_leaves_a_whole_bag(tmp_path):
 
     with pytest.raises(OSError, match='disk'):
         break_off()
-    with RequestConverter(tmp_path / 'bag') as reader:
+    with Reader(tmp_path / 'bag') as reader:
         assert reader.message_count == 3
 
 
@@ -136,7 +136,7 @@ def test_a_disk_that_takes_no_more_is_said_and_what_it_took_can_be_read(
 def test_a_bag_without_messages_can_be_read(tmp_path):
     with BagWriter(tmp_path / 'bag') as bag:
         bag.add_topic(CHATTER)
-    with RequestConverter(tmp_path / 'bag') as reader:
+    with Reader(tmp_path / 'bag') as reader:
         assert list(reader.messages()) == []
 
 

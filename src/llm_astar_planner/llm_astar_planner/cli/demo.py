@@ -16,8 +16,8 @@ from typing import IO, Any
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.nodes import MODULES
-from llm_astar_planner.planning.types import CostmapConfig
 from llm_astar_planner.resources import find_file
 
 Ends = tuple[Pose2D, Pose2D]

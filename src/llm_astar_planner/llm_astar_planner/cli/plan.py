@@ -11,8 +11,10 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point, find_barr
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps
 from llm_astar_planner.cli.plan_output import plan_to_json, plan_to_text
 from llm_astar_planner.cli.source_options import add_source_arguments, source_settings
-from llm_astar_planner.planning.planner import CostmapConfig, Plan, Planner, PlanRequest
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.request_check import request_problem
+from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.paper import HEURISTICS, METHODS, compile_kernels
 from llm_astar_planner.waypoints.factory import make_asker, make_source

@@ -7,7 +7,7 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import Point
 
-from llm_astar_planner.planning.planner import Plan
+from llm_astar_planner.planning.types import Plan
 
 
 def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:

@@ -1,8 +1,7 @@
-"""A map made ready for planning: everything that is worked out once a map and its rules."""
+"""A map under rules, as searches and waypoint sources see it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -11,85 +10,111 @@ from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.inflation import inflate
-from llm_astar_planner.planning import waypoint_filter as targets
-from llm_astar_planner.planning.collision_checker import CollisionChecker
-from llm_astar_planner.planning.types import CostmapConfig
-from llm_astar_planner.planning.waypoint_filter import CheckedWaypoint
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.source import Waypoint
+from llm_astar_planner.search.visibility import LineOfSightChecker
 
 
 class Costmap:
-    """A map under one set of rules; each view of it is made when first asked for, and kept."""
+    """Which cells are blocked and what the others cost. Each layer is computed once, when used.
+
+    Immutable, so safe to share between threads. Two costmaps are different even where their
+    cells are equal; `key` is equal for equal ones.
+    """
 
     def __init__(
-        self, grid_map: GridMap, rules: CostmapConfig, barrier_map: BarrierMap | None = None
+        self,
+        grid_map: GridMap,
+        config: CostmapConfig | None = None,
+        barrier_map: BarrierMap | None = None,
     ) -> None:
-        """Take a map; `barrier_map`, where it comes from one, makes LLM-A* exact on it."""
+        """Take a map. `barrier_map`, if the grid was made from one, makes LLM-A* exact on it."""
         self.grid_map = grid_map
-        self.rules = rules
-        self.ground = CollisionChecker(grid_map, rules)
-        self._barrier_map = barrier_map
+        self.config = config or CostmapConfig()
+        self.barrier_map = barrier_map
 
     def prepare(self) -> None:
-        """Make every view now instead of at the first plan."""
-        self.ground.prepare()
-        _ = self.components, self.waypoint_cells, self.grid_graph
+        """Compute the layers that every search needs now instead of at the first plan."""
+        _ = self.components, self.rejected_cells, self.grid_graph
+
+    @property
+    def key(self) -> tuple[str, CostmapConfig]:
+        """The map's digest and the rules: equal for costmaps with equal cells."""
+        return self.grid_map.digest, self.config
 
     @cached_property
     def _inflated(self) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
-        return inflate(self.grid_map, self.rules)
+        return inflate(self.grid_map, self.config)
 
     @property
     def blocked(self) -> NDArray[np.bool_]:
-        """Where a path may not go, the robot's body considered: bool [height, width]."""
+        """Cells the robot's centre must not be in: bool [height, width]."""
         return self._inflated[0]
+
+    @property
+    def cost(self) -> NDArray[np.int8]:
+        """Occupancy with inflation: int8 [height, width], 0 to 100, -1 unknown."""
+        return self._inflated[1]
 
     @cached_property
     def components(self) -> NDArray[np.int32]:
-        """The connected free cells, numbered from 1 (0 is blocked): int32 [height, width].
+        """Connected free cells, numbered from 1; 0 is blocked: int32 [height, width].
 
         A diagonal step that cuts no corner can be walked as two straight ones, so without corner
         cutting four neighbours decide, and with it eight.
         """
-        neighbours = np.ones((3, 3)) if self.rules.corner_cutting else None
+        neighbours = np.ones((3, 3)) if self.config.corner_cutting else None
         labels, _ = ndimage.label(~self.blocked, structure=neighbours)
         components: NDArray[np.int32] = labels.astype(np.int32, copy=False)
         return components
 
     @cached_property
-    def waypoint_cells(self) -> NDArray[np.bool_]:
-        """Where the paper's methods take no waypoint: bool [height, width]."""
-        has_body = self.rules.robot_radius > 0.0  # the paper's robots are points
-        return targets.waypoint_cells(self.blocked, None if has_body else self._barrier_map)
+    def rejected_cells(self) -> NDArray[np.bool_]:
+        """Cells on which the paper's methods drop a waypoint: bool [height, width].
+
+        These are the blocked cells. The published code misses the last cell of every barrier;
+        where the barriers are known this does the same, to be exact on the paper's samples. The
+        paper's robot is a point, so with a robot radius the blocked cells decide.
+        """
+        if self.barrier_map is None or self.config.robot_radius > 0.0:
+            return self.blocked
+        return self.barrier_map.open_ended().to_grid().blocked()
 
     @cached_property
     def grid_graph(self) -> GridGraph:
-        """The grid as our own searches want it."""
-        blocked, cost = self._inflated
-        graded = self.rules.cost_multiplier > 0 and bool(((cost > 0) & ~blocked).any())
+        """The cells as the graph that our own searches work on."""
+        graded = self.config.cost_multiplier > 0 and bool(((self.cost > 0) & ~self.blocked).any())
         return GridGraph(
-            blocked,
-            corner_cutting=self.rules.corner_cutting,
-            cost=cost if graded else None,
-            cost_multiplier=self.rules.cost_multiplier,
+            self.blocked,
+            corner_cutting=self.config.corner_cutting,
+            cost=self.cost if graded else None,
+            cost_multiplier=self.config.cost_multiplier,
         )
 
+    @cached_property
+    def line_of_sight(self) -> LineOfSightChecker:
+        """Tells which straight lines between cells meet no blocked cell."""
+        return LineOfSightChecker(self.blocked)
+
+    def contains(self, cell: Cell) -> bool:
+        """Tell whether the cell (x, y) lies on the map."""
+        return self.grid_map.contains(cell)
+
     def is_free(self, cell: Cell) -> bool:
-        """Tell whether a path may be at a cell of the map."""
+        """Tell whether a path may be in a cell (x, y) of the map."""
         return not self.blocked[cell[1], cell[0]]
 
-    def judge(self, waypoints: Sequence[Waypoint], start: Cell) -> tuple[CheckedWaypoint, ...]:
-        """Judge waypoints that a path from `start` may be at, up to the map's very edge."""
-        return targets.judge(waypoints, self.blocked, self.components, start, 0)
+    def component_of(self, cell: Cell) -> int:
+        """Return the number of the connected free cells that a cell (x, y) is one of."""
+        return int(self.components[cell[1], cell[0]])
 
-    def why_barred(self, cell: Cell) -> str:
-        """Say why a path may not be at a cell of the map."""
+    def describe_blocked(self, cell: Cell) -> str:
+        """Say why a cell (x, y) of the map is blocked."""
         occupancy = self.grid_map.cells[cell[1], cell[0]]
-        if occupancy >= self.rules.occupied_threshold:
+        if occupancy >= self.config.occupied_threshold:
             return f'occupancy {occupancy}'
-        if occupancy < FREE and not self.rules.allow_unknown:
+        if occupancy < FREE and not self.config.allow_unknown:
             return 'unknown'
-        return f"an obstacle within the robot's radius, {self.rules.robot_radius:g} m"
+        return f"an obstacle within the robot's radius, {self.config.robot_radius:g} m"

@@ -17,7 +17,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from llm_astar_planner.planning.types import CostmapConfig
+from llm_astar_planner.costmap.config import CostmapConfig
 
 DEAREST = 98
 # Rows measured at once: the distances of a whole 4000 x 4000 map would take 0.5 GB.

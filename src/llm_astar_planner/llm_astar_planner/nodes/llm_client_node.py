@@ -22,6 +22,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapListener
 from llm_astar_planner.nodes.common.parameters import Parameter, Parameters
@@ -203,7 +204,7 @@ class LlmClientNode(Node):
         limit = self._settings['timeout_s']
         if request.tolerance > 0.0:
             limit = min(limit, request.tolerance)
-        return WaypointQuery(grid_map, start, goal, limit, instruction=wish)
+        return WaypointQuery(Costmap(grid_map), start, goal, limit, instruction=wish)
 
     def _ask(self, query: WaypointQuery) -> WaypointReply:
         reply, _ = ask(self._source, query)

@@ -9,7 +9,7 @@ from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from llm_astar_planner.planning.types import CostmapConfig
+from llm_astar_planner.costmap.config import CostmapConfig
 
 # Less than the planner's own rounding, so that what it takes for free is not refused here.
 _ROUNDING = 5e-7
@@ -22,11 +22,11 @@ class CollisionChecker:
     and distances are looked up in a k-d tree of the lethal ones, built once, when first needed.
     """
 
-    def __init__(self, grid_map: GridMap, rules: CostmapConfig) -> None:
+    def __init__(self, grid_map: GridMap, config: CostmapConfig) -> None:
         """Take a map and its rules."""
         self._cells = grid_map.cells
-        self._rules = rules
-        self._radius = rules.robot_radius / grid_map.resolution
+        self._config = config
+        self._radius = config.robot_radius / grid_map.resolution
 
     def prepare(self) -> None:
         """Build the tree now instead of when it is first needed."""
@@ -43,8 +43,8 @@ class CollisionChecker:
         """Tell which of the cells at `rows, columns`, int [n] each, are barred: bool [n]."""
         rows, columns = places
         occupancy = self._cells[rows, columns]
-        barred: NDArray[np.bool_] = occupancy >= self._rules.occupied_threshold
-        if not self._rules.allow_unknown:
+        barred: NDArray[np.bool_] = occupancy >= self._config.occupied_threshold
+        if not self._config.allow_unknown:
             barred |= occupancy < FREE
         if self._radius > 0.0:
             squared = np.rint(np.square(self.distances(np.column_stack((columns, rows)))))
@@ -59,13 +59,13 @@ class CollisionChecker:
         if self._tree is None or len(cells) == 0:
             return np.full(len(cells), np.inf)
         distances, _ = self._tree.query(cells)
-        distances[self._cells[cells[:, 1], cells[:, 0]] >= self._rules.occupied_threshold] = 0.0
+        distances[self._cells[cells[:, 1], cells[:, 0]] >= self._config.occupied_threshold] = 0.0
         return np.asarray(distances, dtype=np.float64)
 
     @cached_property
     def _tree(self) -> cKDTree | None:
         """The lethal cells that have a neighbour which is not: the nearest one is among them."""
-        border = self._cells >= self._rules.occupied_threshold
+        border = self._cells >= self._config.occupied_threshold
         inner = border.copy()
         inner[1:] &= border[:-1]
         inner[:-1] &= border[1:]

@@ -18,8 +18,7 @@ from scipy import ndimage
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.inflation import squared_cells
-from llm_astar_planner.planning.result_code import ResultCode
-from llm_astar_planner.planning.types import PlanRequest
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.result import Cell
 
 # Cells looked round first; the square is doubled while nothing is found in it.
@@ -43,15 +42,15 @@ class Ends(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-def resolve_endpoints(prepared: Costmap, request: PlanRequest) -> Ends | PlanningFailure:
+def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Ends | PlanningFailure:
     """Return where to plan from and to, or why that cannot be."""
-    start = _find_start(prepared, request)
+    start = _find_start(costmap, request)
     if isinstance(start, PlanningFailure):
         return start
-    goal = _find_goal(prepared, request, start)
+    goal = _find_goal(costmap, request, start)
     if isinstance(goal, PlanningFailure):
         return goal
-    resolution = prepared.grid_map.resolution
+    resolution = costmap.grid_map.resolution
     start_shift = math.dist(request.start, start) * resolution
     goal_shift = math.dist(request.goal, goal) * resolution
     warnings = []
@@ -59,20 +58,20 @@ def resolve_endpoints(prepared: Costmap, request: PlanRequest) -> Ends | Plannin
         message = f'the start cell {request.start} is not free; the path begins at {start}'
         warnings.append(f'{message}, {start_shift:.2f} m off')
     if goal != request.goal:
-        refusal = _goal_refusal(prepared, request.goal)
+        refusal = _goal_refusal(costmap, request.goal)
         warnings.append(f'{refusal.message}; the path ends at {goal}, {goal_shift:.2f} m off')
     return Ends(start, goal, start_shift, goal_shift, tuple(warnings))
 
 
-def via_refusal(prepared: Costmap, via: Iterable[Cell], start: Cell) -> PlanningFailure | None:
+def via_refusal(costmap: Costmap, via: Iterable[Cell], start: Cell) -> PlanningFailure | None:
     """Say why the first via cell that cannot be passed cannot, in the codes of a goal, or None."""
     for number, cell in enumerate(via, start=1):
         name = f'via {number}'
-        if not prepared.grid_map.contains(cell):
-            return PlanningFailure(ResultCode.GOAL_OUTSIDE_MAP, _outside(prepared, name, cell))
-        if not prepared.is_free(cell):
-            return PlanningFailure(ResultCode.GOAL_OCCUPIED, _barred(prepared, name, cell))
-        if _component(prepared, cell) != _component(prepared, start):
+        if not costmap.grid_map.contains(cell):
+            return PlanningFailure(ResultCode.GOAL_OUTSIDE_MAP, _outside(costmap, name, cell))
+        if not costmap.is_free(cell):
+            return PlanningFailure(ResultCode.GOAL_OCCUPIED, _barred(costmap, name, cell))
+        if _component(costmap, cell) != _component(costmap, start):
             message = f'obstacles cut {name}, cell {cell}, off from the start'
             return PlanningFailure(ResultCode.NO_VALID_PATH, message)
     return None
@@ -105,64 +104,64 @@ def nearest(
         reach = min(2 * reach, most)
 
 
-def _find_start(prepared: Costmap, request: PlanRequest) -> Cell | PlanningFailure:
+def _find_start(costmap: Costmap, request: PlanRequest) -> Cell | PlanningFailure:
     start = request.start
-    if not prepared.grid_map.contains(start):
-        return PlanningFailure(ResultCode.START_OUTSIDE_MAP, _outside(prepared, 'start', start))
-    if prepared.is_free(start):
+    if not costmap.grid_map.contains(start):
+        return PlanningFailure(ResultCode.START_OUTSIDE_MAP, _outside(costmap, 'start', start))
+    if costmap.is_free(start):
         return start
-    message = _barred(prepared, 'start', start)
+    message = _barred(costmap, 'start', start)
     if request.start_tolerance == 0.0:
         return PlanningFailure(ResultCode.START_OCCUPIED, message)
-    escape = _escape(prepared, request)
+    escape = _escape(costmap, request)
     if escape is not None:
         return escape
     message += f', nor can a free cell be reached within {request.start_tolerance:g} m'
     return PlanningFailure(ResultCode.START_OCCUPIED, message)
 
 
-def _find_goal(prepared: Costmap, request: PlanRequest, start: Cell) -> Cell | PlanningFailure:
-    component = _component(prepared, start)
+def _find_goal(costmap: Costmap, request: PlanRequest, start: Cell) -> Cell | PlanningFailure:
+    component = _component(costmap, start)
     goal = request.goal
-    if prepared.grid_map.contains(goal) and _component(prepared, goal) == component:
+    if costmap.grid_map.contains(goal) and _component(costmap, goal) == component:
         return goal
     if request.tolerance > 0.0:
-        reach = squared_cells(request.tolerance, prepared.grid_map.resolution)
-        found = nearest(prepared.components, component, goal, reach)
+        reach = squared_cells(request.tolerance, costmap.grid_map.resolution)
+        found = nearest(costmap.components, component, goal, reach)
         if found is not None:
             return found
-    refusal = _goal_refusal(prepared, goal)
+    refusal = _goal_refusal(costmap, goal)
     if request.tolerance == 0.0:
         return refusal
     message = f'{refusal.message}, nor is any cell within {request.tolerance:g} m of it reachable'
     return PlanningFailure(refusal.code, message)
 
 
-def _goal_refusal(prepared: Costmap, goal: Cell) -> PlanningFailure:
+def _goal_refusal(costmap: Costmap, goal: Cell) -> PlanningFailure:
     """Say what is wrong with a goal that the start does not reach."""
-    if not prepared.grid_map.contains(goal):
-        return PlanningFailure(ResultCode.GOAL_OUTSIDE_MAP, _outside(prepared, 'goal', goal))
-    if not prepared.is_free(goal):
-        return PlanningFailure(ResultCode.GOAL_OCCUPIED, _barred(prepared, 'goal', goal))
+    if not costmap.grid_map.contains(goal):
+        return PlanningFailure(ResultCode.GOAL_OUTSIDE_MAP, _outside(costmap, 'goal', goal))
+    if not costmap.is_free(goal):
+        return PlanningFailure(ResultCode.GOAL_OCCUPIED, _barred(costmap, 'goal', goal))
     return PlanningFailure(ResultCode.NO_VALID_PATH, 'obstacles cut the goal off from the start')
 
 
-def _escape(prepared: Costmap, request: PlanRequest) -> Cell | None:
+def _escape(costmap: Costmap, request: PlanRequest) -> Cell | None:
     """Return the free cell that a robot at an occupied start had best go to, or None."""
-    start, resolution = request.start, prepared.grid_map.resolution
+    start, resolution = request.start, costmap.grid_map.resolution
     squared_reach = squared_cells(request.start_tolerance, resolution)
-    rows, columns = _window(prepared.blocked.shape, start, math.isqrt(squared_reach))
+    rows, columns = _window(costmap.blocked.shape, start, math.isqrt(squared_reach))
     y, x = np.ogrid[rows, columns]
     squared = (x - start[0]) ** 2 + (y - start[1]) ** 2
-    lethal = prepared.grid_map.cells[rows, columns] >= prepared.rules.occupied_threshold
+    lethal = costmap.grid_map.cells[rows, columns] >= costmap.config.occupied_threshold
     passable = (squared <= squared_reach) & ~lethal
     if not passable.any():
         return None
     # Who stands on a lethal cell is taken to stand beside it, on the side he is nearest to.
     foot = np.where(passable, squared, squared_reach + 1).argmin()
     regions, _ = ndimage.label(passable)
-    components = np.where(regions == regions.flat[foot], prepared.components[rows, columns], 0)
-    best = _best_of(components, prepared, request)
+    components = np.where(regions == regions.flat[foot], costmap.components[rows, columns], 0)
+    best = _best_of(components, costmap, request)
     if not best.any():
         return None
     place = int(np.where(best, squared, squared_reach + 1).argmin())
@@ -171,17 +170,17 @@ def _escape(prepared: Costmap, request: PlanRequest) -> Cell | None:
 
 
 def _best_of(
-    components: NDArray[np.int32], prepared: Costmap, request: PlanRequest
+    components: NDArray[np.int32], costmap: Costmap, request: PlanRequest
 ) -> NDArray[np.bool_]:
     """Return which of some cells to begin at: in the goal's part of the map, near it, or any."""
     goal = request.goal
-    if prepared.grid_map.contains(goal) and prepared.is_free(goal):
-        with_goal: NDArray[np.bool_] = components == _component(prepared, goal)
+    if costmap.grid_map.contains(goal) and costmap.is_free(goal):
+        with_goal: NDArray[np.bool_] = components == _component(costmap, goal)
         if with_goal.any():
             return with_goal
-    reach = squared_cells(request.tolerance, prepared.grid_map.resolution)
-    rows, columns = _window(prepared.blocked.shape, goal, math.isqrt(reach))
-    near = prepared.components[rows, columns]
+    reach = squared_cells(request.tolerance, costmap.grid_map.resolution)
+    rows, columns = _window(costmap.blocked.shape, goal, math.isqrt(reach))
+    near = costmap.components[rows, columns]
     if near.size:
         y, x = np.ogrid[rows, columns]
         near = near[(x - goal[0]) ** 2 + (y - goal[1]) ** 2 <= reach]
@@ -199,14 +198,14 @@ def _window(shape: tuple[int, ...], centre: Cell, reach: int) -> tuple[slice, sl
     return rows, columns
 
 
-def _component(prepared: Costmap, cell: Cell) -> int:
-    return int(prepared.components[cell[1], cell[0]])
+def _component(costmap: Costmap, cell: Cell) -> int:
+    return int(costmap.components[cell[1], cell[0]])
 
 
-def _outside(prepared: Costmap, name: str, cell: Cell) -> str:
-    size = f'{prepared.grid_map.width} x {prepared.grid_map.height}'
+def _outside(costmap: Costmap, name: str, cell: Cell) -> str:
+    size = f'{costmap.grid_map.width} x {costmap.grid_map.height}'
     return f'the {name} cell {cell} is outside the map of {size} cells'
 
 
-def _barred(prepared: Costmap, name: str, cell: Cell) -> str:
-    return f'the {name} cell {cell} is not free ({prepared.why_barred(cell)})'
+def _barred(costmap: Costmap, name: str, cell: Cell) -> str:
+    return f'the {name} cell {cell} is not free ({costmap.describe_blocked(cell)})'

@@ -17,8 +17,7 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.planning.result_code import ResultCode
-from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest
+from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
 from llm_astar_planner.planning.waypoint_filter import CheckedWaypoint, WaypointStatus
 from llm_astar_planner.search.paper import WAYPOINT_METHODS
 from llm_astar_planner.search.result import Cell

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from llm_astar_planner.planning.types import MAX_RADIUS, CostmapConfig
+from llm_astar_planner.costmap.config import MAX_RADIUS, CostmapConfig
 from llm_astar_planner.search.paper import HEURISTICS, METHODS
 
 NODE = 'planner_node'

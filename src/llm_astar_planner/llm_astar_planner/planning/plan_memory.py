@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.planning.instruction import NOT_HONOURED
-from llm_astar_planner.planning.result_code import ResultCode
-from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 from llm_astar_planner.search.stop import POLL_PERIOD_S
 from llm_astar_planner.waypoints.source import SourceStatus
 

@@ -12,8 +12,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from numpy.typing import NDArray
 
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.result_code import ResultCode
-from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.source import (
@@ -163,7 +162,7 @@ def _hold(
     waypoints: tuple[Waypoint, ...], before: _MapName, planner: Planner, request: PlanRequest
 ) -> bool:
     """Tell whether each can still be stood on, and reached from the start."""
-    components, grid_map = planner.components, planner.grid_map
+    components, grid_map = planner.costmap.components, planner.grid_map
     if not (before.lies_as(grid_map) and grid_map.contains(request.start)):
         return False
     cells = [(round(x), round(y)) for x, y in waypoints]

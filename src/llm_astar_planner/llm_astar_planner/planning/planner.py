@@ -17,8 +17,10 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning import waypoint_filter as targets
+from llm_astar_planner.planning.collision_checker import CollisionChecker
 from llm_astar_planner.planning.endpoints import (
     Ends,
     PlanningFailure,
@@ -34,15 +36,15 @@ from llm_astar_planner.planning.path_validator import (
     via_problem,
 )
 from llm_astar_planner.planning.request_check import request_problem
-from llm_astar_planner.planning.result_code import ResultCode
 from llm_astar_planner.planning.segment import Leg, Watcher, joined
-from llm_astar_planner.planning.types import NOT_ASKED, CostmapConfig, Plan, PlanRequest
+from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
 from llm_astar_planner.search.any_angle import AnyAnglePath, shorten
-from llm_astar_planner.search.grid_graph import BoundedResult, GridGraph, PathTooLongError
+from llm_astar_planner.search.grid_graph import BoundedResult, PathTooLongError
 from llm_astar_planner.search.guided import AnytimeSolution
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.paper import GUIDED, no_stop
 from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
+from llm_astar_planner.waypoints.source import Waypoint
 
 __all__ = ['NOT_ASKED', 'CostmapConfig', 'Plan', 'PlanRequest', 'Planner']
 
@@ -71,39 +73,29 @@ class Planner:
     def __init__(
         self,
         grid_map: GridMap,
-        rules: CostmapConfig | None = None,
+        config: CostmapConfig | None = None,
         barrier_map: BarrierMap | None = None,
-        keeper: LandmarkManager | None = None,
+        landmarks: LandmarkManager | None = None,
     ) -> None:
         """Take a map.
 
-        `barrier_map`, where the grid comes from one, makes LLM-A* exact on it. `keeper` carries
+        `barrier_map`, where the grid comes from one, makes LLM-A* exact on it. `landmarks` carries
         the landmarks over from map to map.
         """
         self.grid_map = grid_map
-        self.rules = rules or CostmapConfig()
-        self.keeper = keeper or LandmarkManager()
-        self._prepared = Costmap(grid_map, self.rules, barrier_map)
+        self.costmap = Costmap(grid_map, config, barrier_map)
+        self.landmarks = landmarks or LandmarkManager()
+        self._checker = CollisionChecker(grid_map, self.config)
+
+    @property
+    def config(self) -> CostmapConfig:
+        """The rules of the costmap."""
+        return self.costmap.config
 
     @classmethod
     def for_barrier_map(cls, barrier_map: BarrierMap) -> Planner:
         """Make a planner under the paper's rules: corners may be cut, its filter is exact."""
         return cls(barrier_map.to_grid(), CostmapConfig(corner_cutting=True), barrier_map)
-
-    @property
-    def blocked(self) -> NDArray[np.bool_]:
-        """Where a path may not go, the robot's body considered: bool [height, width]."""
-        return self._prepared.blocked
-
-    @property
-    def components(self) -> NDArray[np.int32]:
-        """The connected free cells, numbered from 1 (0 is blocked): int32 [height, width]."""
-        return self._prepared.components
-
-    @property
-    def grid_graph(self) -> GridGraph:
-        """The grid as our own searches want it."""
-        return self._prepared.grid_graph
 
     def prepare(self, *, wait: bool = True) -> Planner:
         """Do the once-a-map work now instead of at the first plan.
@@ -111,10 +103,11 @@ class Planner:
         Landmarks are measured in the background; plans made before they are there go without.
         `wait` waits for them.
         """
-        self._prepared.prepare()
-        self.keeper.update(self.grid_graph)
+        self.costmap.prepare()
+        self._checker.prepare()
+        self.landmarks.update(self.costmap.grid_graph)
         if wait:
-            self.keeper.wait()
+            self.landmarks.wait()
         return self
 
     def plan(
@@ -133,8 +126,13 @@ class Planner:
         stop = no_stop() if stop is None else stop
         if request.instruction:
             make = partial(self._answer, stop=stop)
-            return plan_with_wish(request, make, self._prepared.judge, stop)
+            return plan_with_wish(request, make, self._judge, stop)
         return self._answer(request, stop, on_improvement)
+
+    def _judge(
+        self, waypoints: Sequence[Waypoint], start: Cell
+    ) -> tuple[targets.CheckedWaypoint, ...]:
+        return targets.judge(waypoints, self.costmap.blocked, self.costmap.components, start, 0)
 
     def _answer(
         self,
@@ -162,12 +160,12 @@ class Planner:
 
         The robot's body is considered, apart from the inflation that the searches work on.
         """
-        ground, corner_cutting = self._prepared.ground, self.rules.corner_cutting
+        ground, corner_cutting = self._checker, self.config.corner_cutting
         return path_problem(path, ground, start, goal, corner_cutting=corner_cutting)
 
     def legs_problem(self, points: NDArray[np.int32]) -> str | None:
         """Say what is wrong with straight legs between cells [n, 2], as `path_problem` does."""
-        ground, corner_cutting = self._prepared.ground, self.rules.corner_cutting
+        ground, corner_cutting = self._checker, self.config.corner_cutting
         return legs_problem(points, ground, corner_cutting=corner_cutting)
 
     def _find_ends(self, draft: _Draft) -> PlanningFailure | None:
@@ -176,11 +174,11 @@ class Planner:
         problem = request_problem(request)
         if problem:
             return PlanningFailure(ResultCode.INVALID_PLANNER, problem)
-        ends = resolve_endpoints(self._prepared, request)
+        ends = resolve_endpoints(self.costmap, request)
         if isinstance(ends, PlanningFailure):
             return ends
         draft.ends = ends
-        return via_refusal(self._prepared, request.via, ends.start)
+        return via_refusal(self.costmap, request.via, ends.start)
 
     def _search(self, draft: _Draft, on_improvement: Watcher | None) -> Plan | None:
         """Search leg by leg; return a failure, or None where every leg has a path.
@@ -204,7 +202,7 @@ class Planner:
         request, now = draft.request, time.monotonic()
         guided = request.method == GUIDED
         return Leg(
-            self._prepared,
+            self.costmap,
             replace(
                 request,
                 start=start,
@@ -213,7 +211,7 @@ class Planner:
             ),
             now + share * (draft.deadline - now),
             draft.stop,
-            self.keeper.current(self.grid_graph) if guided else None,
+            self.landmarks.current(self.costmap.grid_graph) if guided else None,
         )
 
     def _watcher(self, draft: _Draft, on_improvement: Watcher | None) -> Watcher | None:
@@ -271,13 +269,13 @@ class Planner:
             first_expansions=result.expansions if bounded is None else bounded.first_expansions,
             any_angle=self._shorten(draft) if draft.request.any_angle else None,
             unknown_length=unknown_length(result.path, self.grid_map),
-            clearance=float(self._prepared.ground.distances(result.path).min()) * resolution,
+            clearance=float(self._checker.distances(result.path).min()) * resolution,
             turns=turns(result.path),
         )
 
     def _shorten(self, draft: _Draft) -> AnyAnglePath | None:
         """Pull each leg taut, or return None where the check does not let the result pass."""
-        legs = [shorten(self.grid_graph, result.path) for result in draft.results]
+        legs = [shorten(self.costmap.grid_graph, result.path) for result in draft.results]
         points = np.concatenate([legs[0].points, *(leg.points[1:] for leg in legs[1:])])
         if self.legs_problem(points) is not None:
             return None

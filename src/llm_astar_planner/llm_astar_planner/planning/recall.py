@@ -65,5 +65,5 @@ class Recall:
                 self._waypoints.keep(request, plan, planner.grid_map)
             return plan
 
-        key = (planner.grid_map.digest, planner.rules, request)
+        key = (planner.grid_map.digest, planner.config, request)
         return self._plans.answer(key, make, stop, seconds, lambda plan: is_settled(plan, request))

@@ -7,8 +7,7 @@ import math
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.messages.report import PlanReport
 
-from llm_astar_planner.planning.planner import Plan
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.types import Plan, ResultCode
 
 
 def plan_report(plan: Plan, grid_map: GridMap) -> PlanReport:

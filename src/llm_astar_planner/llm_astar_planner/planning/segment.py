@@ -45,7 +45,7 @@ class Leg:
     until `stop` is raised. `search` fills in the rest.
     """
 
-    prepared: Costmap
+    costmap: Costmap
     request: PlanRequest
     deadline: float
     stop: NDArray[np.uint8]
@@ -88,7 +88,7 @@ class Leg:
             return None
         time_left = self.deadline - time.monotonic()
         return WaypointQuery(
-            self.prepared.grid_map,
+            self.costmap,
             request.start,
             request.goal,
             min(request.source_time_limit, SOURCE_SHARE * time_left),
@@ -104,16 +104,15 @@ class Leg:
             self.judged = self._judge(self.reply)
 
     def _judge(self, reply: WaypointReply) -> tuple[CheckedWaypoint, ...]:
-        prepared, start = self.prepared, self.request.start
+        costmap, start = self.costmap, self.request.start
         if self.request.method == GUIDED:
-            return prepared.judge(reply.waypoints, start)
-        cells = prepared.waypoint_cells
-        return targets.judge(reply.waypoints, cells, prepared.components, start)
+            return targets.judge(reply.waypoints, costmap.blocked, costmap.components, start, 0)
+        return targets.judge(reply.waypoints, costmap.rejected_cells, costmap.components, start)
 
     def _search_exact(self, stop: NDArray[np.uint8]) -> SearchResult:
         request = self.request
         return exact_astar(
-            self.prepared.grid_graph,
+            self.costmap.grid_graph,
             request.start,
             request.goal,
             stop=stop,
@@ -124,10 +123,10 @@ class Leg:
         """Search by one of the paper's methods."""
         request = self.request
         goals = targets.target_list(self.judged, request.start, request.goal)[1:]
-        corner_cutting = self.prepared.rules.corner_cutting
+        corner_cutting = self.costmap.config.corner_cutting
         options = SearchOptions(request.heuristic, request.weight, corner_cutting, stop)
         method = PAPER_METHODS[request.method]
-        return method(self.prepared.blocked, request.start, request.goal, goals, options)
+        return method(self.costmap.blocked, request.start, request.goal, goals, options)
 
     def _search_guided(self, watcher: Watcher | None) -> GuidedResult:
         """Search by `guided`, asking for waypoints before or while."""
@@ -137,7 +136,7 @@ class Leg:
             self._ask()
         with deadline_guard(self.stop, self.deadline) as stop:
             search = GuidedSearch(
-                self.prepared.grid_graph,
+                self.costmap.grid_graph,
                 request.start,
                 request.goal,
                 max_suboptimality=request.max_suboptimality,

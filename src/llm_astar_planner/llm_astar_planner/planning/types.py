@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from operator import index
 from typing import SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.planning.result_code import ResultCode
 from llm_astar_planner.planning.waypoint_filter import CheckedWaypoint
 from llm_astar_planner.search.any_angle import AnyAnglePath
 from llm_astar_planner.search.result import Cell
@@ -21,48 +21,22 @@ from llm_astar_planner.waypoints.source import (
     WaypointSource,
 )
 
-# Metres; a robot is not larger.
-MAX_RADIUS = 10.0
 NOT_ASKED = WaypointReply(status=SourceStatus.NONE)
 
 
-@dataclass(frozen=True)
-class CostmapConfig:
-    """Where a path may go, and what it costs there.
+class ResultCode(IntEnum):
+    """Result codes of nav2_msgs/ComputePathToPose, same numbers and meanings."""
 
-    `occupied_threshold` is the occupancy that is lethal. `cost_multiplier` is what occupancy
-    below it adds to the price of a move, for `guided` and `exact_astar` (Nav2's
-    `cost_travel_multiplier`): d * (1 + multiplier * occupancy / 100); 0 counts lengths alone.
-
-    The robot's body, in metres: cells up to `robot_radius` from a lethal one are blocked, and
-    from there to `inflation_radius` they cost the more the nearer, decaying by
-    `cost_scaling_factor` a metre (Nav2's InflationLayer; `inflation` has the formula). With both
-    radii 0 the map is taken as it is, which is right for a costmap: it is inflated already.
-    A costmap as an occupancy grid has 100 for lethal, 99 for inscribed and 1 to 98 for graded
-    cells, so its `occupied_threshold` is 99. Raises ValueError on a number out of its range.
-    """
-
-    occupied_threshold: int = 65
-    allow_unknown: bool = True
-    corner_cutting: bool = False
-    cost_multiplier: float = 2.0
-    robot_radius: float = 0.0
-    inflation_radius: float = 0.0
-    cost_scaling_factor: float = 10.0
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        ranges = {
-            'occupied_threshold': (1, 100),
-            'cost_multiplier': (0.0, 100.0),
-            'robot_radius': (0.0, MAX_RADIUS),
-            'inflation_radius': (0.0, MAX_RADIUS),
-            'cost_scaling_factor': (0.0, 1000.0),
-        }
-        for name, (least, most) in ranges.items():
-            value = getattr(self, name)
-            if not least <= value <= most:
-                raise ValueError(f'{name}: {value} is not in {least:g} to {most:g}')
+    NONE = 0
+    UNKNOWN = 200
+    INVALID_PLANNER = 201
+    TF_ERROR = 202
+    START_OUTSIDE_MAP = 203
+    GOAL_OUTSIDE_MAP = 204
+    START_OCCUPIED = 205
+    GOAL_OCCUPIED = 206
+    TIMEOUT = 207
+    NO_VALID_PATH = 208
 
 
 @dataclass(frozen=True)
@@ -122,9 +96,9 @@ class Plan:
     """What came of a request.
 
     `path` is int32 [n, 2], cells (x, y), empty unless `code` is NONE; `length` and `cost` (with
-    the price of occupancy) are in cells. The cost is proven to be at most `suboptimality_bound` times the
-    least; NaN where the method proves nothing. `expansions` counts all expansions,
-    `first_expansions` those up to the first path. `guided_by` names whose waypoints steered the
+    the price of occupancy) are in cells. The cost is proven to be at most
+    `suboptimality_bound` times the least; NaN where the method proves nothing. `expansions`
+    counts all expansions, `first_expansions` those up to the first path. `guided_by` names whose waypoints steered the
     search, `none` where nobody's did; `reply` is the source's whole answer. `expanded` is bool
     [height, width], empty where it was not wanted, of no use where the request was canceled.
 

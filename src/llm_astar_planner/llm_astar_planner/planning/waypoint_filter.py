@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from numpy.typing import NDArray
 
 from llm_astar_planner.search.result import Cell
@@ -51,19 +50,6 @@ class CheckedWaypoint:
     status: WaypointStatus
 
 
-def waypoint_cells(
-    blocked: NDArray[np.bool_], barrier_map: BarrierMap | None = None
-) -> NDArray[np.bool_]:
-    """Return the cells a waypoint may not lie on: bool [height, width].
-
-    Those are the blocked cells. The published code misses the last cell of every barrier; where
-    the barriers are known this does the same, to be exact on the paper's samples.
-    """
-    if barrier_map is None:
-        return blocked
-    return barrier_map.open_ended().to_grid().blocked()
-
-
 def judge(
     waypoints: Sequence[Waypoint],
     occupied: NDArray[np.bool_],
@@ -73,8 +59,8 @@ def judge(
 ) -> tuple[CheckedWaypoint, ...]:
     """Judge each waypoint by itself: bounds, obstacles, and whether start reaches it.
 
-    `occupied` comes from `waypoint_cells`; `components` [height, width] numbers the connected
-    free cells. Within `edge` cells of the map's edge is out of bounds. A point between lattice
+    `occupied` is `Costmap.blocked` or `Costmap.rejected_cells`; `components`
+    [height, width] numbers the connected free cells. Within `edge` cells of the map's edge is out of bounds. A point between lattice
     points lies on no cell, as in the published code.
     """
     height, width = occupied.shape

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from llm_astar_planner.planning.planner import Plan
+from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.result import Cell
 
 # Told apart by shape too, not by hue alone.

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.prompts.message import Message
 
 Waypoint = tuple[float, float]
@@ -40,18 +41,24 @@ class SourceStatus(str, Enum):
 
 @dataclass(frozen=True)
 class WaypointQuery:
-    """One question to a source: a way from start to goal, both cells (x, y), on a map.
+    """One question to a source: a path from start to goal, both cells (x, y), on a costmap.
 
+    A source may use the cells that the costmap leaves free, the same as the search.
     `time_limit` is how many seconds the answer may take. `sample` names the benchmark sample,
     where there is one. `instruction` is the caller's wish in plain language, '' for none.
     """
 
-    grid_map: GridMap
+    costmap: Costmap
     start: tuple[int, int]
     goal: tuple[int, int]
     time_limit: float = float('inf')
     sample: SampleKey | None = None
     instruction: str = ''
+
+    @property
+    def grid_map(self) -> GridMap:
+        """The map that the costmap was made from."""
+        return self.costmap.grid_map
 
 
 @dataclass(frozen=True)

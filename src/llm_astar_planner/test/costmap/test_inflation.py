@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_planner.costmap import inflation
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.inflation import inflate
 from llm_astar_planner.planning.collision_checker import CollisionChecker
-from llm_astar_planner.planning.planner import Planner, PlanRequest
-from llm_astar_planner.planning.result_code import ResultCode
-from llm_astar_planner.planning.types import CostmapConfig
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 
 
 def post(size=21, value=100, resolution=0.05):
@@ -122,8 +122,8 @@ def test_a_costmaps_bands_block_from_99_and_grade_below():
     cells[1, 20] = -1
     rules = CostmapConfig(occupied_threshold=99, cost_multiplier=2.0)
     planner = Planner(GridMap(cells, 0.05), rules)
-    np.testing.assert_array_equal(planner.blocked, cells == 99)
-    price = planner.grid_graph.price.reshape(cells.shape) / 256.0
+    np.testing.assert_array_equal(planner.costmap.blocked, cells == 99)
+    price = planner.costmap.grid_graph.price.reshape(cells.shape) / 256.0
     assert price[2, 18] == pytest.approx(2.0 * 0.98, abs=0.01)
     assert price[1, 20] == 0.0  # unknown cells cost nothing
     plan = planner.plan(PlanRequest((2, 2), (37, 2), 'exact_astar'))
@@ -179,8 +179,8 @@ def test_a_robot_gets_about_a_real_depot_without_touching_it():
     grid_map = load_map(Path(os.environ['LLM_ASTAR_REFERENCE']) / 'grids' / 'depot.yaml')
     rules = CostmapConfig(robot_radius=0.2, inflation_radius=0.55, cost_scaling_factor=3.0)
     planner = Planner(grid_map, rules)
-    whole = np.bincount(planner.components[planner.components > 0]).argmax()
-    places = np.argwhere(planner.components == whole)[:, ::-1]
+    whole = np.bincount(planner.costmap.components[planner.costmap.components > 0]).argmax()
+    places = np.argwhere(planner.costmap.components == whole)[:, ::-1]
     random = np.random.default_rng(0)
     for start, goal in random.choice(places, (20, 2)).tolist():
         request = PlanRequest(tuple(start), tuple(goal), max_suboptimality=1.1, time_limit=60.0)

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.endpoints import nearest
-from llm_astar_planner.planning.planner import CostmapConfig, Planner, PlanRequest
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 
 RESOLUTION = 0.1
 

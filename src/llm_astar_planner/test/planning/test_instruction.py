@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.planning.instruction import plan_with_wish
-from llm_astar_planner.planning.planner import Planner, PlanRequest
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.recall import Recall
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.paper import no_stop
 from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import SOURCES, make_source
@@ -125,7 +125,7 @@ def test_where_the_way_of_the_wish_fails_the_direct_one_is_taken_and_the_reason_
             )
         return plan
 
-    plan = plan_with_wish(request(Follower(EAST)), make, PLANNER._prepared.judge, no_stop())
+    plan = plan_with_wish(request(Follower(EAST)), make, PLANNER._judge, no_stop())
     assert plan.code is ResultCode.NONE
     assert plan.instruction == 'not honoured: no path through its 2 via points: out of time'
     assert PLANNER.path_problem(plan.path, START, GOAL) is None

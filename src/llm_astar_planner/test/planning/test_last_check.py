@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap import costmap
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import endpoints as ends
 from llm_astar_planner.planning import planner as planner_module
-from llm_astar_planner.planning.planner import CostmapConfig, Planner, PlanRequest
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import Leg
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.any_angle import AnyAnglePath
 from llm_astar_planner.search.grid_graph import exact_astar
 from llm_astar_planner.search.paper import METHODS
@@ -64,7 +65,7 @@ def test_an_inflation_without_anything_is_caught(monkeypatch):
 @pytest.mark.parametrize('method', METHODS)
 def test_a_search_that_goes_through_walls_is_caught(monkeypatch, method):
     def blind(leg, watcher=None):
-        request, free = leg.request, np.zeros_like(leg.prepared.blocked)
+        request, free = leg.request, np.zeros_like(leg.costmap.blocked)
         return exact_astar(free, request.start, request.goal)
 
     monkeypatch.setattr(Leg, 'search', blind)
@@ -88,7 +89,7 @@ def test_a_search_that_skips_a_via_cell_is_caught(monkeypatch):
 
     def elsewhere(leg, watcher=None):
         """Go by another cell than the one asked for, but without a break."""
-        request, grid = leg.request, leg.prepared.blocked
+        request, grid = leg.request, leg.costmap.blocked
         ends = [
             (cell[0], 6) if cell == (10, 4) else cell for cell in (request.start, request.goal)
         ]

@@ -1,13 +1,13 @@
 """A node's parameter file read without the node."""
 
 import pytest
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.parameters import (
     OptionError,
     grid_rules,
     read_params_file,
     request_options,
 )
-from llm_astar_planner.planning.types import CostmapConfig
 
 
 def read(tmp_path, text):

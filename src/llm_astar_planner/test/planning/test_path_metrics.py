@@ -3,8 +3,10 @@ import math
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.path_metrics import turns, unknown_length
-from llm_astar_planner.planning.planner import CostmapConfig, Planner, PlanRequest
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest
 
 
 def cells(*points):

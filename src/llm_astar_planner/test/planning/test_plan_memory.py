@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.planning.plan_memory import REMEMBERED, SHARED, PlanMemory, is_settled
-from llm_astar_planner.planning.planner import Planner, PlanRequest
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.recall import Recall
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.paper import no_stop
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 

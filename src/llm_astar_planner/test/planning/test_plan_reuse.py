@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import plan_reuse as standing
 from llm_astar_planner.planning.plan_reuse import standing_problem
-from llm_astar_planner.planning.planner import CostmapConfig, Planner, PlanRequest
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.recall import Recall
+from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.paper import no_stop
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import segment as leg_module
 from llm_astar_planner.planning.path_validator import path_problem
-from llm_astar_planner.planning.planner import CostmapConfig, Planner, PlanRequest
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
 from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS, no_stop
 from llm_astar_planner.search.result import SearchResult, SearchStatus
@@ -67,7 +68,9 @@ def test_what_is_no_cell_is_refused_by_name(cell):
 def test_a_plan_tells_its_path_its_work_and_what_guided_it():
     plan = PLANNER.plan(PlanRequest(START, GOAL, source=Source([(3, 7), (40, 7), (8, 7)])))
     assert plan.code is ResultCode.NONE
-    assert path_problem(plan.path, PLANNER.blocked, START, GOAL, corner_cutting=True) is None
+    assert (
+        path_problem(plan.path, PLANNER.costmap.blocked, START, GOAL, corner_cutting=True) is None
+    )
     assert plan.length == pytest.approx(np.hypot(*np.diff(plan.path, axis=0).T).sum())
     assert plan.guided_by == 'test:model'
     assert (plan.source, plan.source_status) == ('test', SourceStatus.OK)
@@ -203,7 +206,7 @@ def test_a_search_past_its_time_is_a_timeout_not_no_path():
 
 def test_another_thread_cancels_a_search():
     planner = Planner(GridMap(np.zeros((3000, 3000), dtype=np.int8)))
-    assert planner.components.all()  # once a map: it is the search that shall be cancelled
+    assert planner.costmap.components.all()  # once a map: it is the search that shall be cancelled
     stop = no_stop()
     plans = []
     request = PlanRequest((1, 1), (2998, 1200), 'dynamic_weighted_astar', time_limit=300.0)

@@ -7,8 +7,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_planner.planning.planner import CostmapConfig, Planner, PlanRequest
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.paper import METHODS
 from llm_astar_planner.waypoints.source import WaypointReply
 

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import segment as leg
 from llm_astar_planner.planning.path_validator import legs_problem, path_problem
-from llm_astar_planner.planning.planner import CostmapConfig, Planner, PlanRequest
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.paper import no_stop
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
@@ -39,7 +40,7 @@ class Source:
 
 
 def maze(size):
-    """LineOfSightChecker in turn from above and below, one gap each: long to search, with one way through."""
+    """Walls in turn from above and below, one gap each: long to search, with one way through."""
     blocked = np.zeros((size, size), dtype=np.int8)
     for number, x in enumerate(range(4, size - 4, 4)):
         blocked[:, x] = 100
@@ -151,7 +152,9 @@ def test_improvements_come_as_they_are_found_and_only_get_better():
     assert costs == sorted(costs, reverse=True)
     assert costs[-1] == pytest.approx(plan.cost)
     for better in seen:
-        problem = path_problem(better.path, planner.blocked, (1, 1), (58, 58), corner_cutting=True)
+        problem = path_problem(
+            better.path, planner.costmap.blocked, (1, 1), (58, 58), corner_cutting=True
+        )
         assert problem is None
 
 
@@ -195,7 +198,7 @@ def test_the_any_angle_path_is_shorter_and_free():
     assert shortened.length < plan.length
     assert shortened.points[0].tolist() == list(START)
     assert shortened.points[-1].tolist() == list(GOAL)
-    assert legs_problem(shortened.points, PLANNER.blocked, corner_cutting=True) is None
+    assert legs_problem(shortened.points, PLANNER.costmap.blocked, corner_cutting=True) is None
 
 
 def test_landmarks_are_carried_from_map_to_map_while_cells_only_become_blocked():
@@ -204,7 +207,7 @@ def test_landmarks_are_carried_from_map_to_map_while_cells_only_become_blocked()
     held = keeper.current(first.grid_graph)
     cells = np.zeros((50, 50), dtype=np.int8)
     cells[5:45, 25] = 100
-    second = Planner(GridMap(cells), keeper=keeper).prepare(wait=False)
+    second = Planner(GridMap(cells), landmarks=keeper).prepare(wait=False)
     assert keeper.current(second.grid_graph) is held
     third = Planner(GridMap(np.zeros((50, 50), dtype=np.int8)), keeper=keeper).prepare()
     plan = third.plan(PlanRequest((2, 2), (47, 30), max_suboptimality=1.0))

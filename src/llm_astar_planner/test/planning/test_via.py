@@ -7,10 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.path_validator import via_problem
-from llm_astar_planner.planning.planner import CostmapConfig, Planner, PlanRequest
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import Leg
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.paper import METHODS, no_stop
 from llm_astar_planner.waypoints.fixed import FixedReply
 
@@ -86,7 +87,7 @@ def test_each_leg_has_its_share_of_one_deadline(monkeypatch):
 
 def test_a_cancel_ends_every_leg():
     planner = Planner(GridMap(np.zeros((2500, 2500), dtype=np.int8)))
-    _ = planner.components
+    _ = planner.costmap.components
     stop, plans = no_stop(), []
     via = ((2400, 1200), (10, 1300))
     request = PlanRequest((1, 1), (2400, 900), 'dynamic_weighted_astar', time_limit=300, via=via)

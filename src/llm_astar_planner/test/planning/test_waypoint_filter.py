@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.waypoint_filter import (
     CheckedWaypoint,
     WaypointStatus,
@@ -12,7 +13,6 @@ from llm_astar_planner.planning.waypoint_filter import (
     mark_out_of_order,
     snap,
     target_list,
-    waypoint_cells,
 )
 
 # A 12 x 10 map with a wall along x = 6 that leaves the right side cut off, as component 2.
@@ -64,11 +64,10 @@ def test_any_numbers_are_judged(waypoints):
 
 def test_the_last_cell_of_a_known_barrier_passes_as_in_the_published_code():
     barrier_map = BarrierMap(0, (0, 12), (0, 10), (Barrier(5, 3, 7),))
-    blocked = barrier_map.to_grid().blocked()
-    known = waypoint_cells(blocked, barrier_map)
+    known = Costmap(barrier_map.to_grid(), barrier_map=barrier_map).rejected_cells
     assert not known[5, 7]
     assert known[5, 6]
-    assert waypoint_cells(blocked)[5, 7]
+    assert Costmap(barrier_map.to_grid()).rejected_cells[5, 7]
 
 
 def judged(*waypoints):

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
-from llm_astar_planner.planning.planner import Planner, PlanRequest
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.waypoints.fixed import FixedReply
 from llm_astar_planner.waypoints.source import WaypointReply
 

@@ -81,7 +81,7 @@ def test_the_ratio_always_holds_and_the_work_is_bounded(query, kind, wanted, mar
 
 
 def winding(size=61):
-    """LineOfSightChecker with gaps on alternate sides: the way is many times the straight line."""
+    """Walls with gaps on alternate sides: the way is many times the straight line."""
     blocked = np.zeros((size, size), dtype=bool)
     for index, y in enumerate(range(10, size - 5, 10)):
         blocked[y] = True

@@ -10,6 +10,7 @@ import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.benchmark.datasets.generate import generate
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.visibility import walls_of
 from llm_astar_planner.waypoints.baselines import (
     RandomSource,
@@ -21,7 +22,7 @@ from llm_astar_planner.waypoints.source import SampleKey, SourceStatus, Waypoint
 
 # One barrier from the left wall: the only way from below to above is round its right end.
 HALL = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 25),)).to_grid()
-ROUND = WaypointQuery(HALL, (5, 5), (5, 15))
+ROUND = WaypointQuery(Costmap(HALL), (5, 5), (5, 15))
 
 
 def test_straight_points_lie_on_the_line_blind_to_barriers():
@@ -38,7 +39,7 @@ def test_the_oracle_turns_at_the_free_cell_beside_the_barrier_s_end():
 def test_the_oracle_has_no_waypoints_where_none_are_needed_or_none_help():
     assert shortest_corners(HALL, (5, 5), (40, 5)) == ()
     cut = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 50),)).to_grid()
-    reply = ablation_sources()['oracle'].waypoints(WaypointQuery(cut, (5, 5), (5, 15)))
+    reply = ablation_sources()['oracle'].waypoints(WaypointQuery(Costmap(cut), (5, 5), (5, 15)))
     assert reply.status is SourceStatus.NO_WAYPOINTS
     assert any_angle_length(cut, (5, 5), (5, 15)) == float('inf')
 
@@ -62,7 +63,7 @@ def test_every_leg_of_the_oracle_is_a_line_of_sight_also_at_scale_ten():
 def test_noise_is_bounded_and_scales_with_the_map():
     source = ablation_sources(seed=1)['noisy']
     corner = np.array(shortest_corners(HALL, ROUND.start, ROUND.goal))
-    scaled = WaypointQuery(HALL, ROUND.start, ROUND.goal, sample=SampleKey(0, 0, 10))
+    scaled = WaypointQuery(Costmap(HALL), ROUND.start, ROUND.goal, sample=SampleKey(0, 0, 10))
     assert np.abs(np.array(source.waypoints(ROUND).waypoints) - corner).max() <= 3
     assert np.abs(np.array(source.waypoints(scaled).waypoints) - corner).max() <= 30
 
@@ -77,16 +78,18 @@ def test_reversed_is_the_oracle_backwards():
     barrier_map = next(generate(seed=5, maps=1))
     grid, sources = barrier_map.to_grid(), ablation_sources()
     for sample in barrier_map.samples:
-        query = WaypointQuery(grid, sample.start, sample.goal)
+        query = WaypointQuery(Costmap(grid), sample.start, sample.goal)
         oracle = sources['oracle'].waypoints(query).waypoints
         assert sources['reversed'].waypoints(query).waypoints == oracle[::-1]
 
 
 def test_answers_depend_on_the_question_and_the_seed_alone():
-    twin = WaypointQuery(GridMap(HALL.cells, HALL.resolution, HALL.origin), (5, 5), (5, 15))
+    twin = WaypointQuery(
+        Costmap(GridMap(HALL.cells, HALL.resolution, HALL.origin)), (5, 5), (5, 15)
+    )
     for name, source in ablation_sources(seed=7).items():
         first = source.waypoints(ROUND)
-        source.waypoints(WaypointQuery(HALL, (3, 3), (40, 20)))
+        source.waypoints(WaypointQuery(Costmap(HALL), (3, 3), (40, 20)))
         assert ablation_sources(seed=7)[name].waypoints(twin) == first
     other = ablation_sources(seed=8)
     assert other['random'].waypoints(ROUND) != ablation_sources(seed=7)['random'].waypoints(ROUND)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints import cache
 from llm_astar_planner.waypoints.cache import CachedSource
 from llm_astar_planner.waypoints.source import (
@@ -15,7 +16,7 @@ from llm_astar_planner.waypoints.source import (
     WaypointReply,
 )
 
-QUERY = WaypointQuery(GridMap(np.zeros((30, 50), dtype=np.int8)), (5, 5), (20, 20))
+QUERY = WaypointQuery(Costmap(GridMap(np.zeros((30, 50), dtype=np.int8))), (5, 5), (20, 20))
 
 
 class Scripted:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.none import NoSource
 from llm_astar_planner.waypoints.prompts.message import Message
 from llm_astar_planner.waypoints.replay import ReplayError, ReplaySource
@@ -44,7 +45,7 @@ def write(path, *exchanges):
 def ask(grid_map=None, sample=None, pair=1, barrier_map=MAP):
     chosen = barrier_map.samples[pair]
     return WaypointQuery(
-        grid_map or barrier_map.to_grid(),
+        Costmap(grid_map or barrier_map.to_grid()),
         barrier_map.to_cell(chosen.start),
         barrier_map.to_cell(chosen.goal),
         sample=sample,

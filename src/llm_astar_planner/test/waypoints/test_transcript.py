@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.none import NoSource
 from llm_astar_planner.waypoints.prompts.message import Message
 from llm_astar_planner.waypoints.recording import RecordingSource
@@ -154,7 +155,7 @@ def test_lines_from_many_threads_stay_whole(tmp_path):
 
 def test_where_nobody_was_asked_nothing_is_recorded(tmp_path):
     path = tmp_path / 'transcript.jsonl'
-    query = WaypointQuery(GridMap(np.zeros((3, 3), dtype=np.int8)), (0, 0), (2, 2))
+    query = WaypointQuery(Costmap(GridMap(np.zeros((3, 3), dtype=np.int8))), (0, 0), (2, 2))
     assert RecordingSource(NoSource(), TranscriptWriter(path)).waypoints(query).waypoints == ()
     assert path.read_text() == ''
 
@@ -166,7 +167,7 @@ def test_a_disk_that_refuses_costs_no_answer(tmp_path, caplog):
         def waypoints(self, query):
             return WaypointReply(((1.0, 1.0),))
 
-    query = WaypointQuery(GridMap(np.zeros((3, 3), dtype=np.int8)), (0, 0), (2, 2))
+    query = WaypointQuery(Costmap(GridMap(np.zeros((3, 3), dtype=np.int8))), (0, 0), (2, 2))
     writer = TranscriptWriter(tmp_path / 'transcript.jsonl')
     writer.path = Path('/dev/full')
     assert RecordingSource(Answers(), writer).waypoints(query).waypoints == ((1.0, 1.0),)

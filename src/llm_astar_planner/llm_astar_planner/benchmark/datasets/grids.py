@@ -13,7 +13,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.movingai import Scenario
 from scipy import ndimage
 
-from llm_astar_planner.planning.planner import CostmapConfig
+from llm_astar_planner.costmap.config import CostmapConfig
 
 SCENARIOS, YAML, BARE_MAP = ('.scen',), ('.yaml', '.yml'), ('.map',)
 # Pairs drawn on a map that comes without any, unless a limit is given.

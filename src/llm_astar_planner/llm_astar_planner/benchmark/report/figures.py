@@ -20,8 +20,8 @@ from llm_astar_planner.benchmark.analysis.trace import trace
 from llm_astar_planner.benchmark.datasets.grids import GRID_RULES
 from llm_astar_planner.benchmark.report.sentences import label
 from llm_astar_planner.benchmark.results import Case
-from llm_astar_planner.planning.planner import Plan
-from llm_astar_planner.planning.types import CostmapConfig
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.visualization.figures import OBSTACLE, draw, picture_of
 

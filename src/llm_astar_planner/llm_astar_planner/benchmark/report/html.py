@@ -28,7 +28,7 @@ from llm_astar_planner.benchmark.report.sentences import (
     sentence,
 )
 from llm_astar_planner.benchmark.results import Row
-from llm_astar_planner.planning.types import CostmapConfig
+from llm_astar_planner.costmap.config import CostmapConfig
 
 # As the page draws walls, and lighter what nobody has seen.
 WALL_COLOUR, UNKNOWN_COLOUR = (31, 36, 48, 255), (154, 160, 172, 96)

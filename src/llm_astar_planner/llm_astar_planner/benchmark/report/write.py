@@ -36,7 +36,7 @@ from llm_astar_planner.benchmark.report.markdown import report
 from llm_astar_planner.benchmark.report.sentences import headline, sentence
 from llm_astar_planner.benchmark.results import Case, ResultsFolder, Row
 from llm_astar_planner.benchmark.runner.engine import Settings, plan_again
-from llm_astar_planner.planning.types import CostmapConfig
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.waypoint_filter import target_list
 
 DPI = 90

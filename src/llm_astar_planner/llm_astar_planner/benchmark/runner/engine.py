@@ -21,8 +21,9 @@ from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, Proble
 from llm_astar_planner.benchmark.points import format_points, parse_points, turning_points
 from llm_astar_planner.benchmark.results import Case, Row
 from llm_astar_planner.benchmark.runner.planner_cache import PlannerCache
-from llm_astar_planner.planning.planner import NOT_ASKED, CostmapConfig, Plan, Planner, PlanRequest
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
 from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS, compile_kernels
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.visibility import walls_of
@@ -164,7 +165,7 @@ def run_task(task: Task) -> list[Outcome]:
         source = task.askers[index].source
         if source is not None and index not in replies:
             asked = key if task.is_sample else None
-            query = WaypointQuery(planner.grid_map, *ends, task.settings.time_limit, asked)
+            query = WaypointQuery(planner.costmap, *ends, task.settings.time_limit, asked)
             replies[index] = ask(source, query)
         reply, seconds = replies.get(index, (NOT_ASKED, 0.0))
         outcome = _run_case(planner, key, ends, case, reply=reply, settings=task.settings)

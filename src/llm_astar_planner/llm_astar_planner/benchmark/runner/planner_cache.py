@@ -9,7 +9,8 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
 from llm_astar_planner.benchmark.datasets.grids import GRID_RULES
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
-from llm_astar_planner.planning.planner import CostmapConfig, Planner
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.planning.planner import Planner
 
 # Of all planners but the newest; a cell takes some 40 bytes with its landmarks.
 MAX_CELLS = 2_000_000

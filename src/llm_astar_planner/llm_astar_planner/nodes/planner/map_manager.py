@@ -9,8 +9,8 @@ from collections.abc import Callable
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import CostmapConfig
 from llm_astar_planner.search.landmarks import LandmarkManager
 
 # What a change of parameters waits for its planner, in seconds; a 4000 x 4000 map takes a few.
@@ -113,7 +113,7 @@ class MapManager:
             rules = self._rules()
             if grid_map is None or (current and _is_made_of(current, grid_map, rules)):
                 return None
-            return Planner(grid_map, rules, keeper=self._landmarks).prepare(wait=False)
+            return Planner(grid_map, rules, landmarks=self._landmarks).prepare(wait=False)
         except Exception as error:  # noqa: BLE001 - no map may end the keeping of maps
             problem = f'{type(error).__name__}: {error}'
             self._logger.error(f'map refused, {self.name} stays: {problem}')
@@ -122,4 +122,4 @@ class MapManager:
 
 def _is_made_of(planner: Planner, grid_map: GridMap, rules: CostmapConfig) -> bool:
     # The digest first: it is worked out here, aside, and not while a caller waits.
-    return planner.grid_map.digest == grid_map.digest and planner.rules == rules
+    return planner.grid_map.digest == grid_map.digest and planner.config == rules

@@ -26,7 +26,7 @@ from llm_astar_planner.nodes.planner.request_conversion import PlanGoal
 from llm_astar_planner.nodes.planner.request_handler import Answer, RequestHandler
 from llm_astar_planner.planning.path_check import invalid_poses, nearest_pose
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.types import ResultCode
 
 try:
     from nav2_msgs.action import ComputePathThroughPoses, ComputePathToPose
@@ -169,7 +169,7 @@ class PathCheck:
         places = [self._frames.locate(pose, frame_id, 'path', lambda: True) for pose in path.poses]
         points = np.array([place[:2] for place in places])
         cells = np.array([grid_map.world_to_cell(x, y) for x, y in points.tolist()])
-        blocked = planner.blocked
+        blocked = planner.costmap.blocked
         if getattr(request, 'consider_unknown_as_obstacle', False):
             blocked = blocked | (grid_map.cells < FREE)
         return invalid_poses(cells, blocked, self._first(points, frame_id))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from llm_astar_planner.costmap.config import MAX_RADIUS, CostmapConfig
 from llm_astar_planner.nodes.common.parameters import Parameter, Parameters
 from llm_astar_planner.nodes.planner.instruction import instruction_problem
 from llm_astar_planner.nodes.planner.introspection import INTROSPECTION_MODE
 from llm_astar_planner.planning import parameters as planner_options
-from llm_astar_planner.planning.types import MAX_RADIUS, CostmapConfig
 from llm_astar_planner.search.paper import GUIDED, HEURISTICS, METHODS
 
 SEARCH = (

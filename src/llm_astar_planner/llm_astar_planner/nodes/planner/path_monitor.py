@@ -12,7 +12,7 @@ from llm_astar_planner.nodes.planner.preemption import CancellationToken, Preemp
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler, Standing
 from llm_astar_planner.planning.plan_reuse import standing_problem
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.result_code import ResultCode
+from llm_astar_planner.planning.types import ResultCode
 
 # A costmap changes every second: what is well is logged once in so many.
 QUIET_SECONDS = 10.0

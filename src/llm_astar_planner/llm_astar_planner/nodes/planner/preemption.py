@@ -1,4 +1,4 @@
-"""CancellationToken what is being planned, from another thread."""
+"""Cancel what is being planned, from another thread."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class CancellationToken:
         self.reason = ''
 
     def __call__(self, reason: str) -> None:
-        """CancellationToken, once and for all; the first reason counts."""
+        """Cancel, once and for all; the first reason counts."""
         self.reason = self.reason or reason
         self.stop[0] = 1
 
@@ -30,13 +30,13 @@ class PreemptingGoalSlot:
         self._current = CancellationToken()
 
     def begin(self, reason: str, cancel: CancellationToken | None = None) -> CancellationToken:
-        """CancellationToken the one before for that reason, and return the new one's way out, or take it."""
+        """Cancel the one before for that reason; return the token of the new one, or take it."""
         with self._lock:
             before, self._current = self._current, cancel or CancellationToken()
             before(reason)
             return self._current
 
     def cancel(self, reason: str) -> None:
-        """CancellationToken the one that goes on, if any does."""
+        """Cancel the one that goes on, if any does."""
         with self._lock:
             self._current(reason)

@@ -9,8 +9,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
-from llm_astar_planner.planning.result_code import ResultCode
-from llm_astar_planner.planning.types import PlanRequest
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.paper import METHODS
 from llm_astar_planner.waypoints.source import WaypointSource
 

@@ -31,8 +31,7 @@ from llm_astar_planner.nodes.planner.request_conversion import (
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.recall import Recall
 from llm_astar_planner.planning.report import failure_report, plan_report
-from llm_astar_planner.planning.result_code import ResultCode
-from llm_astar_planner.planning.types import Plan
+from llm_astar_planner.planning.types import Plan, ResultCode
 from llm_astar_planner.search.guided import AnytimeSolution
 
 # What of the planning time is left for the path's check and message: so many seconds, or a part.
@@ -154,7 +153,7 @@ class RequestHandler:
         return Answer(path, ResultCode(report.code), report.message, seconds)
 
     def give_up(self, reason: str) -> None:
-        """CancellationToken every question that is being answered, and wait until it is told."""
+        """Cancel every question that is being answered, and wait until it is told."""
         with self._ended:
             for cancel in self._running:
                 cancel(reason)

@@ -45,7 +45,7 @@ lies on one line y from x_start to x_end, a vertical one on one line x from y_st
 written barrier [a, b, c] is [y, x_start, x_end] or [x, y_start, y_end]. Where there are none of a
 kind, its list is empty. Reply with the JSON object alone.
 
-PlanGoal: """
+Question: """
 
 
 class QueryError(ValueError):

