@@ -2,7 +2,8 @@
 
 Nodes are the start, the goal and the cell beyond each barrier's first and last cell; see
 `llm_astar_planner.waypoints.learned.features`. A line of sight is one in the sense of
-`llm_astar_planner.search.visibility`: it touches no barrier, and blocked cells side by side are joined.
+`llm_astar_planner.search.visibility`: it touches no barrier, and blocked cells side by side are
+joined.
 """
 
 from __future__ import annotations

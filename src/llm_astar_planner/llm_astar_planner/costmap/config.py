@@ -19,9 +19,10 @@ class CostmapConfig:
     The robot's body, in metres: cells up to `robot_radius` from a lethal one are blocked, and
     from there to `inflation_radius` they cost the more the nearer, decaying by
     `cost_scaling_factor` a metre (Nav2's InflationLayer; the formula is in
-    `costmap.inflation`). With both radii 0 the map is taken as it is, which is right for a costmap: it is inflated already.
-    A costmap as an occupancy grid has 100 for lethal, 99 for inscribed and 1 to 98 for graded
-    cells, so its `occupied_threshold` is 99. Raises ValueError on a number out of its range.
+    `costmap.inflation`). With both radii 0 the map is taken as it is, which is right for a
+    costmap: it is inflated already. A costmap as an occupancy grid has 100 for lethal, 99 for
+    inscribed and 1 to 98 for graded cells, so its `occupied_threshold` is 99. Raises ValueError on
+    a number out of its range.
     """
 
     occupied_threshold: int = 65

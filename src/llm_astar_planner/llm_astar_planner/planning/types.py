@@ -98,9 +98,10 @@ class Plan:
     `path` is int32 [n, 2], cells (x, y), empty unless `code` is NONE; `length` and `cost` (with
     the price of occupancy) are in cells. The cost is proven to be at most
     `suboptimality_bound` times the least; NaN where the method proves nothing. `expansions`
-    counts all expansions, `first_expansions` those up to the first path. `guided_by` names whose waypoints steered the
-    search, `none` where nobody's did; `reply` is the source's whole answer. `expanded` is bool
-    [height, width], empty where it was not wanted, of no use where the request was canceled.
+    counts all expansions, `first_expansions` those up to the first path. `guided_by` names whose
+    waypoints steered the search, `none` where nobody's did; `reply` is the source's whole answer.
+    `expanded` is bool [height, width], empty where it was not wanted, of no use where the request
+    was canceled.
 
     `start` and `goal` are the cells planned between, `start_shift` and `goal_shift` how many
     metres they lie off those asked for, and `warnings` a sentence on each such thing. Of the path,

@@ -60,8 +60,8 @@ def judge(
     """Judge each waypoint by itself: bounds, obstacles, and whether start reaches it.
 
     `occupied` is `Costmap.blocked` or `Costmap.rejected_cells`; `components`
-    [height, width] numbers the connected free cells. Within `edge` cells of the map's edge is out of bounds. A point between lattice
-    points lies on no cell, as in the published code.
+    [height, width] numbers the connected free cells. Within `edge` cells of the map's edge is out
+    of bounds. A point between lattice points lies on no cell, as in the published code.
     """
     height, width = occupied.shape
     component = components[start[1], start[0]]

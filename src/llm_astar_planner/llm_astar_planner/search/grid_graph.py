@@ -42,9 +42,10 @@ class BoundedResult(SearchResult):
     """A search result with what is proven about it.
 
     `cost` is the path's price in cells: its length where the grid has no graded costs.
-    `lower_bound` is proven to be at most the optimal cost, `suboptimality_bound` = cost / lower_bound is proven
-    to be at least cost / optimum (inf without a path). `first_expansions` and `first_cost` tell
-    of the first path found. `expanded` is empty [0, 0] unless it was asked for.
+    `lower_bound` is proven to be at most the optimal cost, `suboptimality_bound` = cost /
+    lower_bound is proven to be at least cost / optimum (inf without a path). `first_expansions`
+    and `first_cost` tell of the first path found. `expanded` is empty [0, 0] unless it was asked
+    for.
     """
 
     cost: float = math.inf

@@ -54,8 +54,8 @@ class GuidedResult(BoundedResult):
 class AnytimeSolution:
     """A better path while the search goes on.
 
-    `path` is int32 [n, 2], `cost` and `lower_bound` are in cells, `suboptimality_bound` = cost / lower_bound
-    is proven, `expansions` counts the expansions so far.
+    `path` is int32 [n, 2], `cost` and `lower_bound` are in cells, `suboptimality_bound` = cost /
+    lower_bound is proven, `expansions` counts the expansions so far.
     """
 
     path: NDArray[np.int32]

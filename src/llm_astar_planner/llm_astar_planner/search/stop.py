@@ -19,9 +19,10 @@ POLL_PERIOD_S = 0.01
 
 @contextmanager
 def deadline_guard(stop: NDArray[np.uint8], deadline: float) -> Iterator[NDArray[np.uint8]]:
-    """Yield a stop flag: STOP_CANCELLED once the caller raised `stop`, 1 from `deadline` (monotonic) on.
+    """Yield a stop flag that is raised at the deadline or when the caller raises `stop`.
 
-    The caller's own flag is only read, so it may serve for several searches.
+    It becomes 1 at `deadline` (monotonic seconds) and STOP_CANCELLED once the caller's flag is
+    raised. The caller's flag is only read, so it may serve for several searches.
     """
     flag, done = no_stop(), threading.Event()
 

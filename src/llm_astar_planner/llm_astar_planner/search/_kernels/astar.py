@@ -69,7 +69,8 @@ def _worthwhile(move: int, mask: int) -> int:
     return kept
 
 
-# CANONICAL_SUCCESSORS[move << 8 | legal moves]; row 8 keeps them all, for the start and graded costs.
+# CANONICAL_SUCCESSORS[move << 8 | legal moves]; row 8 keeps them all, for the start and graded
+# costs.
 EVERY_MOVE = 8 << 8
 CANONICAL_SUCCESSORS = np.array(
     [_worthwhile(move, mask) for move in range(8) for mask in range(256)] + list(range(256)),

@@ -350,9 +350,9 @@ def advance(
     """Search on, led by the waypoints or, once control[G_PROVING], by the proof; return why not.
 
     `targets` is int64 [n, 3]: x, y and the units from there to the goal along the list, which
-    ends with the goal. FOUND: the waypoints led to the goal, or the suboptimality_bound asked for is proven.
-    EXHAUSTED: nothing open can beat the best path. WORKED: all the work A* surely needs is used
-    up. RUNNING: the quota is. STOPPED, NEED_SPACE, OVERFLOW as in `kernels_bucket`.
+    ends with the goal. FOUND: the waypoints led to the goal, or the suboptimality_bound asked for
+    is proven. EXHAUSTED: nothing open can beat the best path. WORKED: all the work A* surely needs
+    is used up. RUNNING: the quota is. STOPPED, NEED_SPACE, OVERFLOW as in `kernels_bucket`.
     """
     goal = control[G_GOAL]
     width = control[G_WIDTH]
