@@ -1,6 +1,7 @@
-"""The road back: an occupancy grid as a short list of straight barriers, for prompts.
+"""Approximates the blocked cells of a grid by at most N straight barriers (greedy cover).
 
-Exact on barrier maps, where the barriers found block the very same cells; a summary on others.
+Exact on grids made from barrier maps: the barriers found block the same cells. An approximation
+on other grids. Prompts and the embedded waypoint model describe maps by these barriers.
 """
 
 from __future__ import annotations
@@ -12,16 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
-# Beyond this many cells a side, a summary is made on a coarser lattice: no prompt says more.
+# A grid with more cells a side is coarsened first; a prompt cannot hold more detail.
 MAX_SIDE = 512
-# The fewest cells the shorter side keeps when coarsened: fewer no longer show where the ways are.
+# The fewest cells the shorter side keeps when coarsened; fewer do not show the passages.
 COARSEST_SIDE = 24
 
 
-class _Run(NamedTuple):
-    """A straight stretch of occupied cells: row y (or column x), from first to last."""
+class Stretch(NamedTuple):
+    """A straight stretch of blocked cells in row (or column) `line`, from first to last."""
 
     horizontal: bool
     line: int
@@ -29,94 +29,95 @@ class _Run(NamedTuple):
     last: int
 
     def cells(self, grid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return the view of `grid` [height, width] that the run covers."""
+        """Return the view of `grid` [height, width] that the stretch covers."""
         stretch = slice(self.first, self.last + 1)
         return grid[self.line, stretch] if self.horizontal else grid[stretch, self.line]
 
 
-def decompose_barriers(grid_map: GridMap, limit: int = 30) -> BarrierMap:
-    """Describe a map by at most `limit` horizontal and vertical barriers, in cell coordinates.
+def decompose_barriers(blocked: NDArray[np.bool_], limit: int = 30) -> BarrierMap:
+    """Describe blocked cells by at most `limit` horizontal and vertical barriers.
 
-    The barriers are the longest straight stretches of occupied cells, each next one taken for
-    the cells it adds, until all are covered. Where more than `limit` are needed, the map is
-    coarsened by 2, 4, ... (a coarse cell is occupied where any of its cells is), which merges
-    thick walls and closes gaps of a few cells; once that would lose the map's shape, the longest
-    `limit` barriers are taken. The outermost cells are left out: a barrier map has walls there.
-    Raises ValueError where `limit` is below 1.
+    `blocked` is bool [height, width]; barriers are in cell coordinates. The barriers are straight
+    stretches of blocked cells, chosen one by one for the most cells not yet covered, until all
+    are covered. Where more than `limit` are needed, the grid is coarsened by 2, 4, ..., which
+    merges thick walls and closes gaps of a few cells. A grid that cannot be coarsened further
+    gets the `limit` barriers that cover most. The outermost cells are left out, because a barrier
+    map has walls there. Raises ValueError where `limit` is below 1.
     """
     if limit < 1:
         raise ValueError(f'limit: {limit} is not 1 or more')
-    occupied = grid_map.blocked()
+    height, width = blocked.shape
     factor = 1
-    while max(occupied.shape) > MAX_SIDE * factor:
+    while max(height, width) > MAX_SIDE * factor:
         factor *= 2
     while True:
-        coarse = coarsen(occupied, factor)
-        runs, complete = _cover(coarse, limit)
+        coarse = coarsen(blocked, factor)
+        chosen, complete = cover(coarse, limit)
         if complete or min(coarse.shape) < 2 * COARSEST_SIDE:
             break
         factor *= 2
-    barriers = [_to_cells(run, factor, occupied.shape) for run in runs]
+    barriers: dict[bool, list[Barrier]] = {True: [], False: []}
+    for stretch in chosen:
+        barriers[stretch.horizontal].append(to_barrier(stretch, factor, (height, width)))
     return BarrierMap(
         id=0,
-        range_x=(0, grid_map.width),
-        range_y=(0, grid_map.height),
-        horizontal_barriers=tuple(
-            sorted(barrier for run, barrier in zip(runs, barriers) if run.horizontal)
-        ),
-        vertical_barriers=tuple(
-            sorted(barrier for run, barrier in zip(runs, barriers) if not run.horizontal)
-        ),
+        range_x=(0, width),
+        range_y=(0, height),
+        horizontal_barriers=tuple(sorted(barriers[True])),
+        vertical_barriers=tuple(sorted(barriers[False])),
     )
 
 
-def coarsen(occupied: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
-    """Return which blocks of `factor` x `factor` cells hold any that is set, the last ones cut."""
+def coarsen(cells: NDArray[np.bool_], factor: int, minimum: int = 1) -> NDArray[np.bool_]:
+    """Return cells of `factor` x `factor` cells each, set where at least `minimum` of them are.
+
+    The blocks at the far edges may be cut off by the grid's border.
+    """
     if factor == 1:
-        return occupied
-    height, width = (-(-side // factor) for side in occupied.shape)
+        return cells
+    height, width = (-(-side // factor) for side in cells.shape)
     padded = np.zeros((height * factor, width * factor), dtype=np.bool_)
-    padded[: occupied.shape[0], : occupied.shape[1]] = occupied
+    padded[: cells.shape[0], : cells.shape[1]] = cells
     blocks = padded.reshape(height, factor, width, factor)
-    return np.asarray(blocks.any(axis=(1, 3)))
+    return np.asarray(np.count_nonzero(blocks, axis=(1, 3)) >= minimum)
 
 
-def _cover(occupied: NDArray[np.bool_], limit: int) -> tuple[list[_Run], bool]:
-    """Choose up to `limit` runs greedily by the cells they add; tell whether they cover all."""
-    missing = occupied.copy()
+def cover(blocked: NDArray[np.bool_], limit: int) -> tuple[list[Stretch], bool]:
+    """Choose up to `limit` stretches, each for the cells it adds; tell whether they cover all."""
+    missing = blocked.copy()
     missing[[0, -1], :] = False
     missing[:, [0, -1]] = False
-    runs = _runs(occupied, horizontal=True) + _runs(occupied, horizontal=False)
-    # What a run adds only shrinks, so an old figure is an upper bound: lazy greedy cover.
-    queue = [(-int(run.cells(missing).sum()), i) for i, run in enumerate(runs)]
+    found = stretches(blocked, horizontal=True) + stretches(blocked, horizontal=False)
+    # What a stretch adds only shrinks, so an old count is an upper bound: lazy greedy cover.
+    queue = [(-int(stretch.cells(missing).sum()), i) for i, stretch in enumerate(found)]
     heapq.heapify(queue)
-    chosen: list[_Run] = []
+    chosen: list[Stretch] = []
     while queue and len(chosen) < limit:
         _, i = heapq.heappop(queue)
-        gain = int(runs[i].cells(missing).sum())
+        gain = int(found[i].cells(missing).sum())
         if gain and queue and -gain > queue[0][0]:
             heapq.heappush(queue, (-gain, i))
         elif gain:
-            chosen.append(runs[i])
-            runs[i].cells(missing)[:] = False
+            chosen.append(found[i])
+            found[i].cells(missing)[:] = False
     return chosen, not missing.any()
 
 
-def _runs(occupied: NDArray[np.bool_], *, horizontal: bool) -> list[_Run]:
-    """Return the maximal stretches of occupied cells along rows or columns."""
-    lines = occupied if horizontal else occupied.T
+def stretches(blocked: NDArray[np.bool_], *, horizontal: bool) -> list[Stretch]:
+    """Return the longest possible stretches of blocked cells along rows or columns."""
+    lines = blocked if horizontal else blocked.T
     padded = np.pad(lines, ((0, 0), (1, 1))).astype(np.int8)
     change = np.diff(padded, axis=1)
     line, first = np.nonzero(change == 1)
     _, end = np.nonzero(change == -1)
-    return [_Run(horizontal, int(a), int(b), int(c) - 1) for a, b, c in zip(line, first, end)]
+    return [Stretch(horizontal, int(a), int(b), int(c) - 1) for a, b, c in zip(line, first, end)]
 
 
-def _to_cells(run: _Run, factor: int, shape: tuple[int, ...]) -> Barrier:
-    """Turn a run on a coarse lattice into a barrier in cells, along the middle of its band."""
-    across, along = shape if run.horizontal else shape[::-1]
+def to_barrier(stretch: Stretch, factor: int, shape: tuple[int, int]) -> Barrier:
+    """Turn a stretch of coarse cells into a barrier in cells, along the middle of its band."""
+    across, along = shape if stretch.horizontal else shape[::-1]
     return Barrier(
-        min(run.line * factor + factor // 2, across - 1),
-        run.first * factor,
-        min((run.last + 1) * factor - 1, along - 1),
+        min(stretch.line * factor + factor // 2, across - 1),
+        stretch.first * factor,
+        min((stretch.last + 1) * factor - 1, along - 1),
     )

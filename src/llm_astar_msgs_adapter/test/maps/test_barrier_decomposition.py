@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from llm_astar_msgs_adapter.maps.barrier_decomposition import decompose_barriers
+from llm_astar_msgs_adapter.maps.barrier_decomposition import coarsen, decompose_barriers
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
-from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 
 WIDTH, HEIGHT = 51, 31
 
@@ -29,9 +28,9 @@ def count(barrier_map):
 
 @settings(max_examples=60)
 @given(barrier_maps)
-def test_the_road_back_is_exact_on_barrier_maps(barrier_map):
+def test_decomposing_a_barrier_map_blocks_the_same_cells(barrier_map):
     grid = barrier_map.to_grid()
-    summary = decompose_barriers(grid, limit=40)
+    summary = decompose_barriers(grid.blocked(), limit=40)
     np.testing.assert_array_equal(summary.to_grid().cells, grid.cells)
 
 
@@ -39,7 +38,7 @@ def test_it_finds_the_very_barriers_of_a_plain_map():
     barrier_map = BarrierMap(
         0, (0, WIDTH), (0, HEIGHT), (Barrier(10, 3, 25),), (Barrier(25, 10, 22),)
     )
-    summary = decompose_barriers(barrier_map.to_grid())
+    summary = decompose_barriers(barrier_map.to_grid().blocked())
     assert summary.horizontal_barriers == barrier_map.horizontal_barriers
     assert summary.vertical_barriers == barrier_map.vertical_barriers
 
@@ -47,14 +46,14 @@ def test_it_finds_the_very_barriers_of_a_plain_map():
 def test_coordinates_are_cells_whatever_the_origin():
     barrier_map = BarrierMap(0, (-20, 31), (5, 36), (Barrier(10, -17, 5),))
     grid = barrier_map.to_grid(resolution=0.1)
-    assert decompose_barriers(grid).horizontal_barriers == (Barrier(5, 3, 25),)
+    assert decompose_barriers(grid.blocked()).horizontal_barriers == (Barrier(5, 3, 25),)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12))
 @settings(max_examples=30)
 def test_never_more_than_the_limit_and_always_on_the_map(seed, limit):
-    cells = np.random.default_rng(seed).choice([0, 100], size=(80, 130), p=[0.8, 0.2])
-    summary = decompose_barriers(GridMap(cells.astype(np.int8), 0.05, Pose2D(1, 2, 0.3)), limit)
+    blocked = np.random.default_rng(seed).choice([False, True], size=(80, 130), p=[0.8, 0.2])
+    summary = decompose_barriers(blocked, limit)
     assert 1 <= count(summary) <= limit
     for line, first, last in summary.horizontal_barriers:
         assert 0 <= line < 80
@@ -65,9 +64,9 @@ def test_never_more_than_the_limit_and_always_on_the_map(seed, limit):
 
 
 def test_a_thick_wall_becomes_few_barriers_that_still_close_the_way():
-    cells = np.zeros((200, 300), dtype=np.int8)
-    cells[:150, 140:156] = 100
-    summary = decompose_barriers(GridMap(cells), limit=6)
+    blocked = np.zeros((200, 300), dtype=np.bool_)
+    blocked[:150, 140:156] = True
+    summary = decompose_barriers(blocked, limit=6)
     assert count(summary) <= 6
     walls = summary.vertical_barriers
     assert walls
@@ -77,9 +76,17 @@ def test_a_thick_wall_becomes_few_barriers_that_still_close_the_way():
 
 
 def test_a_free_map_has_no_barriers():
-    assert count(decompose_barriers(GridMap(np.zeros((40, 40), dtype=np.int8)))) == 0
+    assert count(decompose_barriers(np.zeros((40, 40), dtype=np.bool_))) == 0
 
 
 def test_a_limit_below_one_is_refused():
     with pytest.raises(ValueError, match='limit'):
-        decompose_barriers(GridMap(np.zeros((4, 4), dtype=np.int8)), limit=0)
+        decompose_barriers(np.zeros((4, 4), dtype=np.bool_), limit=0)
+
+
+def test_a_coarse_cell_is_set_where_enough_of_its_cells_are():
+    cells = np.zeros((5, 4), dtype=np.bool_)
+    cells[[0, 0, 4], [0, 1, 3]] = True
+    np.testing.assert_array_equal(coarsen(cells, 2), [[1, 0], [0, 0], [0, 1]])
+    np.testing.assert_array_equal(coarsen(cells, 2, minimum=2), [[1, 0], [0, 0], [0, 0]])
+    assert coarsen(cells, 1) is cells

@@ -81,7 +81,7 @@ class EmbeddedSource:
 @lru_cache(maxsize=MAPS_KEPT)
 def _barriers_of(grid_map: GridMap) -> NDArray[np.int32]:
     """Return a map's barriers [B, 4] as (horizontal, line, first, last), found once a map."""
-    summary = decompose_barriers(grid_map, MAX_BARRIERS)
+    summary = decompose_barriers(grid_map.blocked(), MAX_BARRIERS)
     rows = [(1, *barrier) for barrier in summary.horizontal_barriers]
     rows += [(0, *barrier) for barrier in summary.vertical_barriers]
     return np.array(rows, np.int32).reshape(-1, 4)

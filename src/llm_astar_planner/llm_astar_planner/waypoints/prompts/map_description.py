@@ -6,9 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_decomposition import MAX_SIDE, decompose_barriers
+from llm_astar_msgs_adapter.maps.barrier_decomposition import (
+    MAX_SIDE,
+    coarsen,
+    decompose_barriers,
+)
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
-from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from numpy.typing import NDArray
 
 from llm_astar_planner.waypoints.prompts.lattice import Cell, Lattice
 
@@ -107,26 +112,18 @@ def _exact_barriers(grid_map: GridMap, limit: int) -> BarrierMap | None:
     """Return the barriers of a map that `limit` of them block just as it does, or None."""
     if max(grid_map.width, grid_map.height) > MAX_SIDE:
         return None
-    barriers = decompose_barriers(grid_map, limit)
+    barriers = decompose_barriers(grid_map.blocked(), limit)
     inner = slice(1, -1)
     told = barriers.to_grid().blocked()[inner, inner]
     return barriers if np.array_equal(told, grid_map.blocked()[inner, inner]) else None
 
 
-def _coarsen(grid_map: GridMap, unit: int) -> GridMap:
-    """Return the map with blocks of unit x unit cells for cells.
+def _coarsen(grid_map: GridMap, unit: int) -> NDArray[np.bool_]:
+    """Return which blocks of unit x unit cells are blocked: bool [rows, columns].
 
-    A block is occupied where a wall of one cell could cross it: specks close no gap.
+    A block is blocked where a wall of one cell could cross it: specks close no gap.
     """
-    if unit == 1:
-        return grid_map
-    occupied = grid_map.blocked()
-    height, width = (-(-side // unit) for side in occupied.shape)
-    padded = np.zeros((height * unit, width * unit), dtype=np.bool_)
-    padded[: occupied.shape[0], : occupied.shape[1]] = occupied
-    count = padded.reshape(height, unit, width, unit).sum(axis=(1, 3))
-    cells = np.where(count >= unit, OCCUPIED, FREE).astype(np.int8)
-    return GridMap(cells, grid_map.resolution * unit, grid_map.origin, grid_map.frame_id)
+    return coarsen(grid_map.blocked(), unit, minimum=unit)
 
 
 def _within(
