@@ -1,6 +1,6 @@
-"""What the ROS messages of an LLM-A* planner mean in plain values, both ways.
+"""Maps, ROS messages and rosbag2 files as plain values, both ways; never imports the planner.
 
-`barrier_map`, `grid_map`, `map_update`, `transform` and their like hold values and know nothing
-of ROS; so do those that begin with `bag`, which write and read rosbag2's files without it.
-`occupancy_grid`, `path`, `waypoints` and `report` translate, one module a message family.
+`maps` holds grids and barrier maps and the files they load from. `messages` translates live ROS
+messages and is the only folder that imports them. `bags` reads and writes rosbag2 files without
+ROS.
 """

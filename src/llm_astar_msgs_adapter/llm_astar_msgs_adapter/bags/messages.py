@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from llm_astar_msgs_adapter.bags.types import GET_PLAN_EVENT_TYPE, bag_types
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.headings import headings
+from llm_astar_msgs_adapter.messages.fields import headings_along
 
 NANOSECONDS = 1_000_000_000
 # A Time has no later one; the clock of a broken bag may.
@@ -73,7 +73,7 @@ def path(points: ArrayLike, frame_id: str, stamp: int, goal_yaw: float | None = 
     points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     poses = [
         _pose_stamped(Pose2D(x, y, yaw), frame_id, stamp)
-        for (x, y), yaw in zip(points.tolist(), headings(points, goal_yaw))
+        for (x, y), yaw in zip(points.tolist(), headings_along(points, goal_yaw))
     ]
     return _make('nav_msgs/msg/Path', header=_header(frame_id, stamp), poses=poses)
 

@@ -1,1 +1,1 @@
-"""ROS messages to plain values and back."""
+"""ROS messages to plain values and back; the only folder that imports ROS messages."""

@@ -1,22 +1,29 @@
 """Plan reports and exchanges with a model as diagnostic_msgs/DiagnosticArray, both ways.
 
-Every value is JSON, so that numbers and lists come back as they went.
+Every value is JSON, so that numbers and lists survive the round trip.
 """
 
 from __future__ import annotations
 
 import json
 from dataclasses import asdict, fields
-from typing import Any, TypeVar
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport
+from llm_astar_msgs_adapter.messages.report import (
+    ExchangeReport,
+    PlanReport,
+    Report,
+    ReportError,
+    report_from_values,
+)
 
 __all__ = [
     'ExchangeReport',
     'PlanReport',
+    'Report',
     'ReportError',
     'report_from_message',
     'report_to_message',
@@ -24,17 +31,11 @@ __all__ = [
     'status_values',
 ]
 
-Value = TypeVar('Value', PlanReport, ExchangeReport)
-
-
-class ReportError(ValueError):
-    """A diagnostic message that is no report of the kind asked for."""
-
 
 def report_to_message(
     report: PlanReport | ExchangeReport, name: str, stamp: Time
 ) -> DiagnosticArray:
-    """Write a report as one status, a key a field; `name` is the node's."""
+    """Write a report as one status with a key per field; `name` is the node's."""
     return status_to_message(name, report.level, report.summary, asdict(report), stamp)
 
 
@@ -53,37 +54,33 @@ def status_to_message(
     return array
 
 
-def report_from_message(message: DiagnosticArray, kind: type[Value]) -> Value:
+def report_from_message(message: DiagnosticArray, kind: type[Report]) -> Report:
     """Read a PlanReport or an ExchangeReport back.
 
-    Raises ReportError where a field is missing or is not JSON.
+    Raises ReportError where a field without a default is missing or a value is not JSON.
     """
     if len(message.status) != 1:
         raise ReportError(f'{kind.__name__}: {len(message.status)} statuses, not one')
-    texts = {value.key: value.value for value in message.status[0].values}
+    names = {field.name for field in fields(kind)}
     values: dict[str, Any] = {}
-    for field in fields(kind):
-        if field.name not in texts:
-            raise ReportError(f'{kind.__name__}: {field.name}: is missing')
+    for item in message.status[0].values:
+        if item.key not in names:
+            continue
         try:
-            values[field.name] = _frozen(json.loads(texts[field.name]))
+            values[item.key] = json.loads(item.value)
         except ValueError:
-            raise ReportError(f'{kind.__name__}: {field.name}: is not JSON') from None
-    return kind(**values)
+            raise ReportError(f'{kind.__name__}: {item.key}: is not JSON') from None
+    return report_from_values(kind, values)
 
 
 def status_values(status: DiagnosticStatus) -> dict[str, Any]:
-    """Read the values of a diagnostic status by key; the plain text of other nodes stays text."""
-    return {value.key: _from_json(value.value) for value in status.values}
+    """Read the values of a diagnostic status by key; a value that is not JSON stays text."""
+    return {item.key: json_or_text(item.value) for item in status.values}
 
 
-def _from_json(text: str) -> Any:  # noqa: ANN401 - any JSON value
+def json_or_text(text: str) -> Any:  # noqa: ANN401 - any JSON value
+    """Return the JSON value of a text, or the text itself where it is not JSON."""
     try:
         return json.loads(text)
     except ValueError:
         return text
-
-
-def _frozen(value: Any) -> Any:  # noqa: ANN401 - any JSON value
-    """Turn JSON's lists into tuples, as the reports hold them."""
-    return tuple(_frozen(item) for item in value) if isinstance(value, list) else value

@@ -1,6 +1,6 @@
-"""What the fields of messages mean, of rclpy's classes and of those a bag is decoded into alike.
+"""Plain values of ROS messages by their fields, for live messages and those decoded from bags.
 
-Nothing here needs ROS: a message is anything with the fields of its type.
+Nothing here imports ROS: a message is any object with the fields of its type.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 
-# How far a quaternion's norm may be off 1, and how much roll and pitch a flat map may have.
+# How far a quaternion's norm may be from 1, and the roll and pitch a flat map may have (rad).
 QUATERNION_TOLERANCE = 1e-3
 
 
-def grid_from_message(message: Any) -> GridMap:  # noqa: ANN401 - of either world
-    """Read a nav_msgs/OccupancyGrid. Raises GridMapError naming the field that is no good."""
+def grid_from_message(message: Any) -> GridMap:  # noqa: ANN401 - live or decoded
+    """Read a nav_msgs/OccupancyGrid. Raises GridMapError naming the field that is wrong."""
     info = message.info
     data = np.asarray(message.data, dtype=np.int8)
     if len(data) != info.width * info.height:
@@ -31,10 +31,11 @@ def grid_from_message(message: Any) -> GridMap:  # noqa: ANN401 - of either worl
     return GridMap(cells, float(info.resolution), origin, message.header.frame_id)
 
 
-def yaw_of(quaternion: Any, field: str) -> float:  # noqa: ANN401 - of either world
+def yaw_of(quaternion: Any, field: str) -> float:  # noqa: ANN401 - live or decoded
     """Return a quaternion's yaw in radians.
 
-    Raises GridMapError naming `field` where it is not finite, not of unit norm or not flat.
+    Raises GridMapError naming `field` where it is not finite, has no unit norm, or has roll or
+    pitch.
     """
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
     norm = math.sqrt(x * x + y * y + z * z + w * w)
@@ -47,16 +48,29 @@ def yaw_of(quaternion: Any, field: str) -> float:  # noqa: ANN401 - of either wo
     return 2.0 * math.atan2(z, w)
 
 
-def path_from_message(message: Any) -> NDArray[np.float64]:  # noqa: ANN401 - of either world
+def path_from_message(message: Any) -> NDArray[np.float64]:  # noqa: ANN401 - live or decoded
     """Read the points [n, 2] of a nav_msgs/Path in metres, whatever frame it is in."""
     points = [(pose.pose.position.x, pose.pose.position.y) for pose in message.poses]
     return np.array(points, dtype=np.float64).reshape(-1, 2)
 
 
-def pose_from_message(pose: Any, field: str = 'pose') -> Pose2D:  # noqa: ANN401
-    """Read a geometry_msgs/Pose in the plane, its heading projected on it; of either world.
+def headings_along(points: NDArray[np.float64], goal_yaw: float | None = None) -> list[float]:
+    """Return a yaw (rad) for each of the points [n, 2] of a path, towards the next point.
 
-    A quaternion of any length will do, one of zeros looks along x. Raises GridMapError naming
+    The last yaw is `goal_yaw` where given, else that of the point before.
+    """
+    if len(points) == 0:
+        return []
+    steps = np.diff(points, axis=0)
+    yaws: list[float] = np.arctan2(steps[:, 1], steps[:, 0]).tolist()
+    last = yaws[-1] if yaws else 0.0
+    return [*yaws, last if goal_yaw is None else goal_yaw]
+
+
+def pose_from_message(pose: Any, field: str = 'pose') -> Pose2D:  # noqa: ANN401
+    """Read a geometry_msgs/Pose as a pose in the plane: x, y, and the heading projected on it.
+
+    A quaternion need not have unit norm; one of zeros means yaw 0. Raises GridMapError naming
     `field` where a number is not finite.
     """
     position, quaternion = pose.position, pose.orientation
@@ -69,16 +83,16 @@ def pose_from_message(pose: Any, field: str = 'pose') -> Pose2D:  # noqa: ANN401
     return Pose2D(position.x, position.y, yaw)
 
 
-def stamp_of(message: Any) -> int:  # noqa: ANN401 - of either world
+def stamp_of(message: Any) -> int:  # noqa: ANN401 - live or decoded
     """Return the stamp in a message's header in nanoseconds."""
     stamp = message.header.stamp
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
-def values_of_report(message: Any) -> dict[str, Any]:  # noqa: ANN401 - of either world
-    """Return the values of the one status in a diagnostic_msgs/DiagnosticArray of ours.
+def values_of_report(message: Any) -> dict[str, Any]:  # noqa: ANN401 - live or decoded
+    """Return the values in a diagnostic_msgs/DiagnosticArray that holds one of our reports.
 
-    Empty where it is none of ours, whose values are all JSON.
+    Empty for any other message: our reports have one status, whose values are all JSON.
     """
     if len(message.status) != 1:
         return {}

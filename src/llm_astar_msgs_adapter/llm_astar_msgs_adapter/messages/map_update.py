@@ -1,6 +1,6 @@
-"""map_msgs/OccupancyGridUpdate onto a GridMap: part of a map sent anew.
+"""Applies map_msgs/OccupancyGridUpdate, a rectangle of new cells, to a GridMap.
 
-map_msgs need not be there: an update is anything with its fields.
+map_msgs need not be installed: an update is any object with its fields.
 """
 
 from __future__ import annotations
@@ -27,18 +27,19 @@ class GridUpdate(Protocol):
 
 
 def is_outdated(update: GridUpdate, map_time: int) -> bool:
-    """Tell whether an update was sent before a whole map stamped `map_time` (ns), which has it.
+    """Tell whether an update is older than a whole map stamped `map_time` (ns).
 
-    The two come on topics of their own and may cross on the way. Stamps of 0 tell nothing.
+    Such a map contains the update already; they arrive in any order, on two topics. An update
+    with stamp 0 is never outdated.
     """
     return 0 < stamp_of(update) < map_time
 
 
 def updated(grid_map: GridMap, update: GridUpdate) -> GridMap:
-    """Return the map with the update's rectangle in it.
+    """Return the map with the update's cells in it. An empty frame means the map's.
 
-    Raises GridMapError, naming the field, where the update is of another frame (an empty one
-    means the map's), does not lie on the map, is not filled or holds what no cell can be.
+    Raises GridMapError, naming the field, for an update in another frame, one that does not lie
+    on the map, one with too few cells, and for values that are no occupancy.
     """
     frame_id = update.header.frame_id
     if frame_id not in ('', grid_map.frame_id):
@@ -57,6 +58,6 @@ def updated(grid_map: GridMap, update: GridUpdate) -> GridMap:
         raise GridMapError('data', f'values must lie in {UNKNOWN}, {FREE} to {OCCUPIED}')
     cells: NDArray[np.int8] = grid_map.cells.copy()
     cells[y : y + height, x : x + width] = patch.reshape(height, width)
-    # Handed over for good: GridMap copies only what could still be written to.
+    # GridMap copies only arrays that can still be written to.
     cells.flags.writeable = False
     return GridMap(cells, grid_map.resolution, grid_map.origin, grid_map.frame_id)

@@ -1,4 +1,4 @@
-"""Plans as RViz and Foxglove show them: waypoints, ends, via points, expanded cells."""
+"""Plans as markers for RViz and Foxglove: waypoints, endpoints, via points, expanded cells."""
 
 from __future__ import annotations
 
@@ -17,146 +17,130 @@ from visualization_msgs.msg import Marker, MarkerArray
 from llm_astar_msgs_adapter.maps.barrier_decomposition import coarsen
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
-# A message of a million cells takes ten seconds to write, and no screen shows them all.
+# A message of a million cells takes ten seconds to write, and no screen can show them all.
 MAX_DRAWN = 10_000
-Place = tuple[float, float]
+Point2D = tuple[float, float]
 Colour = tuple[float, float, float]
 
-# Colours by verdict, for a light and a dark background alike.
-VERDICT_COLOURS = {
+# Colours by waypoint status; they stand out on a light and on a dark background.
+STATUS_COLOURS = {
     'accepted': (0.16, 0.63, 0.17),
     'out_of_order': (1.00, 0.65, 0.00),
     'unreachable': (0.58, 0.40, 0.74),
     'occupied': (0.84, 0.15, 0.16),
     'out_of_bounds': (0.50, 0.50, 0.50),
 }
+UNKNOWN_STATUS_COLOUR = (0.0, 0.0, 0.0)
 START_COLOUR = (0.12, 0.47, 0.71)
 GOAL_COLOUR = (0.89, 0.10, 0.45)
 VIA_COLOUR = (0.09, 0.75, 0.81)
-# A marker is at least so many cells wide, and so large a part of the map's longer side.
+# A marker's least size: in cells, and as a part of the map's longer side.
 CELLS_WIDE = 1.5
 PART_OF_MAP = 0.015
-# How far a label stands off its shape, in sizes.
-ASIDE = 1.5
+# The distance of a label from its shape, in marker sizes.
+LABEL_OFFSET = 1.5
 
 
-class _Shape(NamedTuple):
-    """A marker to be: its namespace, kind, place in grid coordinates, size in metres.
+class Shape(NamedTuple):
+    """One marker before it becomes a message: `point` in grid coordinates, `size` in metres.
 
-    `aside` is how many sizes off its place it stands, along y: a label right over its shape would
-    hide it from above.
+    `offset` moves it along y, in sizes: a label right above its shape would hide it from above.
     """
 
-    space: str
+    namespace: str
     kind: int
-    place: Place
+    point: Point2D
     colour: Colour
     size: float
     text: str = ''
-    aside: float = 0.0
+    offset: float = 0.0
+
+    def to_marker(self, number: int, position: Point, frame_id: str, stamp: Time) -> Marker:
+        """Return the marker with this id, at a position in metres."""
+        marker = Marker(ns=self.namespace, id=number, type=self.kind, action=Marker.ADD)
+        marker.header.frame_id = frame_id
+        marker.header.stamp = stamp
+        marker.pose.position = position
+        marker.pose.position.y += self.offset * self.size
+        marker.pose.orientation.w = 1.0
+        marker.scale.x = marker.scale.y = marker.scale.z = self.size
+        red, green, blue = self.colour
+        marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
+        if self.text:
+            marker.text = self.text
+            marker.pose.position.z = self.size
+        return marker
 
 
 def waypoints_to_markers(
     waypoints: Sequence[tuple[float, float, str]],
     grid_map: GridMap,
     stamp: Time,
-    ends: Sequence[Place] = (),
-    via: Sequence[Place] = (),
+    endpoints: Sequence[Point2D] = (),
+    via: Sequence[Point2D] = (),
 ) -> MarkerArray:
-    """Draw what a plan was given, all in grid coordinates (x, y).
+    """Draw a plan's waypoints (x, y, status), endpoints and via points, in grid coordinates.
 
-    Waypoints with their verdict are numbered spheres, and a legend left of the map's top counts
-    them; `ends`, start and goal, are cubes; `via` are numbered cylinders. The first marker deletes
-    those of the plan before. Each kind is a namespace, to be switched off alone.
+    Waypoints are numbered spheres coloured by status, counted by a legend left of the map's top.
+    `endpoints`, start and goal, are cubes; `via` points are numbered cylinders. The first marker
+    deletes those of the previous plan. Each kind has its namespace, to be hidden on its own.
     """
-    size = _size(grid_map)
-    shapes = [
-        *_waypoint_shapes(waypoints, size),
-        *_end_shapes(ends, size),
-        *_via_shapes(via, size),
-        *_legend_shapes(waypoints, grid_map, size),
-    ]
+    longer_side = max(grid_map.width, grid_map.height)
+    cells = max(CELLS_WIDE, PART_OF_MAP * longer_side)
+    size = cells * grid_map.resolution
+    shapes: list[Shape] = []
+    for number, (x, y, status) in enumerate(waypoints, start=1):
+        colour = STATUS_COLOURS.get(status, UNKNOWN_STATUS_COLOUR)
+        text = f'{number}' if status == 'accepted' else f'{number} {status.replace("_", " ")}'
+        shapes.append(Shape('waypoints', Marker.SPHERE, (x, y), colour, size))
+        shapes.append(label((x, y), colour, size, text))
+    for point, name, colour in zip(endpoints, ('start', 'goal'), (START_COLOUR, GOAL_COLOUR)):
+        shapes.append(Shape('ends', Marker.CUBE, point, colour, size))
+        # On the other side than a waypoint's label: models also return start and goal.
+        shapes.append(label(point, colour, size, name, -LABEL_OFFSET))
+    for number, point in enumerate(via, start=1):
+        shapes.append(Shape('via', Marker.CYLINDER, point, VIA_COLOUR, 1.4 * size))
+        shapes.append(label(point, VIA_COLOUR, size, f'via {number}'))
+    top_left = (-6.0 * cells, grid_map.height - 1.0)
+    shapes += legend([status for *_, status in waypoints], top_left, cells, size)
     clear = Marker(action=Marker.DELETEALL)
     clear.header.frame_id = grid_map.frame_id
-    places = grid_map.grid_to_world([shape.place for shape in shapes]).tolist()
+    positions = grid_map.grid_to_world([shape.point for shape in shapes]).tolist()
     markers = [
-        _marker(number, shape, Point(x=x, y=y, z=0.0), grid_map.frame_id, stamp)
-        for number, (shape, (x, y)) in enumerate(zip(shapes, places), start=1)
+        shape.to_marker(number, Point(x=x, y=y, z=0.0), grid_map.frame_id, stamp)
+        for number, (shape, (x, y)) in enumerate(zip(shapes, positions), start=1)
     ]
     return MarkerArray(markers=[clear, *markers])
 
 
-def _size(grid_map: GridMap) -> float:
-    """Return how many metres wide a marker is, to be seen on the whole map."""
-    longer = max(grid_map.width, grid_map.height)
-    return max(CELLS_WIDE, PART_OF_MAP * longer) * grid_map.resolution
+def label(
+    point: Point2D, colour: Colour, size: float, text: str, offset: float = LABEL_OFFSET
+) -> Shape:
+    """Return the text next to a shape."""
+    return Shape('labels', Marker.TEXT_VIEW_FACING, point, colour, size, text, offset)
 
 
-def _waypoint_shapes(waypoints: Sequence[tuple[float, float, str]], size: float) -> list[_Shape]:
-    shapes = []
-    for number, (x, y, verdict) in enumerate(waypoints, start=1):
-        colour = VERDICT_COLOURS.get(verdict, (0.0, 0.0, 0.0))
-        text = f'{number}' if verdict == 'accepted' else f'{number} {verdict.replace("_", " ")}'
-        shapes.append(_Shape('waypoints', Marker.SPHERE, (x, y), colour, size))
-        shapes.append(_Shape('labels', Marker.TEXT_VIEW_FACING, (x, y), colour, size, text, ASIDE))
-    return shapes
-
-
-def _end_shapes(ends: Sequence[Place], size: float) -> list[_Shape]:
-    shapes = []
-    for place, name, colour in zip(ends, ('start', 'goal'), (START_COLOUR, GOAL_COLOUR)):
-        shapes.append(_Shape('ends', Marker.CUBE, place, colour, size))
-        # On the other side than a waypoint's, as models name the ends, too.
-        shapes.append(_Shape('labels', Marker.TEXT_VIEW_FACING, place, colour, size, name, -ASIDE))
-    return shapes
-
-
-def _via_shapes(via: Sequence[Place], size: float) -> list[_Shape]:
-    shapes = []
-    for number, place in enumerate(via, start=1):
-        text = f'via {number}'
-        shapes.append(_Shape('via', Marker.CYLINDER, place, VIA_COLOUR, 1.4 * size))
-        label = _Shape('labels', Marker.TEXT_VIEW_FACING, place, VIA_COLOUR, size, text, ASIDE)
-        shapes.append(label)
-    return shapes
-
-
-def _legend_shapes(
-    waypoints: Sequence[tuple[float, float, str]], grid_map: GridMap, size: float
-) -> list[_Shape]:
-    """Return a line a verdict that occurs, below each other, outside the map."""
-    counts = Counter(verdict for _, _, verdict in waypoints)
-    cells = size / grid_map.resolution
-    shapes = []
-    for line, (verdict, colour) in enumerate(
-        (verdict, colour) for verdict, colour in VERDICT_COLOURS.items() if counts[verdict]
-    ):
-        place = (-6.0 * cells, grid_map.height - 1.0 - 1.5 * cells * line)
-        text = f'{counts[verdict]} {verdict.replace("_", " ")}'
-        shapes.append(_Shape('legend', Marker.TEXT_VIEW_FACING, place, colour, size, text))
-    return shapes
-
-
-def _marker(number: int, shape: _Shape, place: Point, frame_id: str, stamp: Time) -> Marker:
-    marker = Marker(ns=shape.space, id=number, type=shape.kind, action=Marker.ADD)
-    marker.header.frame_id = frame_id
-    marker.header.stamp = stamp
-    marker.pose.position = place
-    marker.pose.position.y += shape.aside * shape.size
-    marker.pose.orientation.w = 1.0
-    marker.scale.x = marker.scale.y = marker.scale.z = shape.size
-    red, green, blue = shape.colour
-    marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
-    if shape.text:
-        marker.text = shape.text
-        marker.pose.position.z = shape.size
-    return marker
+def legend(statuses: Sequence[str], top_left: Point2D, cells: float, size: float) -> list[Shape]:
+    """Return one line of text for each known status that occurs, with its count."""
+    counts = Counter(statuses)
+    found = [status for status in STATUS_COLOURS if counts[status]]
+    return [
+        Shape(
+            'legend',
+            Marker.TEXT_VIEW_FACING,
+            (top_left[0], top_left[1] - 1.5 * cells * line),
+            STATUS_COLOURS[status],
+            size,
+            f'{counts[status]} {status.replace("_", " ")}',
+        )
+        for line, status in enumerate(found)
+    ]
 
 
 def expanded_to_message(expanded: NDArray[np.bool_], grid_map: GridMap, stamp: Time) -> GridCells:
     """Draw the expanded cells (bool [height, width]) as grid cells.
 
-    More than MAX_DRAWN are drawn as larger cells: 2 x 2, 4 x 4, ... of the map's.
+    Where they are more than MAX_DRAWN, blocks of 2 x 2, 4 x 4, ... cells are drawn instead.
     """
     factor, blocks = 1, expanded
     while np.count_nonzero(blocks) > MAX_DRAWN:
@@ -174,12 +158,12 @@ def expanded_to_message(expanded: NDArray[np.bool_], grid_map: GridMap, stamp: T
 
 
 def expanded_from_message(message: GridCells, grid_map: GridMap) -> NDArray[np.bool_]:
-    """Read the cells of a message on the map they were drawn for: bool [height, width]."""
+    """Read the expanded cells of a map (bool [height, width]) back from their message."""
     expanded = np.zeros(grid_map.cells.shape, dtype=np.bool_)
     factor = round(message.cell_width / grid_map.resolution)
     if message.cells:
-        places = grid_map.world_to_grid([(point.x, point.y) for point in message.cells])
-        columns, rows = np.rint(places - (factor - 1) / 2).astype(int).T
+        centres = grid_map.world_to_grid([(point.x, point.y) for point in message.cells])
+        columns, rows = np.rint(centres - (factor - 1) / 2).astype(int).T
         within = np.arange(factor)
         y = (rows[:, None, None] + within[:, None]).clip(max=grid_map.height - 1)
         x = (columns[:, None, None] + within).clip(max=grid_map.width - 1)

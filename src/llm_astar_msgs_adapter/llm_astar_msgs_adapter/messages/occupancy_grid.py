@@ -27,7 +27,7 @@ def grid_to_message(grid_map: GridMap, stamp: Time) -> OccupancyGrid:
     message.info.origin.position.x = float(grid_map.origin.x)
     message.info.origin.position.y = float(grid_map.origin.y)
     message.info.origin.orientation = quaternion_of(grid_map.origin.yaw)
-    # An array.array is handed over as it is; a list or an ndarray would be copied by element.
+    # rclpy takes an array.array as it is, but copies a list or an ndarray element by element.
     message.data = array.array('b', grid_map.cells.tobytes())
     return message
 

@@ -9,9 +9,8 @@ from nav_msgs.msg import Path
 from numpy.typing import ArrayLike
 
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.messages.fields import path_from_message
-from llm_astar_msgs_adapter.messages.fields import pose_from_message as plain_pose
-from llm_astar_msgs_adapter.messages.headings import headings
+from llm_astar_msgs_adapter.messages import fields
+from llm_astar_msgs_adapter.messages.fields import headings_along, path_from_message
 from llm_astar_msgs_adapter.messages.occupancy_grid import quaternion_of
 
 __all__ = ['path_from_message', 'path_to_message', 'pose_from_message', 'pose_to_message']
@@ -20,10 +19,10 @@ __all__ = ['path_from_message', 'path_to_message', 'pose_from_message', 'pose_to
 def path_to_message(
     points: ArrayLike, frame_id: str, stamp: Time, goal_yaw: float | None = None
 ) -> Path:
-    """Write points [n, 2] in metres as a path, frame and stamp on every pose.
+    """Write points [n, 2] in metres as a path with frame and stamp on every pose.
 
-    Each pose looks along the path towards the next; the last looks along `goal_yaw` (radians)
-    where given, else as the one before it.
+    Each pose is oriented towards the next; the last has `goal_yaw` (radians) where given, else
+    the orientation of the pose before.
     """
     points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     message = Path()
@@ -31,7 +30,7 @@ def path_to_message(
     message.header.stamp = stamp
     message.poses = [
         pose_to_message(Pose2D(x, y, yaw), frame_id, stamp)
-        for (x, y), yaw in zip(points.tolist(), headings(points, goal_yaw))
+        for (x, y), yaw in zip(points.tolist(), headings_along(points, goal_yaw))
     ]
     return message
 
@@ -48,8 +47,8 @@ def pose_to_message(pose: Pose2D, frame_id: str, stamp: Time) -> PoseStamped:
 
 
 def pose_from_message(message: PoseStamped, field: str = 'pose') -> Pose2D:
-    """Read a pose in the plane, its heading projected on it.
+    """Read a pose in the plane: x, y, and the heading projected on it.
 
     Raises GridMapError naming `field` where a number is not finite.
     """
-    return plain_pose(message.pose, field)
+    return fields.pose_from_message(message.pose, field)

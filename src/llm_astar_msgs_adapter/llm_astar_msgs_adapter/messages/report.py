@@ -1,27 +1,36 @@
-"""What plan reports and exchanges with a model hold, in plain values."""
+"""The fields of plan reports and of exchanges with a waypoint source, as plain values."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from typing import Any, TypeVar
 
-# diagnostic_msgs/DiagnosticStatus's levels.
+from llm_astar_msgs_adapter.errors import LlmAstarError
+
+# The levels of diagnostic_msgs/DiagnosticStatus.
 OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
+
+
+class ReportError(LlmAstarError, ValueError):
+    """A diagnostic message that is not a report of the expected kind; names the field."""
 
 
 @dataclass(frozen=True)
 class PlanReport:
-    """What a plan tells beside its path.
+    """The figures of one plan, besides its path.
 
-    `code` and `code_name` are Nav2's. `length` is in metres, None without a path. The path's cost
-    is proven to be at most `ratio` times the least, None where nothing is proven. `operation`
-    counts all expansions, `first_operation` those up to the first path. `waypoints` are
-    (x, y, verdict), in metres in the map's frame. `seconds_*` are wall clock. `map_digest` names
-    the map planned on.
+    `code` and `code_name` are Nav2's. `length` is in metres, None without a path. The path costs
+    at most `ratio` times the least possible cost, None where no bound is proven. `operation`
+    counts all expansions, `first_operation` those up to the first path, `storage` the states
+    stored. `waypoints` are (x, y, status), in metres in the map's frame. `seconds_*` are wall
+    clock. `map_digest` names the map that was planned on.
 
-    In metres too: how far start and goal were shifted to be plannable, how far the path runs
-    through unknown cells, and its least distance to a lethal one, None where there is none.
-    `turns` are its changes of direction. `instruction` tells what became of a wish in plain
-    language, '' where none was made.
+    `start_shift` and `goal_shift` (m) are how far start and goal were moved to a free cell.
+    `unknown_length` (m) is the part of the path through unknown cells, `clearance` (m) its
+    smallest distance to a lethal cell, None where there is none. `turns` counts the path's
+    changes of direction. `instruction` says what became of an instruction in plain language, ''
+    where none was given.
     """
 
     code: int
@@ -51,7 +60,7 @@ class PlanReport:
 
     @property
     def level(self) -> bytes:
-        """OK for a plan as asked, WARN for one with warnings or no source, ERROR for no plan."""
+        """OK for a plan, WARN for one with warnings or without its source, ERROR for no plan."""
         if self.code != 0:
             return ERROR
         fine = self.source_status in ('OK', 'NONE') and not self.warnings
@@ -60,17 +69,18 @@ class PlanReport:
     @property
     def summary(self) -> str:
         """One line for a person."""
-        return _sayable(f'{self.code_name}: {self.message}')
+        return replace_lone_surrogates(f'{self.code_name}: {self.message}')
 
 
 @dataclass(frozen=True)
 class ExchangeReport:
-    """One exchange with a waypoint source: what was asked, answered and spent. No secrets.
+    """One exchange with a waypoint source: query, answer and cost. It holds no secrets.
 
-    `messages` are (role, content), `waypoints` (x, y) in grid coordinates, `unit` the cells one
-    step of the reply's own coordinates was. With `map_digest` and `pair` (`x0,y0->x1,y1` in
-    cells) it can be replayed as a line of a transcript. `instruction` is the wish in plain
-    language it was asked with, '' for none, and `instruction_outcome` what became of that.
+    `messages` are (role, content). `waypoints` are (x, y) in grid coordinates; `unit` is how many
+    cells one step of the reply's own coordinates was. `map_digest` and `pair` (`x0,y0->x1,y1` in
+    cells) identify the query, so that the exchange can be replayed from a transcript.
+    `instruction` is the caller's, in plain language, '' for none; `instruction_outcome` says what
+    became of it.
     """
 
     label: str
@@ -88,7 +98,7 @@ class ExchangeReport:
     pair: str
     instruction: str = ''
     instruction_outcome: str = ''
-    # Long, so last: who lists the values finds the answer before it.
+    # The longest value is last, so that a list of all values shows the others first.
     messages: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -101,9 +111,32 @@ class ExchangeReport:
     def summary(self) -> str:
         """One line for a person."""
         count = f'{len(self.waypoints)} waypoints by {self.label}'
-        return _sayable(f'{self.status}: {self.detail or count}')
+        return replace_lone_surrogates(f'{self.status}: {self.detail or count}')
 
 
-def _sayable(words: str) -> str:
-    """Return words as a message and a log can hold them: a model's may have half a character."""
-    return words.encode(errors='replace').decode()
+Report = TypeVar('Report', PlanReport, ExchangeReport)
+
+
+def report_from_values(kind: type[Report], values: Mapping[str, Any]) -> Report:
+    """Make a report of its JSON values by field name; unknown names are ignored.
+
+    A missing field takes its default, as in reports written before the field existed. Raises
+    ReportError where a field without a default is missing.
+    """
+    known: dict[str, Any] = {}
+    for field in fields(kind):
+        if field.name in values:
+            known[field.name] = lists_to_tuples(values[field.name])
+        elif field.default is MISSING:
+            raise ReportError(f'{kind.__name__}: {field.name}: is missing')
+    return kind(**known)
+
+
+def lists_to_tuples(value: Any) -> Any:  # noqa: ANN401 - any JSON value
+    """Turn JSON lists into tuples, at every depth."""
+    return tuple(map(lists_to_tuples, value)) if isinstance(value, list) else value
+
+
+def replace_lone_surrogates(text: str) -> str:
+    """Replace what UTF-8 cannot encode, since a model may reply with half a character."""
+    return text.encode(errors='replace').decode()

@@ -1,6 +1,6 @@
-"""The latest known transforms between frames, and poses in the plane taken through them.
+"""The newest transforms between frames, and poses in the plane transformed by them.
 
-Nothing here needs tf2: a transform is anything with the fields of geometry_msgs/Transform.
+Nothing here imports tf2: a transform is any object with the fields of geometry_msgs/Transform.
 """
 
 from __future__ import annotations
@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 
 from llm_astar_msgs_adapter.maps.grid_map import GridMapError, Pose2D
 
-# A transform older than this (ns) no longer says where anything is.
+# A moving transform older than this (ns) is not used.
 MAX_AGE = 10_000_000_000
 MAX_DEPTH = 64
-# How far a quaternion's norm may be off 1.
+# How far a quaternion's norm may be from 1.
 QUATERNION_TOLERANCE = 1e-3
 
 
-class _Link(NamedTuple):
+class Link(NamedTuple):
+    """The transform [4, 4] of a frame into its parent, received at `time` (ns)."""
+
     parent: str
     matrix: NDArray[np.float64]
     time: int
@@ -28,36 +30,36 @@ class _Link(NamedTuple):
 
 
 class Transforms:
-    """The newest transform of every frame to its parent; memory grows with frames, not time."""
+    """Keeps the newest transform of every frame into its parent, and no older ones."""
 
     def __init__(self) -> None:
-        """Know nothing yet."""
-        self._links: dict[str, _Link] = {}
+        """Begin without transforms."""
+        self._links: dict[str, Link] = {}
 
     def add(self, message: Any, time: int, *, static: bool) -> None:  # noqa: ANN401
-        """Take a tf2_msgs/TFMessage that came at `time` (ns); what is no transform is skipped."""
+        """Add a tf2_msgs/TFMessage received at `time` (ns); malformed transforms are skipped."""
         for stamped in message.transforms:
             try:
                 matrix = matrix_of(stamped.transform)
             except GridMapError:
                 continue
             child = stamped.child_frame_id.lstrip('/')
-            self._links[child] = _Link(stamped.header.frame_id.lstrip('/'), matrix, time, static)
+            self._links[child] = Link(stamped.header.frame_id.lstrip('/'), matrix, time, static)
 
     def forget_moving(self) -> None:
-        """Forget every transform that is not static, as when the clock has jumped."""
+        """Drop every transform that is not static, for when the clock jumps."""
         self._links = {child: link for child, link in self._links.items() if link.static}
 
     def lookup(self, target: str, source: str, now: int) -> NDArray[np.float64] | None:
-        """Return the transform [4, 4] that takes `source` coordinates to `target`, if known."""
-        up, down = self._chain(source, now), self._chain(target, now)
+        """Return the transform [4, 4] from `source` to `target` coordinates, None if unknown."""
+        up, down = self.ancestors(source, now), self.ancestors(target, now)
         joint = next((frame for frame in up if frame in down), None)
         if joint is None:
             return None
         return np.asarray(np.linalg.inv(down[joint]) @ up[joint])
 
-    def _chain(self, frame: str, now: int) -> dict[str, NDArray[np.float64]]:
-        """Return every frame above one, itself first, with the transforms into them."""
+    def ancestors(self, frame: str, now: int) -> dict[str, NDArray[np.float64]]:
+        """Return a frame and all frames above it, each with the transform [4, 4] into it."""
         frame = frame.lstrip('/')
         matrix = np.eye(4)
         found = {frame: matrix}
@@ -72,11 +74,11 @@ class Transforms:
         return found
 
 
-def matrix_of(transform: Any) -> NDArray[np.float64]:  # noqa: ANN401 - of either world
+def matrix_of(transform: Any) -> NDArray[np.float64]:  # noqa: ANN401 - live or decoded
     """Return a geometry_msgs/Transform as a matrix [4, 4].
 
-    Raises GridMapError, naming the field, where it is not finite or its rotation is no unit
-    quaternion.
+    Raises GridMapError, naming the field, where a number is not finite or the rotation is not a
+    unit quaternion.
     """
     shift, turn = transform.translation, transform.rotation
     place, quaternion = (shift.x, shift.y, shift.z), (turn.x, turn.y, turn.z, turn.w)
@@ -101,10 +103,9 @@ def flat_pose(matrix: NDArray[np.float64]) -> Pose2D:
 
 
 def moved(pose: Pose2D, matrix: NDArray[np.float64]) -> Pose2D:
-    """Return a pose of the child frame of a transform [4, 4] in its parent frame.
+    """Transform a pose by a matrix [4, 4] and project the result on the new frame's x-y plane.
 
-    The pose's point and heading are turned in space and then projected on the parent's plane, so
-    a frame on a slope is served as far as a plane can.
+    The pose is turned in space before it is projected, so the frame may be tilted.
     """
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     planar = np.eye(4)

@@ -1,4 +1,4 @@
-"""Part of a map sent anew: patched in where it fits, refused with a sentence where not."""
+"""Map updates: applied where they fit the map, refused with the field where they do not."""
 
 import array
 from types import SimpleNamespace
@@ -33,7 +33,7 @@ def test_an_update_changes_its_rectangle_and_nothing_else():
     ('sent', 'map_time', 'outdated'),
     [((5, 1), 5_000_000_002, True), ((5, 2), 5_000_000_002, False), ((0, 0), 5, False)],
 )
-def test_an_update_from_before_a_whole_map_is_outdated(sent, map_time, outdated):
+def test_an_update_older_than_the_whole_map_is_outdated(sent, map_time, outdated):
     stamp = SimpleNamespace(sec=sent[0], nanosec=sent[1])
     assert is_outdated(SimpleNamespace(header=SimpleNamespace(stamp=stamp)), map_time) == outdated
 

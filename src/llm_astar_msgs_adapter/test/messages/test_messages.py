@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.diagnostics import (
@@ -64,12 +64,12 @@ REPORT = PlanReport(
 )
 
 
-def test_a_map_keeps_its_digest_on_its_way_through_a_message():
-    grid_map = GridMap(GRID.cells, 0.05, GRID.origin, 'map')  # no number of binary32
+def test_a_map_keeps_its_digest_through_a_message():
+    grid_map = GridMap(GRID.cells, 0.05, GRID.origin, 'map')  # not exact as a float32
     assert grid_from_message(grid_to_message(grid_map, STAMP)).digest == grid_map.digest
 
 
-def test_a_grid_comes_back_as_it_went():
+def test_a_grid_survives_the_round_trip():
     message = grid_to_message(GRID, STAMP)
     assert message.header.frame_id == 'map'
     assert message.header.stamp == STAMP
@@ -112,7 +112,7 @@ def test_a_malformed_map_names_its_field(change, field):
         grid_from_message(message)
 
 
-def test_a_map_on_a_slope_is_refused():
+def test_a_map_with_roll_or_pitch_is_refused():
     message = grid_to_message(GRID, STAMP)
     quaternion = message.info.origin.orientation
     quaternion.x, quaternion.z, quaternion.w = math.sqrt(0.5), 0.0, math.sqrt(0.5)
@@ -128,7 +128,7 @@ def test_an_empty_map_is_refused():
         grid_from_message(message)
 
 
-def test_a_path_has_frame_and_stamp_on_every_pose_and_looks_along_itself():
+def test_a_path_has_frame_stamp_and_the_direction_of_travel_on_every_pose():
     points = [[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]]
     message = path_to_message(points, 'map', STAMP, goal_yaw=1.0)
     assert message.header.stamp == STAMP
@@ -139,13 +139,13 @@ def test_a_path_has_frame_and_stamp_on_every_pose_and_looks_along_itself():
     np.testing.assert_array_equal(path_from_message(message), points)
 
 
-def test_an_empty_path_and_one_of_one_pose():
+def test_a_path_may_be_empty_or_have_one_pose():
     assert path_to_message([], 'map', STAMP).poses == []
     assert path_from_message(path_to_message([], 'map', STAMP)).shape == (0, 2)
     assert len(path_to_message([[1.0, 2.0]], 'map', STAMP).poses) == 1
 
 
-def test_a_pose_comes_back_and_one_that_is_not_finite_is_named():
+def test_a_pose_survives_the_round_trip_and_one_that_is_not_finite_is_named():
     pose = Pose2D(1.5, -2.0, 0.75)
     assert pose_from_message(pose_to_message(pose, 'map', STAMP)) == pytest.approx(pose)
     broken = PoseStamped()
@@ -155,7 +155,7 @@ def test_a_pose_comes_back_and_one_that_is_not_finite_is_named():
 
 
 @pytest.mark.parametrize(('length', 'yaw'), [(1e-9, 1.2), (5.0, 1.2), (1e300, 1.2), (0.0, 0.0)])
-def test_a_heading_is_that_of_its_quaternion_whatever_its_length(length, yaw):
+def test_a_heading_does_not_depend_on_the_norm_of_its_quaternion(length, yaw):
     message = pose_to_message(Pose2D(0.0, 0.0, 1.2), 'map', STAMP)
     message.pose.orientation.z *= length
     message.pose.orientation.w *= length
@@ -185,13 +185,24 @@ def test_a_heading_is_that_of_its_quaternion_whatever_its_length(length, yaw):
         ),
     ],
 )
-def test_reports_come_back_as_they_went(report):
+def test_reports_survive_the_round_trip(report):
     message = report_to_message(report, 'planner_node', STAMP)
     assert message.header.stamp == STAMP
     assert report_from_message(message, type(report)) == report
 
 
-def test_words_that_are_no_unicode_do_not_break_a_report():
+def test_a_report_without_later_fields_is_read_with_their_defaults():
+    message = report_to_message(REPORT, 'planner_node', STAMP)
+    later = ('start_shift', 'clearance', 'turns', 'warnings', 'instruction')
+    message.status[0].values = [v for v in message.status[0].values if v.key not in later]
+    message.status[0].values += [KeyValue(key='of_tomorrow', value='not JSON')]
+    old = report_from_message(message, PlanReport)
+    assert old == replace(
+        REPORT, start_shift=0.0, clearance=None, turns=0, warnings=(), instruction=''
+    )
+
+
+def test_a_lone_surrogate_in_a_message_does_not_break_a_report():
     report = replace(REPORT, message='half \ud800')
     message = report_to_message(report, 'planner_node', STAMP)
     serialize_message(message)
@@ -208,12 +219,12 @@ def test_words_that_are_no_unicode_do_not_break_a_report():
         ({'code': 208}, DiagnosticStatus.ERROR),
     ],
 )
-def test_the_level_tells_a_plan_as_asked_from_one_with_warnings_from_none(change, level):
+def test_the_level_is_ok_warn_or_error_by_code_source_and_warnings(change, level):
     message = report_to_message(replace(REPORT, **change), 'planner_node', STAMP)
     assert message.status[0].level == level
 
 
-def test_a_message_that_is_no_report_says_so():
+def test_a_message_that_is_not_a_report_is_refused_with_its_field():
     with pytest.raises(ReportError, match='statuses'):
         report_from_message(DiagnosticArray(), PlanReport)
     message = report_to_message(REPORT, 'planner_node', STAMP)
@@ -225,7 +236,7 @@ def test_a_message_that_is_no_report_says_so():
         report_from_message(message, PlanReport)
 
 
-def test_markers_start_by_clearing_and_colour_by_verdict():
+def test_markers_delete_the_old_ones_first_and_colour_waypoints_by_status():
     waypoints = [(1.0, 0.0, 'accepted'), (2.0, 1.0, 'occupied')]
     clear, *markers = waypoints_to_markers(waypoints, GRID, STAMP).markers
     assert clear.action == clear.DELETEALL
@@ -236,10 +247,10 @@ def test_markers_start_by_clearing_and_colour_by_verdict():
     np.testing.assert_allclose(GRID.world_to_grid([(place.x, place.y)]), [[1.0, 0.0]], atol=1e-9)
 
 
-def test_markers_name_the_ends_the_via_points_and_count_the_verdicts():
+def test_markers_name_endpoints_and_via_points_and_count_the_statuses():
     waypoints = [(1.0, 0.0, 'accepted'), (2.0, 1.0, 'out_of_bounds'), (2.0, 0.0, 'accepted')]
     array = waypoints_to_markers(
-        waypoints, GRID, STAMP, ends=[(0.0, 0.0), (2.0, 1.0)], via=[(1.0, 1.0)]
+        waypoints, GRID, STAMP, endpoints=[(0.0, 0.0), (2.0, 1.0)], via=[(1.0, 1.0)]
     )
     markers = array.markers[1:]
     labels = [marker.text for marker in markers if marker.ns == 'labels']
@@ -271,12 +282,12 @@ def test_markers_can_be_seen_on_a_large_map():
     assert marker.scale.x == pytest.approx(0.015 * 4000 * 0.05)
 
 
-def test_a_plan_without_waypoints_clears_those_of_the_one_before():
+def test_a_plan_without_waypoints_deletes_the_markers_of_the_plan_before():
     (clear,) = waypoints_to_markers([], GRID, STAMP).markers
     assert clear.action == clear.DELETEALL
 
 
-def test_many_expanded_cells_are_drawn_larger_and_none_is_lost():
+def test_many_expanded_cells_are_drawn_as_larger_blocks_and_none_is_lost():
     grid_map = GridMap(np.zeros((301, 503), dtype=np.int8), 0.1, GRID.origin, 'map')
     expanded = np.random.default_rng(0).random(grid_map.cells.shape) < 0.5
     message = expanded_to_message(expanded, grid_map, STAMP)
@@ -290,7 +301,7 @@ def test_many_expanded_cells_are_drawn_larger_and_none_is_lost():
     np.testing.assert_array_equal(back, alone)
 
 
-def test_expanded_cells_come_back():
+def test_expanded_cells_survive_the_round_trip():
     expanded = np.array([[True, False, True], [False, True, False]])
     message = expanded_to_message(expanded, GRID, STAMP)
     np.testing.assert_array_equal(expanded_from_message(message, GRID), expanded)

@@ -27,7 +27,7 @@ def test_a_pose_is_turned_and_shifted():
     assert flat_pose(turned(0.5, 3.0, 4.0)) == pytest.approx((3.0, 4.0, 0.5))
 
 
-def test_a_frame_on_a_slope_is_projected_on_the_plane():
+def test_a_pose_in_a_tilted_frame_is_projected_on_the_plane():
     pitch = math.radians(60.0)
     sloped = transform(rotation=(0.0, math.sin(pitch / 2), 0.0, math.cos(pitch / 2)))
     assert moved(Pose2D(2.0, 1.0, 0.0), matrix_of(sloped)) == pytest.approx((1.0, 1.0, 0.0))
@@ -54,7 +54,7 @@ def test_a_transform_and_its_inverse_leave_a_pose_where_it_was(x, y, yaw, tx, ty
         (transform(rotation=(1.0, 1.0, 0.0, 1.0)), 'transform.rotation'),
     ],
 )
-def test_a_transform_that_is_none_is_refused(broken, field):
+def test_a_malformed_transform_is_refused(broken, field):
     with pytest.raises(GridMapError) as caught:
         matrix_of(broken)
     assert caught.value.field == field

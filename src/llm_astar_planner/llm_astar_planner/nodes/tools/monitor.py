@@ -13,8 +13,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.messages.diagnostics import (
     ExchangeReport,
     PlanReport,
+    Report,
     ReportError,
-    Value,
     report_from_message,
     status_values,
 )
@@ -74,7 +74,7 @@ class Watcher:
     def _on_exchange(self, message: DiagnosticArray) -> None:
         self._keep(Kind.EXCHANGE, message, ExchangeReport, self._client)
 
-    def _keep(self, kind: Kind, message: DiagnosticArray, report: type[Value], node: str) -> None:
+    def _keep(self, kind: Kind, message: DiagnosticArray, report: type[Report], node: str) -> None:
         try:
             values = asdict(report_from_message(message, report))
         except ReportError as error:

@@ -1,0 +1,99 @@
+"""Files written by version 0.1.0 are read as they were then; each kind has its own section."""
+
+import csv
+from pathlib import Path
+
+import pytest
+from llm_astar_msgs_adapter.bags.reading import Bag
+from llm_astar_msgs_adapter.messages.diagnostics import (
+    ExchangeReport,
+    PlanReport,
+    report_from_message,
+)
+from llm_astar_planner.cli.main import main
+
+OLD = Path(__file__).parent / 'data' / 'version_0_1_0'
+
+
+# --- bags: `dataset to-bag` (samples), `evaluate --results-bag` (results), `record` (recorded) ---
+
+# What `evaluate samples --methods guided --source straight` said then: the topic of the method,
+# and code, operation, storage, length and number of waypoints of its two plans.
+SHORT, LONG = 36.21320343559643, 40.798989873223334
+RESULTS = {
+    'astar': [('NONE', 405, 453, LONG, 0), ('NONE', 292, 305, SHORT, 0)],
+    'guided': [('NONE', 35, 138, LONG, 0), ('NONE', 86, 171, SHORT, 0)],
+    'guided_straight': [('NONE', 35, 137, LONG, 3), ('NONE', 206, 305, SHORT, 3)],
+}
+POSES = [36, 31]
+
+
+def messages_of(bag, topic):
+    assert topic in bag.topics
+    return [message.value for message in bag.messages([topic])]
+
+
+def evaluated(bag, out, *options):
+    """Evaluate a bag with today's code; return the rows of its results."""
+    assert main(['evaluate', str(bag), *options, '--out', str(out)]) == 0
+    with (out / 'results.csv').open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_an_old_bag_of_samples_gives_the_same_plans(tmp_path):
+    rows = evaluated(OLD / 'samples', tmp_path, '--methods', 'guided', '--source', 'straight')
+    for topic, plans in RESULTS.items():
+        method, _, source = topic.partition('_')
+        own = [row for row in rows if (row['method'], row['source']) == (method, source or 'none')]
+        assert [(row['code'], float(row['operation']), float(row['storage'])) for row in own] == [
+            plan[:3] for plan in plans
+        ]
+        assert [float(row['length']) for row in own] == pytest.approx([plan[3] for plan in plans])
+        assert [(row['map'], row['pair']) for row in own] == [('50', '0'), ('50', '1')]
+
+
+@pytest.mark.parametrize('topic', RESULTS)
+def test_an_old_bag_of_results_holds_the_same_plans_and_reports(topic):
+    with Bag(OLD / 'results') as bag:
+        paths = messages_of(bag, f'/evaluation/{topic}/plan')
+        markers = messages_of(bag, f'/evaluation/{topic}/markers')
+        reports = [
+            report_from_message(message, PlanReport)
+            for message in messages_of(bag, f'/evaluation/{topic}/report')
+        ]
+        assert not bag.problems.lines()
+    assert [len(path.poses) for path in paths] == POSES
+    assert [len(array.markers[0].points) for array in markers] == [
+        plan[4] for plan in RESULTS[topic]
+    ]
+    assert [
+        (r.code_name, r.operation, r.storage, r.length, len(r.waypoints)) for r in reports
+    ] == [(*plan[:3], pytest.approx(plan[3]), plan[4]) for plan in RESULTS[topic]]
+
+
+def test_an_old_recording_holds_the_same_report_and_exchange():
+    with Bag(OLD / 'recorded.mcap') as bag:
+        (report,) = messages_of(bag, '/planner_node/report')
+        (exchange,) = messages_of(bag, '/llm_client_node/exchange')
+        assert len(messages_of(bag, '/planner_node/get_plan/_service_event')) == 2
+        assert not bag.problems.lines()
+    plan = report_from_message(report, PlanReport)
+    assert (plan.code_name, plan.operation, len(plan.waypoints)) == ('NONE', 49, 3)
+    asked = report_from_message(exchange, ExchangeReport)
+    assert (asked.status, asked.pair, asked.waypoints) == (
+        'OK', '39,18->7,19', ((31.0, 10.0), (27.0, 9.0), (10.0, 10.0)),
+    )  # fmt: skip
+
+
+def test_an_old_recording_is_replayed_and_gives_the_plan_it_holds(tmp_path):
+    options = ('--methods', 'llm_astar', '--source', 'replay', '--corner-cutting')
+    rows = evaluated(OLD / 'recorded.mcap', tmp_path, *options)
+    (row,) = [row for row in rows if row['source'] == 'replay']
+    assert row['path'] == row['recorded_path'] != ''
+    assert row['waypoints'] == row['recorded_waypoints'] == '31,10;27,9;10,10'
+    assert (row['recorded_code'], row['recorded_problem'], row['operation']) == (
+        'NONE',
+        '',
+        '49.0',
+    )
+    assert len((tmp_path / 'exchanges.jsonl').read_text().splitlines()) == 1
