@@ -75,6 +75,27 @@ def test_package_xml_is_format_3_and_agrees_with_setup(package):
     assert (folder / package / 'py.typed').is_file()
 
 
+def metadata(folder, field):
+    return subprocess.run(
+        [sys.executable, 'setup.py', '--quiet', f'--{field}'],
+        cwd=folder,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout.strip()
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_a_package_says_what_it_is_who_made_it_and_where_to_read_more(package):
+    folder = ROOT / 'src' / package
+    manifest = ElementTree.parse(folder / 'package.xml').getroot()
+    assert metadata(folder, 'url') == manifest.findtext('url') != ''
+    assert metadata(folder, 'author') == manifest.findtext('author') != ''
+    assert metadata(folder, 'long-description') == (folder / 'README.md').read_text().strip()
+    classifiers = metadata(folder, 'classifiers').splitlines()
+    assert 'License :: OSI Approved :: Apache Software License' in classifiers
+
+
 def test_a_file_that_is_not_there_lists_those_that_are():
     with pytest.raises(FileNotFoundError, match=r'demo\.json'):
         find_file('nowhere.json', 'maps')

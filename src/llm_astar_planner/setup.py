@@ -2,10 +2,13 @@
 
 import sys
 from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
 NAME = 'llm_astar_planner'
+PAPER = 'https://arxiv.org/abs/2407.02511'
+PUBLISHED_CODE = 'https://github.com/SilinMeng0510/llm-astar'
 NODES = {
     'map_node': 'nodes.map_node',
     'llm_client_node': 'nodes.llm_client_node',
@@ -30,8 +33,29 @@ else:
 setup(
     name=NAME,
     version='0.1.0',
-    description='LLM-A*: a ROS 2 global planner guided by a language model',
+    description='A ROS 2 global planner with proven bounds that a language model may guide',
+    long_description=(Path(__file__).parent / 'README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    url=PAPER,
+    project_urls={'Paper': PAPER, "The paper's code": PUBLISHED_CODE},
+    author='The LLM-A* for ROS 2 contributors',
+    author_email='maintainers@llm-astar.example',
     license='Apache-2.0',
+    keywords=['ROS', 'Nav2', 'path-planning', 'A-star', 'language-model'],
+    classifiers=[
+        'Development Status :: 4 - Beta',
+        'Intended Audience :: Developers',
+        'Intended Audience :: Science/Research',
+        'License :: OSI Approved :: Apache Software License',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3',
+        'Programming Language :: Python :: 3.10',
+        'Programming Language :: Python :: 3.11',
+        'Programming Language :: Python :: 3.12',
+        'Programming Language :: Python :: 3.13',
+        'Topic :: Scientific/Engineering',
+        'Typing :: Typed',
+    ],
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
         NAME: [
