@@ -21,16 +21,12 @@ from typing import Any
 import numpy as np
 from llm_astar_msgs_adapter.maps import map_server
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, load_barrier_maps
-from llm_astar_planner.search.any_angle import shorten
-from llm_astar_planner.search.grid_graph import (
-    BoundedResult,
-    GridGraph,
-    exact_astar,
-    shortest_path,
-)
+from llm_astar_planner.search.any_angle import string_pull
+from llm_astar_planner.search.astar import exact_astar, shortest_path
+from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import guided
 from llm_astar_planner.search.landmarks import Landmarks
-from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.result import BoundedResult, Cell
 from numpy.typing import NDArray
 
 from benchmarks.speed import Case, Problem, scenario_cases
@@ -141,7 +137,7 @@ def _compare_sample(
 
     yield row('our A*', '', exact)
     yield row('textbook A*', '', textbook)
-    yield row('WA* w=2', '', guided(grid, start, goal, [goal], weight=2.0, slack=1000.0))
+    yield row('WA* w=2', '', guided(grid, start, goal, [goal], weight=2.0, work_factor=1000.0))
     for name in SETS:
         yield row('best effort', name, led(name, landmarks=landmarks))
         yield row('within 1.1', name, led(name, landmarks=landmarks, max_suboptimality=1.1))
@@ -234,7 +230,7 @@ def _displaced(name: str, grid: GridGraph, best: BoundedResult, seed: int) -> ND
     if name.startswith('random'):
         return random.uniform(0.0, (grid.width, grid.height), (6, 2))
     spread = 0.0 if name == 'turns' else float(name.rsplit(maxsplit=1)[-1])
-    turns = shorten(grid, best.path).points[1:-1].astype(np.float64)
+    turns = string_pull(grid, best.path).points[1:-1].astype(np.float64)
     return turns + random.normal(0.0, 1.0, turns.shape) * spread
 
 

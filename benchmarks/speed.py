@@ -26,8 +26,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.movingai import load_map
-from llm_astar_planner.search.grid_graph import GridGraph, shortest_path
-from llm_astar_planner.search.guided import warm_up
+from llm_astar_planner.search.astar import shortest_path
+from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.paper import compile_kernels
 from llm_astar_planner.search.result import Cell
 from numpy.typing import NDArray
 
@@ -111,7 +112,7 @@ def measure(
 ) -> list[SpeedRow]:
     """Time the planners on each case, in turns, `rounds` times after one round to warm up."""
     planners = installed_planners() if planners is None else planners
-    warm_up()
+    compile_kernels()
     rows: list[SpeedRow] = []
     for case in cases:
         plans = {

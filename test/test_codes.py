@@ -19,8 +19,8 @@ from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.request_check import MAX_VIA
 from llm_astar_planner.planning.segment import Leg
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.search.grid_graph import PathTooLongError
-from llm_astar_planner.search.paper import no_stop
+from llm_astar_planner.search.astar import PathTooLongError
+from llm_astar_planner.search.stop import no_stop
 
 # A wall with a box behind it: (25, 5) is free and cut off; unknown cells on the right.
 CELLS = np.zeros((20, 40), dtype=np.int8)

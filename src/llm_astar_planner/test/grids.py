@@ -12,7 +12,11 @@ from llm_astar_planner.search.grid_graph import GridGraph, path_units
 def dijkstra(grid: GridGraph, start, goal) -> float:
     """The least cost in cells, inf where there is no way; from the rule, not from the masks."""
     height, width = grid.blocked.shape
-    price = grid.price.reshape(height, width) if grid.price.size else np.zeros((height, width))
+    surcharge = (
+        grid.cell_surcharge.reshape(height, width)
+        if grid.cell_surcharge.size
+        else np.zeros((height, width))
+    )
     best = {start: 0.0}
     heap = [(0.0, start)]
     while heap:
@@ -26,7 +30,7 @@ def dijkstra(grid: GridGraph, start, goal) -> float:
                 other = (x + dx, y + dy)
                 if (dx, dy) == (0, 0) or not is_move(grid, (x, y), other):
                     continue
-                mean = (float(price[y, x]) + float(price[other[1], other[0]])) / 512.0
+                mean = (float(surcharge[y, x]) + float(surcharge[other[1], other[0]])) / 512.0
                 new = cost + math.hypot(dx, dy) * (1.0 + mean)
                 if new < best.get(other, math.inf):
                     best[other] = new

@@ -38,12 +38,13 @@ from llm_astar_planner.planning.path_validator import (
 from llm_astar_planner.planning.request_check import request_problem
 from llm_astar_planner.planning.segment import Leg, Watcher, joined
 from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
-from llm_astar_planner.search.any_angle import AnyAnglePath, shorten
-from llm_astar_planner.search.grid_graph import BoundedResult, PathTooLongError
+from llm_astar_planner.search.any_angle import AnyAnglePath, string_pull
+from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.guided import AnytimeSolution
 from llm_astar_planner.search.landmarks import LandmarkManager
-from llm_astar_planner.search.paper import GUIDED, no_stop
-from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
+from llm_astar_planner.search.paper import GUIDED
+from llm_astar_planner.search.result import BoundedResult, Cell, SearchResult, SearchStatus
+from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.source import Waypoint
 
 __all__ = ['NOT_ASKED', 'CostmapConfig', 'Plan', 'PlanRequest', 'Planner']
@@ -275,7 +276,7 @@ class Planner:
 
     def _shorten(self, draft: _Draft) -> AnyAnglePath | None:
         """Pull each leg taut, or return None where the check does not let the result pass."""
-        legs = [shorten(self.costmap.grid_graph, result.path) for result in draft.results]
+        legs = [string_pull(self.costmap.grid_graph, result.path) for result in draft.results]
         points = np.concatenate([legs[0].points, *(leg.points[1:] for leg in legs[1:])])
         if self.legs_problem(points) is not None:
             return None

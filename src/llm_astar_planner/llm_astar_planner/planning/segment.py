@@ -14,7 +14,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning import waypoint_filter as targets
 from llm_astar_planner.planning.types import NOT_ASKED, PlanRequest
 from llm_astar_planner.planning.waypoint_filter import CheckedWaypoint
-from llm_astar_planner.search.grid_graph import BoundedResult, exact_astar
+from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.guided import AnytimeSolution, GuidedResult, GuidedSearch
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.paper import (
@@ -24,8 +24,8 @@ from llm_astar_planner.search.paper import (
     WAYPOINT_METHODS,
     SearchOptions,
 )
-from llm_astar_planner.search.result import STOP_CANCELLED, SearchResult, SearchStatus
-from llm_astar_planner.search.stop import deadline_guard
+from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus
+from llm_astar_planner.search.stop import STOP_CANCELLED, deadline_guard
 from llm_astar_planner.waypoints.async_query import WaypointQueryTask, ask
 from llm_astar_planner.waypoints.source import Waypoint, WaypointQuery, WaypointReply
 
@@ -145,7 +145,7 @@ class Leg:
             )
             asking = self._guide(search, query)
             begin = time.monotonic()
-            for better in search.improvements(want_expanded=request.want_expanded):
+            for better in search.solutions(want_expanded=request.want_expanded):
                 if watcher is not None:
                     watcher(better)
                 if self.stop[0]:

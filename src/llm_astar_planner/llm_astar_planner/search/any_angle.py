@@ -1,4 +1,4 @@
-"""The any-angle finish: a path's cells pulled taut along lines of sight on the same grid rule."""
+"""String pulling: straighten a grid path into segments at any angle, on the same grid rules."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 
 # A path is pulled from both ends in turn until nothing changes, or this often.
-_MOST_PULLS = 8
-_LEAST_GAIN = 1e-9
+MAX_ROUNDS = 8
+_MIN_GAIN = 1e-9
 
 
 class AnyAnglePath(NamedTuple):
-    """A path of straight legs at any angle.
+    """A path of straight segments at any angle.
 
-    `points` is int32 [n, 2], the cells (x, y) whose centres are its turns. `length` and `cost`
-    are in cells; `cost` counts each cell's surcharge for the length inside it.
+    `points` is int32 [n, 2], the cells (x, y) at whose centres it turns. `length` and `cost`
+    are in cells; `cost` adds each cell's surcharge times the length inside that cell.
     """
 
     points: NDArray[np.int32]
@@ -30,40 +30,65 @@ class AnyAnglePath(NamedTuple):
 
 
 def can_see(grid: GridGraph, cell: Cell, other: Cell) -> bool:
-    """Tell whether the straight way between two cells' centres crosses no blocked cell.
+    """Tell whether the straight line between two cells' centres crosses no blocked cell.
 
-    Where it crosses exactly a corner both cells beside it must be free, unless the grid lets
-    corners be cut. Raises ValueError for a cell off the grid.
+    Where it passes exactly through a corner, both cells next to the corner must be free, unless
+    the grid allows corner cutting. Raises ValueError for a cell off the grid.
     """
-    return _cost(grid, cell, other) >= 0.0
+    return line_cost(grid, cell, other) >= 0.0
 
 
-def shorten(grid: GridGraph, path: NDArray[np.int32]) -> AnyAnglePath:
-    """Pull a path [n, 2] of legal moves taut: never longer and, by its own cost, never dearer.
+def line_cost(grid: GridGraph, cell: Cell, other: Cell) -> float:
+    """Return the cost in cells of the straight line between two cells, -1 if it is blocked.
 
-    Every leg is checked against the grid. It is a local finish: corners stay on the same side
-    of each obstacle. Raises ValueError for a path that is not on free cells or not joined.
+    Raises ValueError for a cell off the grid.
+    """
+    grid.index(cell)
+    grid.index(other)
+    cost = kernels.line_cost(grid.blocked, grid.cell_surcharge, grid.corner_cutting, *cell, *other)
+    return float(cost)
+
+
+def path_cost(grid: GridGraph, points: NDArray[np.int32]) -> float:
+    """Return the cost in cells of straight segments through `points` [n, 2].
+
+    Raises ValueError if a segment crosses a blocked cell.
+    """
+    cost = 0.0
+    for first, last in pairwise(points.tolist()):
+        segment = line_cost(grid, (first[0], first[1]), (last[0], last[1]))
+        if segment < 0.0:
+            raise ValueError(f'the straight line from cell {first} to {last} is blocked')
+        cost += segment
+    return cost
+
+
+def string_pull(grid: GridGraph, path: NDArray[np.int32]) -> AnyAnglePath:
+    """Straighten a path [n, 2] of legal moves; the result is never longer and never costs more.
+
+    Every segment is checked against the grid. This is a local improvement: the path stays on the
+    same side of each obstacle. Raises ValueError for a path with a blocked or missing step.
     """
     points: NDArray[np.int32] = np.ascontiguousarray(path, dtype=np.int32).reshape(-1, 2)
     if len(points) == 0:
         return AnyAnglePath(points, float('nan'), float('nan'))
     for cell in (points.min(axis=0), points.max(axis=0)):
         grid.index((int(cell[0]), int(cell[1])))
-    cost = float(sum(_legs(grid, points)))
-    for _ in range(_MOST_PULLS):
-        points = _pull(grid, _filled(points))
-        points = _pull(grid, _filled(points[::-1]))[::-1]
-        before, cost = cost, float(sum(_legs(grid, points)))
-        if cost > before - _LEAST_GAIN:
+    cost = path_cost(grid, points)
+    for _ in range(MAX_ROUNDS):
+        points = _pull(grid, add_passed_centres(points))
+        points = _pull(grid, add_passed_centres(points[::-1]))[::-1]
+        before, cost = cost, path_cost(grid, points)
+        if cost > before - _MIN_GAIN:
             break
     length = float(np.hypot(*np.diff(points, axis=0).T.astype(np.float64)).sum())
     return AnyAnglePath(np.ascontiguousarray(points), length, cost)
 
 
 def interpolate(points: NDArray[np.int32], spacing: float = 1.0) -> NDArray[np.float64]:
-    """Return points along straight legs, at most `spacing` cells apart: float64 [m, 2].
+    """Return points along straight segments, at most `spacing` cells apart: float64 [m, 2].
 
-    The turns themselves are among them. Raises ValueError for a spacing that is not positive.
+    The given points are among them. Raises ValueError for a spacing that is not positive.
     """
     if not spacing > 0.0:
         raise ValueError(f'spacing: {spacing} is not above 0')
@@ -77,8 +102,8 @@ def interpolate(points: NDArray[np.int32], spacing: float = 1.0) -> NDArray[np.f
     return np.concatenate(parts)
 
 
-def _filled(points: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Put back the cells whose centres lie on the legs, for a pull from the other end."""
+def add_passed_centres(points: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Insert every cell whose centre a segment passes, so that a pull may turn there too."""
     parts = [points[:1]]
     for first, last in pairwise(points):
         count = max(1, int(np.gcd(*np.abs(last - first))))
@@ -87,25 +112,9 @@ def _filled(points: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def _pull(grid: GridGraph, points: NDArray[np.int32]) -> NDArray[np.int32]:
-    kept = np.empty(len(points), dtype=np.bool_)
+    """Keep only the points at which the path has to turn, seen from its first point on."""
     if len(points) < 3:
         return points
-    kernels.pull_taut(grid.blocked, grid.price, grid.corner_cutting, points, kept)
+    kept = np.empty(len(points), dtype=np.bool_)
+    kernels.string_pull(grid.blocked, grid.cell_surcharge, grid.corner_cutting, points, kept)
     return np.ascontiguousarray(points[kept])
-
-
-def _legs(grid: GridGraph, points: NDArray[np.int32]) -> list[float]:
-    """Return the cost of each leg. Raises ValueError where one is barred."""
-    costs: list[float] = []
-    for first, last in zip(points.tolist(), points[1:].tolist()):
-        cost = _cost(grid, (first[0], first[1]), (last[0], last[1]))
-        if cost < 0.0:
-            raise ValueError(f'the way from cell {first} to {last} is barred')
-        costs.append(cost)
-    return costs
-
-
-def _cost(grid: GridGraph, cell: Cell, other: Cell) -> float:
-    grid.index(cell)
-    grid.index(other)
-    return float(kernels.sight(grid.blocked, grid.price, grid.corner_cutting, *cell, *other))

@@ -1,62 +1,38 @@
-"""Grids made ready for fast search, and the exact A* on them.
+"""Occupancy grids prepared for fast repeated search.
 
-A grid is prepared once a map (a byte of legal moves a cell) and queried often: a query borrows a
-workspace, whose records carry the number of the query that wrote them, so that no query costs
-work for cells it never sees. Grids and workspaces may be used from many threads at once.
+A grid is prepared once per map (one byte of legal moves per cell) and then searched many times.
+Each query borrows a workspace whose records carry the number of the query that wrote them, so
+a query clears nothing and does no work for cells that it never reaches. Grids and workspaces may
+be used from many threads at once.
 """
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
-from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
+from llm_astar_planner.search.result import Cell
 
-# Units of length: 3363 / 2378 is sqrt(2) to 6e-8; the second pair is for paths so long that the
-# first would not fit 32 bits (over 900 thousand cells).
+# Units of length, (straight, diagonal): 3363 / 2378 is sqrt(2) to 6e-8. The coarse pair is for
+# paths so long that the fine one would not fit 32 bits (over 900 thousand cells).
 FINE_UNITS = (2378, 3363)
 COARSE_UNITS = (70, 99)
 # Nav2's SmacPlanner2D multiplies the length of a move by 1 + multiplier * cost / 252.
 COST_MULTIPLIER = 2.0
-_PRICE_ONE = 256
-_NEVER = np.zeros(1, dtype=np.uint8)
-_NO_PRICE = np.zeros(0, dtype=np.uint16)
-_NO_EXPANDED = np.zeros((0, 0), dtype=np.bool_)
-_NO_PATH = np.zeros((0, 2), dtype=np.int32)
-_MAX_GENERATION = 2 ** (31 - kernels.TAG_BITS) - 1
-
-
-class PathTooLongError(ArithmeticError):
-    """A path so long, or so dear, that its cost does not fit the records of the search."""
-
-
-@dataclass(frozen=True, eq=False)
-class BoundedResult(SearchResult):
-    """A search result with what is proven about it.
-
-    `cost` is the path's price in cells: its length where the grid has no graded costs.
-    `lower_bound` is proven to be at most the optimal cost, `suboptimality_bound` = cost /
-    lower_bound is proven to be at least cost / optimum (inf without a path). `first_expansions`
-    and `first_cost` tell of the first path found. `expanded` is empty [0, 0] unless it was asked
-    for.
-    """
-
-    cost: float = math.inf
-    lower_bound: float = 0.0
-    suboptimality_bound: float = math.inf
-    first_expansions: int = 0
-    first_cost: float = math.inf
+# A surcharge of 1, which doubles the cost of a move, as `GridGraph.cell_surcharge` stores it.
+SURCHARGE_ONE = 256
+MAX_GENERATION = 2 ** (31 - kernels.TAG_BITS) - 1
 
 
 class Workspace:
-    """What one running query writes: a record a cell, a pool of queue entries, bucket heads."""
+    """What one running query writes: a record per cell, a pool of queue entries, bucket heads."""
 
     def __init__(self, cells: int, ring: int) -> None:
         """Make a workspace for `cells` cells and a ring of `ring` buckets."""
@@ -74,15 +50,15 @@ class Workspace:
         return sum(array.nbytes for array in arrays)
 
     def next_generation(self) -> int:
-        """Return a query number no record carries; clears the records once in 500 thousand."""
-        if self.generation == _MAX_GENERATION:
+        """Return a query number that no record carries; clear the records once in 500 thousand."""
+        if self.generation == MAX_GENERATION:
             self.records[:] = 0
             self.generation = 0
         self.generation += 1
         return self.generation
 
     def trace(self, width: int, start: int, goal: int) -> NDArray[np.int32]:
-        """Return the path the records hold between two cells: int32 [n, 2]."""
+        """Return the path that the records hold between two cells: int32 [n, 2]."""
         while True:
             count, _ = kernels.trace(width, start, goal, self.records, self.path)
             if count <= len(self.path):
@@ -90,21 +66,21 @@ class Workspace:
             self.path = np.empty((2 * count, 2), dtype=np.int32)
 
     def grow_pool(self) -> None:
-        """Double the pool of queue entries, keeping what it holds."""
+        """Double the pool of queue entries and keep its content."""
         pool = np.empty(2 * self.pool.size, dtype=np.int64)
         pool[: self.pool.size] = self.pool
         self.pool = pool
 
 
 class GridGraph:
-    """A grid ready for search.
+    """An 8-connected grid prepared for search.
 
     `blocked` is bool [height, width]. A diagonal move needs both adjacent cardinal cells free
     unless `corner_cutting`. `cost`, if given, is [height, width], 0 (none) to 100 as in an
-    occupancy grid, anything below 0 counts as 0: a move of length d costs
-    d * (1 + cost_multiplier * c), c being the mean of cost / 100 at its two ends. That is the
-    weighting of Nav2's SmacPlanner2D, which takes the entered cell's cost alone; the mean makes
-    a path cost the same both ways. Raises ValueError on a wrong shape or multiplier.
+    occupancy grid; values below 0 count as 0. A move of length d costs
+    d * (1 + cost_multiplier * c), where c is the mean of cost / 100 at its two ends. Nav2's
+    SmacPlanner2D takes the cost of the entered cell alone; with the mean a path costs the same
+    in both directions. Raises ValueError on a wrong shape or multiplier.
     """
 
     def __init__(
@@ -115,33 +91,41 @@ class GridGraph:
         cost: ArrayLike | None = None,
         cost_multiplier: float = COST_MULTIPLIER,
     ) -> None:
-        """Prepare the moves of every cell: O(cells), once a map."""
+        """Prepare the moves of every cell: O(cells), once per map."""
         grid = np.ascontiguousarray(blocked, dtype=np.bool_)
         if grid.ndim != 2 or grid.size == 0:
             raise ValueError(f'blocked: shape {grid.shape} is not [height, width]')
         self.blocked: NDArray[np.bool_] = grid
         self.height, self.width = grid.shape
         self.corner_cutting = corner_cutting
-        self.price = _NO_PRICE if cost is None else _prices(cost, grid.shape, cost_multiplier)
+        # The surcharge of each cell, uint16 [cells], in 1/256; empty without graded costs.
+        self.cell_surcharge: NDArray[np.uint16] = np.zeros(0, dtype=np.uint16)
+        if cost is not None:
+            self.cell_surcharge = cell_surcharges(cost, grid.shape, cost_multiplier)
         self.straight, self.diagonal = FINE_UNITS
         self.moves = np.empty(grid.size, dtype=np.uint8)
         kernels.build_moves(grid, corner_cutting, self.moves)
-        dearest = _PRICE_ONE + (int(self.price.max()) if self.price.size else 0)
-        # A move raises f by at most its own cost and what the estimate rises, one diagonal.
-        reach = self.diagonal * dearest // _PRICE_ONE + self.diagonal
+        highest = SURCHARGE_ONE + int(self.cell_surcharge.max(initial=0))
+        # A move raises f by at most its own cost and the rise of the estimate, one diagonal.
+        reach = self.diagonal * highest // SURCHARGE_ONE + self.diagonal
         self.ring = 1 << ((reach >> kernels.BUCKET_BITS) + 2).bit_length()
         self._spare: list[Workspace] = []
         self._coarse: GridGraph | None = None
 
     @property
+    def is_graded(self) -> bool:
+        """Whether some cells cost more than others."""
+        return self.cell_surcharge.size > 0
+
+    @property
     def nbytes(self) -> int:
         """Bytes held by the grid and its idle workspaces; not `blocked`, which may be shared."""
-        coarse = 0 if self._coarse is None else sum(one.nbytes for one in self._coarse._spare)
-        idle = sum(workspace.nbytes for workspace in list(self._spare))
-        return self.moves.nbytes + self.price.nbytes + idle + coarse
+        idle = list(self._spare) + ([] if self._coarse is None else list(self._coarse._spare))
+        own = self.moves.nbytes + self.cell_surcharge.nbytes
+        return own + sum(workspace.nbytes for workspace in idle)
 
     def index(self, cell: Cell) -> int:
-        """Return the number of a cell. Raises ValueError where it is off the grid."""
+        """Return the number of a cell. Raises ValueError if it is off the grid."""
         x, y = cell
         if 0 <= x < self.width and 0 <= y < self.height:
             return int(y) * self.width + int(x)
@@ -149,7 +133,7 @@ class GridGraph:
 
     @contextmanager
     def workspace(self) -> Iterator[Workspace]:
-        """Lend a workspace for one query, a new one where all are out."""
+        """Lend a workspace for one query; make a new one if none is idle."""
         workspace = self.borrow()
         try:
             yield workspace
@@ -157,7 +141,7 @@ class GridGraph:
             self.give_back(workspace)
 
     def borrow(self) -> Workspace:
-        """Take a workspace; hand it back with `give_back`."""
+        """Take a workspace; return it with `give_back`."""
         try:
             return self._spare.pop()
         except IndexError:
@@ -170,8 +154,7 @@ class GridGraph:
     def coarse(self) -> GridGraph:
         """Return the same grid in coarser units, for paths too long for the fine ones."""
         if self._coarse is None:
-            grid = object.__new__(GridGraph)
-            grid.__dict__.update(self.__dict__)
+            grid = copy.copy(self)
             grid.straight, grid.diagonal = COARSE_UNITS
             grid._spare = []
             grid._coarse = grid
@@ -180,207 +163,49 @@ class GridGraph:
 
 
 def as_grid(grid: GridGraph | ArrayLike, *, corner_cutting: bool = False) -> GridGraph:
-    """Return a prepared grid: the one given, or one made of a bool array of blocked cells."""
+    """Return `grid` itself if it is prepared, else prepare it from bool [height, width]."""
     if isinstance(grid, GridGraph):
         return grid
     return GridGraph(grid, corner_cutting=corner_cutting)
 
 
 def path_length(path: NDArray[np.int32]) -> float:
-    """Return the length in cells of a path [n, 2] of single moves."""
+    """Return the length in cells of a path [n, 2] of single moves, NaN for an empty one."""
     moves = np.abs(np.diff(path, axis=0)).sum(axis=1)
     diagonals = int((moves == 2).sum())
     return len(path) - 1 - diagonals + diagonals * math.sqrt(2.0) if len(path) else math.nan
 
 
 def path_units(grid: GridGraph, path: NDArray[np.int32]) -> int:
-    """Return the price of a path [n, 2] of single moves, in the grid's units."""
+    """Return the cost of a path [n, 2] of single moves, in the grid's units of length."""
     diagonal = np.abs(np.diff(path, axis=0)).sum(axis=1) == 2
-    lengths = np.where(diagonal, grid.diagonal, grid.straight).astype(np.int64)
-    if grid.price.size:
-        prices = grid.price[path[:, 1].astype(np.int64) * grid.width + path[:, 0]].astype(np.int64)
-        lengths += lengths * (prices[:-1] + prices[1:]) >> 9
-    return int(lengths.sum())
+    units = np.where(diagonal, grid.diagonal, grid.straight).astype(np.int64)
+    if grid.is_graded:
+        cells = path[:, 1].astype(np.int64) * grid.width + path[:, 0]
+        surcharges = grid.cell_surcharge[cells].astype(np.int64)
+        units += units * (surcharges[:-1] + surcharges[1:]) >> 9
+    return int(units.sum())
 
 
-def exact_astar(
-    blocked: GridGraph | NDArray[np.bool_],
-    start: Cell,
-    goal: Cell,
-    *,
-    corner_cutting: bool = False,
-    stop: NDArray[np.uint8] | None = None,
-    want_expanded: bool = True,
-    every_move: bool = False,
-) -> BoundedResult:
-    """Find a cheapest path with A* (octile, ties to larger g, no stale pops).
+def cell_surcharges(
+    cost: ArrayLike, shape: tuple[int, ...], cost_multiplier: float
+) -> NDArray[np.uint16]:
+    """Turn costs 0 to 100 into surcharges, uint16 [cells], in 1/256 of the length of a move.
 
-    `blocked` is a prepared grid, or bool [height, width], which is prepared first. `stop`, one
-    byte, ends the search when another thread sets it: STOPPED, with the path found so far if
-    any. `every_move` also tries the moves that uniform costs make pointless, as a textbook A*
-    does: as many expansions, more states stored. Exact to 6e-8 of the length. Raises ValueError
-    for a cell off the grid and PathTooLongError beyond 30 million cells.
+    Raises ValueError for costs of another `shape` than the grid's or a multiplier out of range.
     """
-    grid = as_grid(blocked, corner_cutting=corner_cutting)
-    with grid.workspace() as workspace:
-        result = _run_exact(
-            grid,
-            workspace,
-            start,
-            goal,
-            stop=stop,
-            want_expanded=want_expanded,
-            every_move=every_move,
-        )
-    if result is not None:
-        return result
-    if grid.coarse() is grid:
-        raise PathTooLongError(f'the cost of a path from {start} to {goal} does not fit')
-    return exact_astar(
-        grid.coarse(),
-        start,
-        goal,
-        stop=stop,
-        want_expanded=want_expanded,
-        every_move=every_move,
-    )
-
-
-def shortest_path(
-    grid: GridGraph, start: Cell, goal: Cell, *, stop: NDArray[np.uint8] | None = None
-) -> tuple[NDArray[np.int32], float]:
-    """Return a cheapest path, int32 [n, 2], and its cost in cells; empty and inf if none.
-
-    `exact_astar` without the accounts: for callers to whom a microsecond matters. Raises as it
-    does, and InterruptedError where `stop` was raised.
-    """
-    first, last = grid.index(start), grid.index(goal)
-    if first == last and grid.blocked[start[1], start[0]]:
-        return _NO_PATH, math.inf
-    workspace = grid.borrow()
-    status, count, _, units = _solve(grid, workspace, first, last, stop=stop)
-    if status == kernels.FOUND:
-        if count <= len(workspace.path):
-            path = workspace.path[-count:].copy()
-        else:
-            path = workspace.trace(grid.width, first, last)
-        grid.give_back(workspace)
-        return path, units / grid.straight
-    grid.give_back(workspace)
-    if status == kernels.OVERFLOW:
-        result = exact_astar(grid, start, goal, stop=stop, want_expanded=False)
-        return result.path, result.cost
-    if status == kernels.STOPPED:
-        raise InterruptedError('the search was stopped')
-    return _NO_PATH, math.inf
-
-
-def _solve(
-    grid: GridGraph,
-    workspace: Workspace,
-    first: int,
-    last: int,
-    *,
-    stop: NDArray[np.uint8] | None = None,
-    every_move: bool = False,
-) -> tuple[int, int, int, int]:
-    """Run A* to its end: how it ended, the path's cells, diagonal moves and cost in units."""
-    generation = workspace.next_generation()
-    workspace.control[kernels.A_STARTED] = 0
-    flag = _NEVER if stop is None else stop
-    every_move = every_move or grid.price.size > 0
-    while True:
-        ended: tuple[int, int, int, int] = kernels.solve(
-            grid.moves,
-            grid.price,
-            grid.width,
-            grid.straight,
-            grid.diagonal,
-            first,
-            last,
-            every_move,
-            generation,
-            workspace.records,
-            workspace.pool,
-            workspace.heads,
-            workspace.control,
-            flag,
-            workspace.path,
-        )
-        if ended[0] != kernels.NEED_SPACE:
-            return ended
-        workspace.grow_pool()
-
-
-def _run_exact(
-    grid: GridGraph,
-    workspace: Workspace,
-    start: Cell,
-    goal: Cell,
-    *,
-    stop: NDArray[np.uint8] | None,
-    want_expanded: bool,
-    every_move: bool,
-) -> BoundedResult | None:
-    first, last = grid.index(start), grid.index(goal)
-    if grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
-        return BoundedResult(SearchStatus.EXHAUSTED, 0, 0, np.zeros_like(grid.blocked))
-    status, count, diagonals, units = _solve(
-        grid, workspace, first, last, stop=stop, every_move=every_move
-    )
-    control = workspace.control
-    if status == kernels.OVERFLOW:
-        return None
-    expanded: NDArray[np.bool_] = _NO_EXPANDED
-    if want_expanded:
-        expanded = np.zeros(grid.blocked.shape, dtype=np.bool_)
-        kernels.add_expanded(workspace.records, workspace.generation, expanded)
-    expansions, storage = int(control[kernels.A_OPERATION]), int(control[kernels.A_STORAGE])
-    floor = int(control[kernels.A_BUCKET]) << kernels.BUCKET_BITS
-    if count == 0:
-        return BoundedResult(_STATUS[status], expansions, storage, expanded)
-    bound = units if status == kernels.FOUND else min(units, floor)
-    return BoundedResult(
-        _STATUS[status],
-        expansions,
-        storage,
-        expanded,
-        (
-            workspace.path[-count:].copy()
-            if count <= len(workspace.path)
-            else workspace.trace(grid.width, first, last)
-        ),
-        count - 1 - diagonals + diagonals * math.sqrt(2.0),
-        cost=units / grid.straight,
-        lower_bound=bound / grid.straight,
-        suboptimality_bound=units / bound if bound else 1.0,
-        first_expansions=expansions,
-        first_cost=units / grid.straight,
-    )
-
-
-_STATUS = {
-    kernels.FOUND: SearchStatus.FOUND,
-    kernels.EXHAUSTED: SearchStatus.EXHAUSTED,
-    kernels.STOPPED: SearchStatus.STOPPED,
-}
-
-
-def _prices(cost: ArrayLike, shape: tuple[int, ...], cost_multiplier: float) -> NDArray[np.uint16]:
-    """Turn costs 0 to 100 into surcharges a cell, in 1/256 of a move's length."""
     values = np.asarray(cost)
     if values.shape != shape:
         raise ValueError(f'cost: shape {values.shape} is not that of the grid, {shape}')
     if not 0.0 <= cost_multiplier <= 255.0:
         raise ValueError(f'cost_multiplier: {cost_multiplier} is not in 0 to 255')
+
+    def surcharges(of: NDArray[Any]) -> NDArray[np.uint16]:
+        shares = np.clip(np.nan_to_num(of.astype(np.float64)), 0.0, 100.0) / 100.0
+        return np.rint(shares * cost_multiplier * SURCHARGE_ONE).astype(np.uint16)
+
     if values.dtype != np.int8:
-        return _surcharges(values, cost_multiplier).reshape(-1)
-    # Occupancy has few values: looking them up spares large maps several arrays of floats.
-    every_value = np.arange(256, dtype=np.uint8).view(np.int8)
-    table = _surcharges(every_value, cost_multiplier)
+        return surcharges(values).reshape(-1)
+    # Occupancy has only 256 values: a table of them saves several float arrays on large maps.
+    table = surcharges(np.arange(256, dtype=np.uint8).view(np.int8))
     return table[values.view(np.uint8)].reshape(-1)
-
-
-def _surcharges(cost: NDArray[Any], cost_multiplier: float) -> NDArray[np.uint16]:
-    shares = np.clip(np.nan_to_num(cost.astype(np.float64)), 0.0, 100.0) / 100.0
-    return np.rint(shares * cost_multiplier * _PRICE_ONE).astype(np.uint16)

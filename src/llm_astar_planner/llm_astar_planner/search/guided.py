@@ -1,6 +1,8 @@
-"""The guided search: waypoints steer it, A* backs it, and what it returns carries a bound.
+"""Guided search: waypoints steer it, plain A* limits its work, and its path carries a bound.
 
-docs/guided-search.md tells what it does and proves its bounds.
+docs/guided-search.md describes the algorithm and proves its bounds. In short: one search follows
+the waypoints, a plain A* next to it limits how much work they may cost, and the open cells of
+both prove a lower bound on the cost of any path.
 """
 
 from __future__ import annotations
@@ -8,42 +10,39 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import guided as kernels
-from llm_astar_planner.search.any_angle import can_see, shorten
-from llm_astar_planner.search.grid_graph import (
-    BoundedResult,
-    GridGraph,
-    PathTooLongError,
-    as_grid,
-    exact_astar,
-    path_length,
-    path_units,
-)
-from llm_astar_planner.search.landmarks import NO_MARKS, NONE_ACTIVE, Landmarks
-from llm_astar_planner.search.result import STOP_CANCELLED, Cell, SearchStatus
+from llm_astar_planner.search.astar import PathTooLongError
+from llm_astar_planner.search.grid_graph import GridGraph, as_grid, path_length, path_units
+from llm_astar_planner.search.landmarks import NO_DISTANCES, NONE_ACTIVE, Landmarks
+from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
+from llm_astar_planner.search.stop import STOP_CANCELLED, StopFlag, no_stop
 
-# How greedily the waypoints are followed: the weight of the way still to go.
+# How greedily waypoints are followed: the weight of the cost to go.
 WEIGHT = 1.2
-# The expansions that waypoints may cost, as a part of those the search surely needs without any.
-SLACK = 2.0
-# Within how many cells a waypoint counts as met.
-RADIUS = 3.0
-# Expansions between two looks at the clock and at new waypoints.
-SLICE = 4096
+# The expansions that waypoints may cost, as a multiple of those surely needed without any.
+WORK_FACTOR = 2.0
+# A path passes a waypoint that it comes within so many cells of.
+PASSING_RADIUS = 3.0
+# Expansions between two looks at the stop flag and at new waypoints.
+EXPANSION_SLICE = 4096
 _BUCKETS = 2048
-# The least plain A* expansions at a time; later an eighth of those done.
-_PLAIN_STEP = 4
+# The fewest expansions of plain A* at a time; later an eighth of those done.
+_MIN_PLAIN_STEP = 4
 
 
 @dataclass(frozen=True, eq=False)
 class GuidedResult(BoundedResult):
-    """A bounded result with where its expansions went: led by waypoints, proof, plain A*."""
+    """A bounded result and what its expansions were for.
+
+    `guided_expansions` followed the waypoints, `proof_expansions` proved the path found that
+    way, `plain_expansions` are those of the plain A*.
+    """
 
     guided_expansions: int = 0
     proof_expansions: int = 0
@@ -52,7 +51,7 @@ class GuidedResult(BoundedResult):
 
 @dataclass(frozen=True, eq=False)
 class AnytimeSolution:
-    """A better path while the search goes on.
+    """A better path, found while the search goes on.
 
     `path` is int32 [n, 2], `cost` and `lower_bound` are in cells, `suboptimality_bound` = cost /
     lower_bound is proven, `expansions` counts the expansions so far.
@@ -66,14 +65,15 @@ class AnytimeSolution:
 
 
 class GuidedSearch:
-    """One search, led by waypoints that may come while it runs.
+    """One search, guided by waypoints that may arrive while it runs.
 
-    `improvements()` runs it and yields each better path; `result()` then tells what it found.
+    `solutions()` runs it and yields each better path; `result()` then returns the outcome.
     `guide(waypoints)` may be called before the run or during it, from any thread, and again;
     without waypoints the search is a plain exact A*. With `max_suboptimality` w >= 1 it ends
-    when the path is proven within w of the optimum, without it at the first path. `landmarks`,
-    which must hold on the grid, make search and proof cheap. `weight` is how greedily waypoints
-    are followed, `slack` how much work they may cost, as a part of the search's without any.
+    when the path is proven to cost at most w times the optimum, without it at the first path.
+    `landmarks`, which must be admissible on the grid, make search and proof cheap. `weight` is
+    how greedily waypoints are followed; `work_factor` limits the expansions that they may cost,
+    as a multiple of those surely needed without any.
     """
 
     def __init__(
@@ -85,9 +85,9 @@ class GuidedSearch:
         corner_cutting: bool = False,
         max_suboptimality: float | None = None,
         landmarks: Landmarks | None = None,
-        stop: NDArray[np.uint8] | None = None,
+        stop: StopFlag | None = None,
         weight: float = WEIGHT,
-        slack: float = SLACK,
+        work_factor: float = WORK_FACTOR,
     ) -> None:
         """Take the query; nothing is searched yet.
 
@@ -97,59 +97,53 @@ class GuidedSearch:
             raise ValueError(f'max_suboptimality: {max_suboptimality} is not in 1 to 1000')
         if not 1.0 <= weight <= 100.0:
             raise ValueError(f'weight: {weight} is not in 1 to 100')
-        if not 0.0 <= slack <= 1000.0:
-            raise ValueError(f'slack: {slack} is not in 0 to 1000')
+        if not 0.0 <= work_factor <= 1000.0:
+            raise ValueError(f'work_factor: {work_factor} is not in 0 to 1000')
         self._grid = as_grid(blocked, corner_cutting=corner_cutting)
-        if landmarks is not None and len(landmarks.marks) != self._grid.moves.size:
-            raise ValueError('landmarks: are of a map of another size')
-        self._start, self._goal = start, goal
-        self._max_suboptimality = max_suboptimality
-        self._landmarks = landmarks
-        self._stop = np.zeros(1, dtype=np.uint8) if stop is None else stop
-        self._weight, self._slack = weight, slack
         self._grid.index(start)
         self._grid.index(goal)
-        self._lock = threading.Lock()
-        self._pending: NDArray[np.float64] | None = None
-        self._run: _Run | None = None
+        if landmarks is not None and len(landmarks.distances) != self._grid.moves.size:
+            raise ValueError('landmarks: are of a map of another size')
+        self._landmarks = landmarks
+        stop = no_stop() if stop is None else stop
+        self._query = _Query(start, goal, max_suboptimality, stop, weight, work_factor)
         self._result: GuidedResult | None = None
 
     def guide(self, waypoints: ArrayLike) -> None:
-        """Lead the search along waypoints: float [n, 2] grid coordinates (x, y), n >= 0.
+        """Guide the search along waypoints: float [n, 2] grid coordinates (x, y), n >= 0.
 
-        Any values may be given: what is not finite is dropped, what is off the map is moved
-        to its border, and more than the search can count are thinned out evenly. They count
-        from the next slice of the search on, and for nothing once a path was found. An empty
-        list changes nothing.
-        Raises ValueError for an array of another shape.
+        Any values may be given: points that are not finite are dropped, points off the map are
+        moved to its border, and too many points are thinned out evenly. They take effect from
+        the next slice of the search on, and no more once a path was found. An empty list
+        changes nothing. Raises ValueError for an array of another shape.
         """
         points = np.asarray(waypoints, dtype=np.float64)
         if points.size == 0:
             points = points.reshape(0, 2)
         if points.ndim != 2 or points.shape[1] != 2:
             raise ValueError(f'waypoints: shape {points.shape} is not [n, 2]')
-        with self._lock:
-            self._pending = points
+        self._query.inbox.put(points)
 
-    def improvements(self, *, want_expanded: bool = False) -> Iterator[AnytimeSolution]:
+    def solutions(self, *, want_expanded: bool = False) -> Iterator[AnytimeSolution]:
         """Run the search to its end and yield each better path as it is found.
 
-        Call it once. A caller may drop the iterator early; `result` then is of that moment.
+        Call it once. The caller may close the iterator early; `result` is then of that moment.
         """
         grid, landmarks = self._grid, self._landmarks
         while True:
-            run = _Run(self, grid, landmarks)
+            run = _Run(self._query, grid, landmarks)
             try:
-                yield from run.search()
+                yield from run.solutions()
                 self._result = run.result(want_expanded=want_expanded)
                 return
             except OverflowError:
-                # Too long for the fine units: begin again in coarse ones, landmarks being fine.
+                # Too long for the fine units: restart in coarse ones, which landmarks are not in.
                 if grid.coarse() is grid:
-                    message = f'the cost of a path {self._start} to {self._goal} does not fit'
+                    query = self._query
+                    message = f'the cost of a path {query.start} to {query.goal} does not fit'
                     raise PathTooLongError(message) from None
                 grid, landmarks = grid.coarse(), None
-                self._restore(run)
+                self._query.inbox.put_back(run.waypoints)
             except GeneratorExit:
                 self._result = run.result(want_expanded=want_expanded)
                 raise
@@ -162,16 +156,6 @@ class GuidedSearch:
             raise RuntimeError('the search has not run to an end')
         return self._result
 
-    def _take_pending(self) -> NDArray[np.float64] | None:
-        with self._lock:
-            points, self._pending = self._pending, None
-        return points
-
-    def _restore(self, run: _Run) -> None:
-        with self._lock:
-            if self._pending is None:
-                self._pending = run.waypoints
-
 
 def guided(
     blocked: GridGraph | NDArray[np.bool_],
@@ -182,12 +166,12 @@ def guided(
     corner_cutting: bool = False,
     max_suboptimality: float | None = None,
     landmarks: Landmarks | None = None,
-    stop: NDArray[np.uint8] | None = None,
+    stop: StopFlag | None = None,
     weight: float = WEIGHT,
-    slack: float = SLACK,
+    work_factor: float = WORK_FACTOR,
     want_expanded: bool = True,
 ) -> GuidedResult:
-    """Search along `waypoints` to the end; see `GuidedSearch` for the rest of the parameters."""
+    """Search along `waypoints` to the end; the other parameters are those of `GuidedSearch`."""
     search = GuidedSearch(
         blocked,
         start,
@@ -197,61 +181,97 @@ def guided(
         landmarks=landmarks,
         stop=stop,
         weight=weight,
-        slack=slack,
+        work_factor=work_factor,
     )
     search.guide(waypoints)
-    for _ in search.improvements(want_expanded=want_expanded):
+    for _ in search.solutions(want_expanded=want_expanded):
         pass
     return search.result()
 
 
-def warm_up() -> None:
-    """Compile, or load from the cache, all that a plan needs."""
-    # A wall between start and goal: its proof takes every kernel, with and without landmarks.
-    blocked = np.zeros((24, 24), dtype=np.bool_)
-    blocked[4:, 12] = True
-    start, goal = (2, 20), (21, 20)
-    for cost in (None, np.ones(blocked.shape)):
-        grid = GridGraph(blocked, cost=cost)
-        for landmarks in (Landmarks.build(grid), None):
-            for wanted in (None, 1.0):
-                guided(
-                    grid, start, goal, [[2.0, 2.0]], max_suboptimality=wanted, landmarks=landmarks
-                )
-        guided(grid, start, goal, [[2.0, 2.0]], slack=0.0)
-        result = exact_astar(grid, start, goal)
-        can_see(grid, start, goal)
-        shorten(grid, result.path)
+class _WaypointInbox:
+    """The newest waypoints that a running search has not taken yet; thread-safe."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._points: NDArray[np.float64] | None = None
+
+    def put(self, points: NDArray[np.float64]) -> None:
+        """Leave waypoints; they replace those not taken yet."""
+        with self._lock:
+            self._points = points
+
+    def put_back(self, points: NDArray[np.float64] | None) -> None:
+        """Return waypoints that were taken, unless newer ones have arrived."""
+        with self._lock:
+            if self._points is None:
+                self._points = points
+
+    def take(self) -> NDArray[np.float64] | None:
+        """Take the waypoints, None if there are no new ones."""
+        with self._lock:
+            points, self._points = self._points, None
+        return points
+
+
+@dataclass(frozen=True, eq=False)
+class _Query:
+    """What a search was asked for: the parameters of `GuidedSearch` and its waypoints."""
+
+    start: Cell
+    goal: Cell
+    max_suboptimality: float | None
+    stop: StopFlag
+    weight: float
+    work_factor: float
+    inbox: _WaypointInbox = field(default_factory=_WaypointInbox)
 
 
 class _Search:
-    """One of a run's two searches: its records, its queue, its counts."""
+    """One of a run's two searches: its records, its queue and its counts.
+
+    While `proving` it is an A* by g + h without a work limit, else it follows the targets.
+    """
 
     def __init__(
         self,
+        query: _Query,
         grid: GridGraph,
-        ends: tuple[int, int],
-        marks: NDArray[np.int32],
+        landmark_distances: NDArray[np.int32],
         active: NDArray[np.int64],
+        *,
+        proving: bool,
     ) -> None:
         self.workspace = grid.borrow()
-        self._grid, self._marks, self._active = grid, marks, active
+        self._grid, self._active = grid, active
+        self._landmark_distances = landmark_distances
         self.control = control = np.zeros(kernels.G_SIZE, dtype=np.int64)
-        control[kernels.G_START], control[kernels.G_GOAL] = ends
+        control[kernels.G_START], control[kernels.G_GOAL] = map(
+            grid.index, (query.start, query.goal)
+        )
         control[kernels.G_GENERATION] = self.workspace.next_generation()
         control[kernels.G_STRAIGHT], control[kernels.G_DIAGONAL] = grid.straight, grid.diagonal
         control[kernels.G_WIDTH] = grid.width
         control[kernels.G_SHIFT] = plain_kernels.BUCKET_BITS
+        control[kernels.G_PROVING] = proving
+        control[kernels.G_WEIGHT] = round(query.weight * kernels.ONE)
+        control[kernels.G_RADIUS] = round(PASSING_RADIUS * grid.straight)
+        work_factor = round(query.work_factor * kernels.ONE)
+        control[kernels.G_WORK_FACTOR] = kernels.UNBOUNDED if proving else work_factor
+        if query.max_suboptimality is not None:
+            # Rounded down: the bound reported is never above the one asked for.
+            bound = math.floor(query.max_suboptimality * kernels.ONE)
+            control[kernels.G_SUBOPTIMALITY] = bound
         self._heads = np.zeros(_BUCKETS + 1, dtype=np.int32)
         self._keys: NDArray[np.int64] = np.empty(self.workspace.pool.size, dtype=np.int64)
-        self.targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
+        self._targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
         kernels.begin(
             self.workspace.records,
             self.workspace.pool,
             self._keys,
             self._heads,
-            grid.price.size > 0,
-            marks,
+            grid.is_graded,
+            landmark_distances,
             active,
             control,
         )
@@ -262,22 +282,44 @@ class _Search:
         return int(self.control[kernels.G_BEST])
 
     @property
+    def bound(self) -> int:
+        """The proven lower bound on the cost of any path, in units."""
+        return int(self.control[kernels.G_BOUND])
+
+    @property
     def expansions(self) -> int:
         """Expansions so far."""
         return int(self.control[kernels.G_GUIDED] + self.control[kernels.G_PROOF])
 
-    def advance(self, quota: int, stop: NDArray[np.uint8]) -> int:
-        """Expand up to `quota` cells; tell how that ended, room being made where it needs some."""
+    @property
+    def is_proven(self) -> bool:
+        """Whether the best path is proven to be within the requested bound."""
+        return bool(kernels.is_met(self.control))
+
+    @property
+    def is_good_enough(self) -> bool:
+        """Whether the best path may be returned: proven, or no bound was requested."""
+        return self.control[kernels.G_SUBOPTIMALITY] == 0 or self.is_proven
+
+    def learn(self, best: int, bound: int, plain_expansions: int = 0) -> None:
+        """Take over what the other search knows: its best cost, its bound, its expansions."""
+        control = self.control
+        control[kernels.G_BEST] = min(control[kernels.G_BEST], best)
+        control[kernels.G_BOUND] = max(control[kernels.G_BOUND], bound)
+        control[kernels.G_LEAST] = max(control[kernels.G_LEAST], plain_expansions)
+
+    def advance(self, quota: int, stop: StopFlag) -> int:
+        """Expand up to `quota` cells; return how that ended, after making room if needed."""
         workspace = self.workspace
         ended = kernels.advance(
             self._grid.moves,
-            self._grid.price,
+            self._grid.cell_surcharge,
             workspace.records,
             workspace.pool,
             self._keys,
             self._heads,
-            self.targets,
-            self._marks,
+            self._targets,
+            self._landmark_distances,
             self._active,
             self.control,
             quota,
@@ -289,132 +331,208 @@ class _Search:
         self._keys = np.concatenate((self._keys, np.empty_like(self._keys)))
         return plain_kernels.RUNNING
 
-    def rekey(self, shift: int, *, proving: bool) -> None:
-        """Queue the open cells anew: for the proof, or for new targets."""
+    def follow(self, targets: NDArray[np.int64], weight: float) -> None:
+        """Follow new targets from here on: int64 [n, 3], see `make_targets`."""
+        self._targets = targets
+        # The window of the queue spans the keys from the bound to half as much again as the way
+        # along the targets; keys beyond it only take more time.
+        span = 1.5 * weight * float(targets[:, 2].max(initial=0)) + 64.0 * self._grid.straight
+        shift = plain_kernels.BUCKET_BITS
+        while _BUCKETS << shift < span:
+            shift += 1
+        self._rekey(shift, proving=False)
+
+    def start_proof(self) -> None:
+        """Continue as an A* by g + h on the same records, to prove the best path."""
+        self._rekey(plain_kernels.BUCKET_BITS, proving=True)
+
+    def raise_bound(self) -> None:
+        """Raise the lower bound to what the open cells prove."""
+        kernels.raise_bound(
+            self.workspace.records,
+            self.workspace.pool,
+            self._heads,
+            self._landmark_distances,
+            self._active,
+            self.control,
+        )
+
+    def _rekey(self, shift: int, *, proving: bool) -> None:
         kernels.rekey(
             self.workspace.records,
             self.workspace.pool,
             self._keys,
             self._heads,
-            self.targets,
-            self._marks,
+            self._targets,
+            self._landmark_distances,
             self._active,
             proving,
             shift,
             self.control,
         )
 
-    def raise_bound(self) -> None:
-        """Take what the open cells prove."""
-        kernels.raise_bound(
-            self.workspace.records,
-            self.workspace.pool,
-            self._heads,
-            self._marks,
-            self._active,
-            self.control,
-        )
-
 
 class _Run:
-    """One run of a guided search on one grid: the led search and the plain A* behind it."""
+    """One run of a guided search on one grid: the waypoint search and the plain A* next to it."""
 
-    def __init__(self, search: GuidedSearch, grid: GridGraph, landmarks: Landmarks | None) -> None:
-        self.search_for = search
+    def __init__(self, query: _Query, grid: GridGraph, landmarks: Landmarks | None) -> None:
+        self.query = query
         self.grid = grid
-        self.stop = search._stop
-        self.ends = grid.index(search._start), grid.index(search._goal)
         self.waypoints: NDArray[np.float64] | None = None
         self.status: SearchStatus | None = None
-        self.marks: NDArray[np.int32] = NO_MARKS
+        self.landmark_distances: NDArray[np.int32] = NO_DISTANCES
         self.active: NDArray[np.int64] = NONE_ACTIVE
         if landmarks is not None:
-            active = landmarks.active(grid, search._start, search._goal)
+            active = landmarks.active(grid, query.start, query.goal)
             if active is None:
                 self.status = SearchStatus.EXHAUSTED
             else:
-                self.marks, self.active = landmarks.marks, active
-        walled_in = self.ends[0] != self.ends[1] and not grid.moves[self.ends[1]]
-        if walled_in or any(grid.blocked[y, x] for x, y in (search._start, search._goal)):
+                self.landmark_distances, self.active = landmarks.distances, active
+        walled_in = query.start != query.goal and not grid.moves[grid.index(query.goal)]
+        if walled_in or any(grid.blocked[y, x] for x, y in (query.start, query.goal)):
             self.status = SearchStatus.EXHAUSTED
-        self.led = self._make_search()
-        self.led.control[kernels.G_WEIGHT] = round(search._weight * kernels.ONE)
-        self.led.control[kernels.G_SLACK] = round(search._slack * kernels.ONE)
-        self.led.control[kernels.G_RADIUS] = round(RADIUS * grid.straight)
-        self.plain: _Search | None = None
-        self.best_of = self.led
+        self.waypoint_search = self.make_search(proving=False)
+        self.plain_search: _Search | None = None
+        self.best_search = self.waypoint_search
         self.best_path: NDArray[np.int32] | None = None
         self.first_expansions = 0
         self.first_cost = math.inf
 
-    def _make_search(self) -> _Search:
-        made = _Search(self.grid, self.ends, self.marks, self.active)
-        # Rounded down: the suboptimality_bound reported is never over the one asked for.
-        wanted = self.search_for._max_suboptimality
-        made.control[kernels.G_RATIO] = 0 if wanted is None else math.floor(wanted * kernels.ONE)
-        return made
+    def make_search(self, *, proving: bool) -> _Search:
+        """Make one of the two searches."""
+        return _Search(
+            self.query, self.grid, self.landmark_distances, self.active, proving=proving
+        )
 
     @property
     def expansions(self) -> int:
-        """Expansions so far."""
-        return self.led.expansions + self.plain_expansions
+        """Expansions so far, of both searches."""
+        return self.waypoint_search.expansions + self.plain_expansions
 
     @property
     def plain_expansions(self) -> int:
-        """Those of the plain A*."""
-        return 0 if self.plain is None else self.plain.expansions
+        """Expansions of the plain A* so far."""
+        return 0 if self.plain_search is None else self.plain_search.expansions
 
     def close(self) -> None:
         """Give the workspaces back."""
-        for one in (self.led, self.plain):
-            if one is not None:
-                self.grid.give_back(one.workspace)
+        for search in filter(None, (self.waypoint_search, self.plain_search)):
+            self.grid.give_back(search.workspace)
 
-    def search(self) -> Iterator[AnytimeSolution]:
+    def solutions(self) -> Iterator[AnytimeSolution]:
         """Search to the end; yield each better path."""
         while self.status is None:
-            before = self.led.best
+            before = self.waypoint_search.best
             if before == 0:  # the start is the goal
                 self.status = SearchStatus.FOUND
                 before = plain_kernels.NO_PATH
-            elif self.stop[0]:
+            elif self.query.stop[0]:
                 self.status = SearchStatus.STOPPED
             else:
-                self._step()
-            if self.led.best < before:
-                yield self._improvement()
+                self.step()
+            if self.waypoint_search.best < before:
+                solution = self.take_solution()
+                if solution is not None:
+                    yield solution
+
+    def step(self) -> None:
+        """Search one slice; set the status if that ends the search."""
+        points = self.query.inbox.take()
+        search = self.waypoint_search
+        # Waypoints count for nothing once a path is known.
+        if points is not None and len(points) and search.best == plain_kernels.NO_PATH:
+            self.waypoints = points
+            targets = make_targets(self.grid, points, self.query.start, self.query.goal)
+            search.follow(targets, self.query.weight)
+        if self.waypoints is None:
+            self.step_plain(EXPANSION_SLICE)
+            return
+        before = search.best
+        ended = search.advance(EXPANSION_SLICE, self.query.stop)
+        if search.best < before:
+            self.best_search = search
+        if ended == plain_kernels.FOUND:
+            search.raise_bound()
+            if search.is_good_enough:
+                self.status = SearchStatus.FOUND
+            else:
+                search.start_proof()
+        elif ended == kernels.WORK_LIMIT:
+            self.step_plain(max(_MIN_PLAIN_STEP, self.plain_expansions // 8))
+        else:
+            self.end(ended)
+
+    def step_plain(self, quota: int) -> None:
+        """Let the plain A* expand `quota` cells, which also raises the work limit."""
+        if self.plain_search is None:
+            self.plain_search = self.make_search(proving=True)
+        plain, search = self.plain_search, self.waypoint_search
+        plain.learn(search.best, 0)  # prunes the plain A* too
+        ended = plain.advance(quota, self.query.stop)
+        if plain.best < search.best:
+            self.best_search = plain
+        search.learn(plain.best, plain.bound, plain.expansions)
+        if ended == plain_kernels.FOUND or search.is_proven:
+            self.status = SearchStatus.FOUND
+        else:
+            self.end(ended)
+
+    def end(self, ended: int) -> None:
+        """Set the status if a kernel code ends the search. Raises OverflowError."""
+        if ended == plain_kernels.OVERFLOW:
+            raise OverflowError
+        if ended == plain_kernels.STOPPED:
+            self.status = SearchStatus.STOPPED
+        elif ended == plain_kernels.EXHAUSTED:
+            found = self.waypoint_search.best < plain_kernels.NO_PATH
+            self.status = SearchStatus.FOUND if found else SearchStatus.EXHAUSTED
+
+    def take_solution(self) -> AnytimeSolution | None:
+        """Note the path that the records now hold and return it, None if it is a worse one.
+
+        A path may cost less than the goal's g, since a cell on it may have improved after g was
+        set. So a path that improves on g may still cost more than the path noted before.
+        """
+        endpoints = map(self.grid.index, (self.query.start, self.query.goal))
+        path = self.best_search.workspace.trace(self.grid.width, *endpoints)
+        cost, lower_bound, suboptimality_bound = self.costs(path)
+        if self.best_path is None:
+            self.first_expansions, self.first_cost = self.expansions, cost
+        elif cost > self.costs(self.best_path)[0]:
+            return None
+        self.best_path = path
+        return AnytimeSolution(path, cost, lower_bound, suboptimality_bound, self.expansions)
+
+    def costs(self, path: NDArray[np.int32]) -> tuple[float, float, float]:
+        """Return the cost of a path and the lower bound, in cells, and their proven ratio."""
+        units, bound = path_units(self.grid, path), self.waypoint_search.bound
+        proven = max(1.0, units / bound) if bound > 0 else 1.0
+        return units / self.grid.straight, min(bound, units) / self.grid.straight, proven
 
     def result(self, *, want_expanded: bool) -> GuidedResult:
         """Return what is known now."""
-        control, grid = self.led.control, self.grid
+        grid, control = self.grid, self.waypoint_search.control
         status = SearchStatus.STOPPED if self.status is None else self.status
         expanded = np.zeros(grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
-        drawn = want_expanded and self.stop[0] != STOP_CANCELLED
         storage = 0
-        for one in filter(None, (self.led, self.plain)):
-            storage += int(one.control[kernels.G_STORAGE])
-            if drawn:
-                workspace = one.workspace
+        for search in filter(None, (self.waypoint_search, self.plain_search)):
+            storage += int(search.control[kernels.G_STORAGE])
+            if want_expanded and self.query.stop[0] != STOP_CANCELLED:
+                workspace = search.workspace
                 plain_kernels.add_expanded(workspace.records, workspace.generation, expanded)
-        path, bound = self.best_path, int(control[kernels.G_BOUND])
-        length, cost, suboptimality_bound = math.nan, math.inf, math.inf
-        lower_bound = bound / grid.straight
+        path, length = self.best_path, math.nan
+        cost, lower_bound, suboptimality_bound = math.inf, math.inf, math.inf
         if path is not None:
-            units = path_units(grid, path)
-            length, cost, suboptimality_bound = (
-                path_length(path),
-                units / grid.straight,
-                _ratio(units, bound),
-            )
-            lower_bound = min(bound, units) / grid.straight
-        elif status is SearchStatus.EXHAUSTED:
-            lower_bound = math.inf
+            length = path_length(path)
+            cost, lower_bound, suboptimality_bound = self.costs(path)
+        elif status is not SearchStatus.EXHAUSTED:
+            lower_bound = self.waypoint_search.bound / grid.straight
         return GuidedResult(
             status,
             self.expansions,
             storage,
             expanded,
-            np.empty((0, 2), dtype=np.int32) if path is None else path,
+            empty_path() if path is None else path,
             length,
             cost,
             lower_bound,
@@ -426,90 +544,8 @@ class _Run:
             self.plain_expansions,
         )
 
-    def _step(self) -> None:
-        """Search one slice; set the status when that ends the search."""
-        points = self.search_for._take_pending()
-        if points is not None:
-            self._lead(points)
-        if self.waypoints is None:
-            self._step_plain(SLICE)
-            return
-        led = self.led
-        before = led.best
-        ended = led.advance(SLICE, self.stop)
-        if led.best < before:
-            self.best_of = led
-        if ended == plain_kernels.FOUND:
-            led.raise_bound()
-            if led.control[kernels.G_RATIO] == 0 or kernels.is_met(led.control):
-                self.status = SearchStatus.FOUND
-            else:
-                led.rekey(plain_kernels.BUCKET_BITS, proving=True)
-        elif ended == kernels.WORKED:
-            self._step_plain(max(_PLAIN_STEP, self.plain_expansions // 8))
-        else:
-            self._end(ended)
 
-    def _step_plain(self, quota: int) -> None:
-        """Let the plain A* expand `quota` cells, for its own sake and for the led search's."""
-        if self.plain is None:
-            self.plain = self._make_search()
-            self.plain.control[kernels.G_PROVING] = 1
-            self.plain.control[kernels.G_SLACK] = kernels.UNBOUNDED
-        known, control = self.plain.control, self.led.control
-        # The led search's path prunes this one's too.
-        known[kernels.G_BEST] = min(self.plain.best, self.led.best)
-        ended = self.plain.advance(quota, self.stop)
-        if self.plain.best < self.led.best:
-            control[kernels.G_BEST] = self.plain.best
-            self.best_of = self.plain
-        control[kernels.G_BOUND] = max(control[kernels.G_BOUND], known[kernels.G_BOUND])
-        control[kernels.G_LEAST] = max(control[kernels.G_LEAST], self.plain.expansions)
-        if ended == plain_kernels.FOUND or kernels.is_met(control):
-            self.status = SearchStatus.FOUND
-        else:
-            self._end(ended)
-
-    def _end(self, ended: int) -> None:
-        if ended == plain_kernels.OVERFLOW:
-            raise OverflowError
-        if ended == plain_kernels.STOPPED:
-            self.status = SearchStatus.STOPPED
-        elif ended == plain_kernels.EXHAUSTED:
-            found = self.led.best < plain_kernels.NO_PATH
-            self.status = SearchStatus.FOUND if found else SearchStatus.EXHAUSTED
-
-    def _lead(self, points: NDArray[np.float64]) -> None:
-        """Follow new waypoints from here on, unless there are none or a path is known already."""
-        if not len(points) or self.led.best < plain_kernels.NO_PATH:
-            return
-        self.waypoints, led = points, self.led
-        led.targets = _targets(self.grid, points, self.search_for._start, self.search_for._goal)
-        # The window spans the keys from the least the path may cost to half as much again
-        # as the way along the list; the search copes with those beyond, more slowly.
-        way = 1.5 * self.search_for._weight * float(led.targets[:, 2].max(initial=0))
-        shift = plain_kernels.BUCKET_BITS
-        while _BUCKETS << shift < way + 64.0 * self.grid.straight:
-            shift += 1
-        led.rekey(shift, proving=False)
-
-    def _improvement(self) -> AnytimeSolution:
-        path = self.best_of.workspace.trace(self.grid.width, *self.ends)
-        units = path_units(self.grid, path)
-        cost = units / self.grid.straight
-        bound = int(self.led.control[kernels.G_BOUND])
-        if self.best_path is None:
-            self.first_expansions, self.first_cost = self.expansions, cost
-        self.best_path = path
-        lower_bound = min(bound, units) / self.grid.straight
-        return AnytimeSolution(path, cost, lower_bound, _ratio(units, bound), self.expansions)
-
-
-def _ratio(units: int, bound: int) -> float:
-    return max(1.0, units / bound) if bound > 0 else 1.0
-
-
-def _targets(
+def make_targets(
     grid: GridGraph, points: NDArray[np.float64], start: Cell, goal: Cell
 ) -> NDArray[np.int64]:
     """Turn waypoints into targets: int64 [n, 3], x, y and units from there to the goal."""
@@ -523,7 +559,7 @@ def _targets(
         kept = np.linspace(0, len(cells) - 1, kernels.MAX_TARGETS).round().astype(np.int64)
         cells = cells[kept]
     delta = np.abs(np.diff(cells, axis=0))
-    legs = grid.straight * delta.max(axis=1, initial=0)
-    legs += (grid.diagonal - grid.straight) * delta.min(axis=1, initial=2**40)
-    rest = np.concatenate((legs[::-1].cumsum()[::-1], [0]))
+    segments = grid.straight * delta.max(axis=1, initial=0)
+    segments += (grid.diagonal - grid.straight) * delta.min(axis=1, initial=2**40)
+    rest = np.concatenate((segments[::-1].cumsum()[::-1], [0]))
     return np.ascontiguousarray(np.column_stack((cells, rest)), dtype=np.int64)

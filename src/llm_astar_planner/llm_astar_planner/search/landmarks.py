@@ -1,7 +1,7 @@
-"""Landmarks: exact distances to a few far cells, which prove how long a path must be.
+"""Landmarks: exact distances from a few far cells, which prove how long a path must be.
 
 For a landmark l the triangle inequality gives d(n, goal) >= |d(l, n) - d(l, goal)|, since a
-path costs the same both ways (ALT: Goldberg and Harrelson, SODA 2005).
+path costs the same in both directions (ALT: Goldberg and Harrelson, SODA 2005).
 """
 
 from __future__ import annotations
@@ -14,16 +14,19 @@ from numpy.typing import NDArray
 from llm_astar_planner.search._kernels import astar as kernels
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.stop import StopFlag, no_stop
 
-# Eight landmarks do on large maps; small maps get more, which cost them next to nothing.
+# The number of landmarks on large maps; small maps get more, which cost little there.
 COUNT = 8
-MOST = 32
-_CHEAP_BYTES = 64 * 1024 * 1024
-MAX_ACTIVE = 4
+MAX_COUNT = 32
 MAX_BYTES = 256 * 1024 * 1024
+# More than COUNT landmarks are measured only while they fit in so many bytes.
+_SMALL_BYTES = 64 * 1024 * 1024
+# Landmarks that one query uses.
+MAX_ACTIVE = 4
+# Cells tried as the first source, to find the largest connected area.
 _SEEDS = 8
-_NEVER = np.zeros(1, dtype=np.uint8)
-NO_MARKS = np.zeros((0, 0), dtype=np.int32)
+NO_DISTANCES = np.zeros((0, 0), dtype=np.int32)
 NONE_ACTIVE = np.zeros((0, 2), dtype=np.int64)
 
 
@@ -34,11 +37,11 @@ class Landmarks:
     blocks more cells or raises costs.
     """
 
-    def __init__(self, grid: GridGraph, marks: NDArray[np.int32]) -> None:
-        """Keep the distances `marks` measured on `grid`; -1 where a landmark does not reach."""
-        self.marks = marks
+    def __init__(self, grid: GridGraph, distances: NDArray[np.int32]) -> None:
+        """Keep the `distances` measured on `grid`; -1 where a landmark does not reach a cell."""
+        self.distances = distances
         self._blocked = grid.blocked
-        self._price = grid.price
+        self._cell_surcharge = grid.cell_surcharge
         self._units = (grid.straight, grid.diagonal)
         self._corner_cutting = grid.corner_cutting
 
@@ -49,51 +52,51 @@ class Landmarks:
         *,
         count: int | None = None,
         max_bytes: int = MAX_BYTES,
-        stop: NDArray[np.uint8] | None = None,
+        stop: StopFlag | None = None,
     ) -> Landmarks | None:
         """Measure `count` landmarks, each the cell farthest from those before it.
 
-        Without a `count`: COUNT, up to MOST on small maps. Fewer where they would not fit
-        `max_bytes` (4 bytes a cell each). None where not one fits, no cell is free, `stop` was
-        raised or a distance does not fit 32 bits.
+        The default is COUNT, up to MAX_COUNT on small maps; fewer if they would not fit in
+        `max_bytes` (4 bytes per cell each). Returns None if not even one fits, no cell is free,
+        `stop` was raised or a distance does not fit 32 bits.
         """
         cell_bytes = 4 * grid.moves.size
-        wanted = max(COUNT, min(MOST, _CHEAP_BYTES // cell_bytes)) if count is None else count
+        wanted = max(COUNT, min(MAX_COUNT, _SMALL_BYTES // cell_bytes)) if count is None else count
         count = min(wanted, max_bytes // cell_bytes)
         free = np.flatnonzero(grid.moves)
         if count < 1 or free.size == 0:
             return None
-        marks = np.empty((grid.moves.size, count), dtype=np.int32)
-        measure = _Measure(grid, _NEVER if stop is None else stop)
-        nearest = measure.first(free, marks)
+        distances = np.empty((grid.moves.size, count), dtype=np.int32)
+        dijkstra = _Dijkstra(grid, distances, no_stop() if stop is None else stop)
+        nearest = dijkstra.largest_area(free)
         if nearest is None:
             return None
         for column in range(count):
             source = int(nearest.argmax())
-            if not measure.column(source, column, marks):
+            if not dijkstra.fill(column, source):
                 return None
-            reached = marks[:, column]
+            reached = distances[:, column]
             nearest = reached.copy() if column == 0 else np.minimum(nearest, reached)
-        return cls(grid, marks)
+        return cls(grid, distances)
 
     @property
     def count(self) -> int:
-        """How many landmarks there are."""
-        return int(self.marks.shape[1])
+        """The number of landmarks."""
+        return int(self.distances.shape[1])
 
     @property
     def nbytes(self) -> int:
         """Bytes held."""
-        return self.marks.nbytes
+        return self.distances.nbytes
 
     def active(self, grid: GridGraph, start: Cell, goal: Cell) -> NDArray[np.int64] | None:
         """Choose the landmarks that prove most for a query.
 
         Returns int64 [k, 2]: a landmark's column and its distance to the goal, in units.
-        None where they prove that no path joins the cells.
+        None if they prove that no path joins the cells.
         """
-        first = self.marks[grid.index(start)].astype(np.int64)
-        last = self.marks[grid.index(goal)].astype(np.int64)
+        first = self.distances[grid.index(start)].astype(np.int64)
+        last = self.distances[grid.index(goal)].astype(np.int64)
         if ((first < 0) != (last < 0)).any():
             return None
         gaps = np.where(last < 0, 0, np.abs(first - last))
@@ -102,34 +105,32 @@ class Landmarks:
         return np.column_stack((best, last[best])).astype(np.int64)
 
     def lower_bound(self, grid: GridGraph, start: Cell, goal: Cell) -> float:
-        """Return a cost, in cells, that no path between the cells can be under; inf: no path."""
+        """Return a lower bound, in cells, on the cost of any path; inf: there is no path."""
         active = self.active(grid, start, goal)
         if active is None:
             return float('inf')
-        gaps = np.abs(self.marks[grid.index(start), active[:, 0]] - active[:, 1])
+        gaps = np.abs(self.distances[grid.index(start), active[:, 0]] - active[:, 1])
         return float(gaps.max(initial=0)) / self._units[0]
 
-    def hold_on(self, grid: GridGraph) -> bool:
-        """Tell whether the bounds hold on `grid`: nothing was freed and nothing became cheaper."""
-        if grid.blocked is self._blocked and grid.price is self._price:
-            return self._units == (grid.straight, grid.diagonal)
-        return (
-            grid.blocked.shape == self._blocked.shape
-            and self._units == (grid.straight, grid.diagonal)
-            and (self._corner_cutting or not grid.corner_cutting)
-            and not bool((self._blocked & ~grid.blocked).any())
-            and (
-                self._price.size == 0
-                or (grid.price.size > 0 and bool((grid.price >= self._price).all()))
-            )
-        )
+    def is_admissible_on(self, grid: GridGraph) -> bool:
+        """Tell whether the bounds hold on `grid`: no cell was freed and none became cheaper."""
+        units = (grid.straight, grid.diagonal)
+        if self._units != units or grid.blocked.shape != self._blocked.shape:
+            return False
+        if grid.corner_cutting and not self._corner_cutting:
+            return False
+        if grid.blocked is not self._blocked and (self._blocked & ~grid.blocked).any():
+            return False
+        if grid.cell_surcharge is self._cell_surcharge or self._cell_surcharge.size == 0:
+            return True
+        return grid.is_graded and bool((grid.cell_surcharge >= self._cell_surcharge).all())
 
 
 class LandmarkManager:
     """Landmarks for the current map, built in the background: thread-safe.
 
-    `update` takes each new map; `current` returns what is ready for it. Landmarks stay while
-    cells only become blocked or dearer and are built anew when some are freed.
+    `update` takes each new map; `current` returns the landmarks that are ready for it. They stay
+    while cells only become blocked or more expensive, and are rebuilt when some are freed.
     """
 
     def __init__(self, *, count: int | None = None, max_bytes: int = MAX_BYTES) -> None:
@@ -138,9 +139,9 @@ class LandmarkManager:
         self._max_bytes = max_bytes
         self._lock = threading.Lock()
         self._landmarks: Landmarks | None = None
-        self._grid: GridGraph | None = None  # the last map they were found to hold on
+        self._grid: GridGraph | None = None  # the last map they were found admissible on
         self._thread: threading.Thread | None = None
-        self._stop = np.zeros(1, dtype=np.uint8)
+        self._stop = no_stop()
 
     @property
     def nbytes(self) -> int:
@@ -149,31 +150,31 @@ class LandmarkManager:
         return 0 if landmarks is None else landmarks.nbytes
 
     def update(self, grid: GridGraph) -> None:
-        """Take a new map: keep the landmarks where they hold, else start building others."""
+        """Take a new map: keep the landmarks if they are admissible on it, else rebuild them."""
         with self._lock:
-            if self._landmarks is not None and self._landmarks.hold_on(grid):
+            if self._landmarks is not None and self._landmarks.is_admissible_on(grid):
                 self._grid = grid
                 return
             self._landmarks = None
             self._stop[0] = 1
-            stop = self._stop = np.zeros(1, dtype=np.uint8)
+            stop = self._stop = no_stop()
             self._thread = threading.Thread(
                 target=self._build, args=(grid, stop), name='landmarks', daemon=True
             )
             self._thread.start()
 
     def current(self, grid: GridGraph) -> Landmarks | None:
-        """Return the landmarks that hold on `grid`, None while there are none."""
+        """Return the landmarks that are admissible on `grid`, None while there are none."""
         with self._lock:
             if self._landmarks is None or self._grid is grid:
                 return self._landmarks
-            if not self._landmarks.hold_on(grid):
+            if not self._landmarks.is_admissible_on(grid):
                 return None
             self._grid = grid
             return self._landmarks
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait, at most `timeout` seconds, for the building to end; tell whether it has."""
+        """Wait, at most `timeout` seconds, for the build to end; tell whether it has."""
         thread = self._thread
         if thread is None:
             return True
@@ -181,13 +182,13 @@ class LandmarkManager:
         return not thread.is_alive()
 
     def close(self) -> None:
-        """Stop building and let go of the landmarks."""
+        """Stop building and release the landmarks."""
         with self._lock:
             self._stop[0] = 1
             self._landmarks = None
         self.wait()
 
-    def _build(self, grid: GridGraph, stop: NDArray[np.uint8]) -> None:
+    def _build(self, grid: GridGraph, stop: StopFlag) -> None:
         landmarks = Landmarks.build(grid, count=self._count, max_bytes=self._max_bytes, stop=stop)
         with self._lock:
             if stop[0] == 0:
@@ -195,46 +196,50 @@ class LandmarkManager:
                 self._grid = grid
 
 
-class _Measure:
-    """Runs of Dijkstra's algorithm over one grid, sharing their queue."""
+class _Dijkstra:
+    """Repeated runs of Dijkstra's algorithm on one grid into the columns of one array."""
 
-    def __init__(self, grid: GridGraph, stop: NDArray[np.uint8]) -> None:
-        self.grid = grid
-        self.stop = stop
-        self.pool = np.empty(1 << 14, dtype=np.int64)
-        self.heads = np.zeros(grid.ring, dtype=np.int32)
+    def __init__(self, grid: GridGraph, distances: NDArray[np.int32], stop: StopFlag) -> None:
+        self._grid = grid
+        self._distances = distances
+        self._stop = stop
+        self._pool = np.empty(1 << 14, dtype=np.int64)
+        self._heads = np.zeros(grid.ring, dtype=np.int32)
 
-    def column(self, source: int, column: int, marks: NDArray[np.int32]) -> bool:
-        """Fill a column with the distances from `source`; False where it was stopped."""
-        grid = self.grid
+    def fill(self, column: int, source: int) -> bool:
+        """Fill a column with the distances from the cell `source`; False if it was stopped."""
+        grid = self._grid
         while True:
-            status = kernels.distances(
+            status = kernels.dijkstra(
                 grid.moves,
-                grid.price,
+                grid.cell_surcharge,
                 grid.width,
                 grid.straight,
                 grid.diagonal,
                 source,
                 column,
-                marks,
-                self.pool,
-                self.heads,
-                self.stop,
+                self._distances,
+                self._pool,
+                self._heads,
+                self._stop,
             )
             if status != kernels.NEED_SPACE:
                 return bool(status == kernels.FOUND)
-            self.pool = np.empty(2 * self.pool.size, dtype=np.int64)
+            self._pool = np.empty(2 * self._pool.size, dtype=np.int64)
 
-    def first(self, free: NDArray[np.int64], marks: NDArray[np.int32]) -> NDArray[np.int32] | None:
-        """Return the distances from a cell of the largest area that a few tries meet."""
+    def largest_area(self, free: NDArray[np.int64]) -> NDArray[np.int32] | None:
+        """Return the distances from a cell in the largest connected area that a few tries find.
+
+        `free` holds the numbers of the free cells. Returns None if it was stopped.
+        """
         best: NDArray[np.int32] | None = None
         most = 0
         for source in free[:: max(1, free.size // _SEEDS)]:
-            if not self.column(int(source), 0, marks):
+            if not self.fill(0, int(source)):
                 return None
-            reached = int(np.count_nonzero(marks[:, 0] >= 0))
+            reached = int(np.count_nonzero(self._distances[:, 0] >= 0))
             if reached > most:
-                most, best = reached, marks[:, 0].copy()
+                most, best = reached, self._distances[:, 0].copy()
             if 2 * most > free.size:
                 break
         return best

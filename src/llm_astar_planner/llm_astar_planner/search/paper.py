@@ -1,4 +1,4 @@
-"""The search methods by name; the paper's, with plain arguments in and a SearchResult out."""
+"""The paper's search methods, exact to its published code, and the names of all methods."""
 
 from __future__ import annotations
 
@@ -9,8 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import paper as kernels
-from llm_astar_planner.search.guided import warm_up
+from llm_astar_planner.search.any_angle import can_see, string_pull
+from llm_astar_planner.search.astar import exact_astar
+from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.guided import guided
+from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
+from llm_astar_planner.search.stop import StopFlag, no_stop
 
 HEURISTICS = {
     'euclidean': kernels.EUCLIDEAN,
@@ -18,7 +23,7 @@ HEURISTICS = {
     'chebyshev': kernels.CHEBYSHEV,
     'manhattan': kernels.MANHATTAN,
 }
-# Dynamic weighted A* starts at weight 2 and decays by 0.99 a pop (LLM-A* paper, table 1).
+# Dynamic weighted A* starts at weight 2, which decays by 0.99 per pop (LLM-A* paper, table 1).
 DYNAMIC_WEIGHT = 2.0
 DYNAMIC_DECAY = 0.99
 
@@ -29,28 +34,23 @@ _STATUS = {
 }
 
 
-def no_stop() -> NDArray[np.uint8]:
-    """Return a stop flag that nobody raises; set its one element to 1 to stop a search."""
-    return np.zeros(1, dtype=np.uint8)
-
-
 @dataclass(frozen=True, eq=False)
 class SearchOptions:
-    """How to search, for every method.
+    """Options of the paper's methods.
 
-    `heuristic` is a key of HEURISTICS, `weight` >= 1 is weighted A*'s. `corner_cutting` allows a
-    diagonal step between or beside blocked cells, as the paper does. Another thread stops the
-    search by setting `stop[0] = 1`.
+    `heuristic` is a key of HEURISTICS; `weight` >= 1 applies to weighted A* alone.
+    `corner_cutting` allows a diagonal step between or next to blocked cells, as the paper does.
+    Another thread stops the search by setting `stop[0] = 1`.
     """
 
     heuristic: str = 'euclidean'
     weight: float = 2.0
     corner_cutting: bool = True
-    stop: NDArray[np.uint8] = field(default_factory=no_stop)
+    stop: StopFlag = field(default_factory=no_stop)
 
 
 class Method(Protocol):
-    """A search method."""
+    """One of the paper's search methods."""
 
     def __call__(
         self,
@@ -62,44 +62,46 @@ class Method(Protocol):
     ) -> SearchResult:
         """Search `blocked` [height, width] from start to goal, free cells (x, y) on the grid.
 
-        `targets` [n, 2] is the target list after its start, in cells; methods that know no
-        waypoints leave it aside.
+        `targets` [n, 2] is the paper's target list without its start, in cells; methods that
+        use no waypoints ignore it.
         """
 
 
 def astar(
     blocked: NDArray[np.bool_], start: Cell, goal: Cell, targets: ArrayLike, options: SearchOptions
 ) -> SearchResult:
-    """Search by A*, exact to the paper's: stale entries expand too, ties go by (f, x, y)."""
+    """Search by the paper's A*: stale queue entries are expanded too, ties go by (f, x, y)."""
     del targets
-    return _search(blocked, start, goal, [], options, weight=1.0)
+    return run_kernel(blocked, start, goal, [], options, weight=1.0)
 
 
 def weighted_astar(
     blocked: NDArray[np.bool_], start: Cell, goal: Cell, targets: ArrayLike, options: SearchOptions
 ) -> SearchResult:
-    """Weighted A* with the static weight of the options: f = g + w h(goal)."""
+    """Search by weighted A* with the static weight of the options: f = g + w h(goal)."""
     del targets
-    return _search(blocked, start, goal, [], options, weight=options.weight)
+    return run_kernel(blocked, start, goal, [], options, weight=options.weight)
 
 
 def dynamic_weighted_astar(
     blocked: NDArray[np.bool_], start: Cell, goal: Cell, targets: ArrayLike, options: SearchOptions
 ) -> SearchResult:
-    """Dynamic weighted A*, exact to the paper's row: w = max(1, 2 * 0.99^k) at the k-th pop."""
+    """Search by the paper's dynamic weighted A*: w = max(1, 2 * 0.99^k) at the k-th pop."""
     del targets
-    return _search(blocked, start, goal, [], options, weight=DYNAMIC_WEIGHT, decay=DYNAMIC_DECAY)
+    return run_kernel(
+        blocked, start, goal, [], options, weight=DYNAMIC_WEIGHT, decay=DYNAMIC_DECAY
+    )
 
 
 def llm_astar(
     blocked: NDArray[np.bool_], start: Cell, goal: Cell, targets: ArrayLike, options: SearchOptions
 ) -> SearchResult:
-    """LLM-A*, exact to the paper's published code: f = g + (h(goal) + h(target)).
+    """Search by LLM-A* as the paper's published code does: f = g + (h(goal) + h(target)).
 
-    The target moves on when a neighbour equals it; one that is no lattice point is never met.
-    Its length has no bound.
+    The target advances when a neighbour equals it; a target between lattice points is never
+    reached. The length of the path has no bound.
     """
-    return _search(blocked, start, goal, targets, options, weight=1.0)
+    return run_kernel(blocked, start, goal, targets, options, weight=1.0)
 
 
 PAPER_METHODS: dict[str, Method] = {
@@ -108,28 +110,39 @@ PAPER_METHODS: dict[str, Method] = {
     'dynamic_weighted_astar': dynamic_weighted_astar,
     'llm_astar': llm_astar,
 }
-# The searches of our own, whose paths carry a bound: see docs/guided-search.md.
+# Our own searches, whose paths carry a suboptimality bound: see docs/guided-search.md.
 EXACT = 'exact_astar'
 GUIDED = 'guided'
 METHODS = (GUIDED, EXACT, *PAPER_METHODS)
-# The methods that make use of waypoints; the others never ask for them.
+# The methods that use waypoints; the others never query a source.
 WAYPOINT_METHODS = frozenset({GUIDED, 'llm_astar'})
 
 
 def compile_kernels() -> None:
-    """Compile, or load from numba's cache, so that the first plan does not wait for it."""
-    blocked = np.zeros((3, 3), dtype=bool)
-    llm_astar(blocked, (0, 0), (2, 2), [[1, 1], [2, 2]], SearchOptions())
-    warm_up()
+    """Compile all kernels, or load them from numba's cache, so that the first plan need not."""
+    # The wall between start and goal makes the proof run every kernel.
+    blocked = np.zeros((24, 24), dtype=np.bool_)
+    blocked[4:, 12] = True
+    start, goal, waypoints = (2, 20), (21, 20), [[2.0, 2.0]]
+    llm_astar(blocked, start, goal, [*waypoints, goal], SearchOptions())
+    for cost in (None, np.ones(blocked.shape)):
+        grid = GridGraph(blocked, cost=cost)
+        for landmarks in (Landmarks.build(grid), None):
+            for bound in (None, 1.0):
+                guided(grid, start, goal, waypoints, max_suboptimality=bound, landmarks=landmarks)
+        guided(grid, start, goal, waypoints, work_factor=0.0)
+        result = exact_astar(grid, start, goal)
+        can_see(grid, start, goal)
+        string_pull(grid, result.path)
 
 
-def path_length(path: NDArray[np.int32]) -> float:
-    """Return the Euclidean length of a path of cells [n, 2], in cells."""
+def euclidean_length(path: NDArray[np.int32]) -> float:
+    """Return the sum of the Euclidean lengths of the steps of a path [n, 2], in cells."""
     steps = np.diff(path, axis=0)
     return float(np.sum(np.hypot(steps[:, 0], steps[:, 1])))
 
 
-def _search(
+def run_kernel(
     blocked: NDArray[np.bool_],
     start: Cell,
     goal: Cell,
@@ -139,9 +152,10 @@ def _search(
     weight: float,
     decay: float = 1.0,
 ) -> SearchResult:
+    """Run the loop that all of the paper's methods share, with their weight, decay and targets."""
     start_cell, goal_cell = np.array(start, dtype=np.int64), np.array(goal, dtype=np.int64)
     height, width = blocked.shape
-    # Zeros that the system hands out as they are touched: a small search of a large map is cheap.
+    # The system provides zeroed pages on first touch: a small search of a large map is cheap.
     seen, closed = (np.zeros(width * height, dtype=np.bool_) for _ in range(2))
     code, expansions, storage, move_to = kernels.paper_search(
         np.ascontiguousarray(blocked, dtype=np.bool_),
@@ -161,4 +175,4 @@ def _search(
     if status is not SearchStatus.FOUND:
         return SearchResult(status, expansions, storage, expanded)
     path = kernels.trace_back(move_to, start_cell, goal_cell, height)
-    return SearchResult(status, expansions, storage, expanded, path, path_length(path))
+    return SearchResult(status, expansions, storage, expanded, path, euclidean_length(path))

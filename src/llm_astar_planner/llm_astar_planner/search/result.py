@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
+# The column and the row of a cell, (x, y).
 Cell = tuple[int, int]
-# A stop flag at this, instead of 1: nobody wants a picture of what was expanded any more.
-STOP_CANCELLED = 2
 
 
 class SearchStatus(Enum):
@@ -21,7 +21,8 @@ class SearchStatus(Enum):
     STOPPED = 'stopped'  # the stop flag was raised: a deadline or a cancel
 
 
-def _no_path() -> NDArray[np.int32]:
+def empty_path() -> NDArray[np.int32]:
+    """Return a path without cells: int32 [0, 2]."""
     return np.empty((0, 2), dtype=np.int32)
 
 
@@ -30,13 +31,32 @@ class SearchResult:
     """The outcome of one search on a grid.
 
     `path` is int32 [n, 2], cells (x, y) from start to goal, empty unless found. `expansions`
-    counts expansions (the paper's operation), `storage` the states that ever got a g (the
-    paper's storage), `length` is in cells. `expanded` is bool [height, width].
+    counts the expanded states (the paper calls it operation), `storage` the states that ever
+    got a g (the paper's storage). `length` is in cells, NaN without a path. `expanded` is bool
+    [height, width].
     """
 
     status: SearchStatus
     expansions: int
     storage: int
     expanded: NDArray[np.bool_]
-    path: NDArray[np.int32] = field(default_factory=_no_path)
+    path: NDArray[np.int32] = field(default_factory=empty_path)
     length: float = float('nan')
+
+
+@dataclass(frozen=True, eq=False)
+class BoundedResult(SearchResult):
+    """A search result with what is proven about its path.
+
+    `cost` is the path's cost in cells: its length where the grid has no graded costs.
+    `lower_bound` is proven to be at most the optimal cost, and `suboptimality_bound` = cost /
+    lower_bound to be at least cost / optimum (inf without a path). `first_expansions` and
+    `first_cost` describe the first path found. `expanded` is empty, [0, 0], unless it was
+    requested.
+    """
+
+    cost: float = math.inf
+    lower_bound: float = 0.0
+    suboptimality_bound: float = math.inf
+    first_expansions: int = 0
+    first_cost: float = math.inf

@@ -1,4 +1,4 @@
-"""Stop a search in time: at its deadline, or when its caller cancels."""
+"""Stop flags: how another thread stops a running search, and how a deadline does."""
 
 from __future__ import annotations
 
@@ -10,15 +10,22 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search.paper import no_stop
-from llm_astar_planner.search.result import STOP_CANCELLED
-
-# Seconds between two looks at the caller's flag: what a cancel may take to be seen.
+# A uint8 array of one element, which the compiled loops poll: 0 to go on, anything else to stop.
+StopFlag = NDArray[np.uint8]
+# The value of a stop flag once the caller has cancelled: nobody will look at the result, so a
+# search need not draw which cells it expanded. At a deadline the value is 1.
+STOP_CANCELLED = 2
+# Seconds between two looks at a caller's stop flag, so a cancel takes effect within this time.
 POLL_PERIOD_S = 0.01
 
 
+def no_stop() -> StopFlag:
+    """Return a stop flag that is not raised; set its one element to 1 to stop a search."""
+    return np.zeros(1, dtype=np.uint8)
+
+
 @contextmanager
-def deadline_guard(stop: NDArray[np.uint8], deadline: float) -> Iterator[NDArray[np.uint8]]:
+def deadline_guard(stop: StopFlag, deadline: float) -> Iterator[StopFlag]:
     """Yield a stop flag that is raised at the deadline or when the caller raises `stop`.
 
     It becomes 1 at `deadline` (monotonic seconds) and STOP_CANCELLED once the caller's flag is
@@ -26,18 +33,17 @@ def deadline_guard(stop: NDArray[np.uint8], deadline: float) -> Iterator[NDArray
     """
     flag, done = no_stop(), threading.Event()
 
-    def look() -> None:
+    def update() -> None:
         flag[0] = STOP_CANCELLED if stop[0] else time.monotonic() >= deadline
 
-    def watch() -> None:
-        while not (
-            flag[0] or done.wait(min(POLL_PERIOD_S, max(deadline - time.monotonic(), 0.0)))
-        ):
-            look()
+    def poll() -> None:
+        while not flag[0]:
+            if done.wait(min(POLL_PERIOD_S, max(deadline - time.monotonic(), 0.0))):
+                return
+            update()
 
-    look()
-    watcher = threading.Thread(target=watch, name='deadline_guard', daemon=True)
-    watcher.start()
+    update()
+    threading.Thread(target=poll, name='deadline_guard', daemon=True).start()
     try:
         yield flag
     finally:

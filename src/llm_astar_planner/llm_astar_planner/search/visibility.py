@@ -1,8 +1,8 @@
-"""Lines of sight on a grid: which straight lines between cell centres meet an obstacle.
+"""Lines of sight on a grid: which straight lines between cell centres touch an obstacle.
 
-Blocked cells that touch by a side are joined by a wall without thickness, as the paper's barriers
-are; an isolated one is a point. A line that touches a wall is blocked. So a line of sight is
-what 8-connected moves that may cut corners can follow.
+Blocked cells that share a side form a wall without thickness through their centres, like the
+paper's barriers; an isolated blocked cell is a point. A line that touches a wall is blocked. So
+where a line of sight is free, 8-connected moves that may cut corners can follow it.
 """
 
 from __future__ import annotations
@@ -20,11 +20,13 @@ class LineOfSightChecker:
 
     def __init__(self, blocked: NDArray[np.bool_]) -> None:
         """Find the walls of a grid."""
-        lines = np.concatenate([_runs(blocked), _runs(blocked.T)[..., ::-1]])
-        alone = np.argwhere(blocked & ~_has_neighbour(blocked))[:, ::-1]
-        self._ends = np.unique(np.concatenate([lines.reshape(-1, 2), alone]), axis=0)
+        lines = np.concatenate([runs_along_rows(blocked), runs_along_rows(blocked.T)[..., ::-1]])
+        padded = np.pad(blocked, 1)
+        has_neighbour = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
+        isolated = np.argwhere(blocked & ~has_neighbour)[:, ::-1]
+        self._ends = np.unique(np.concatenate([lines.reshape(-1, 2), isolated]), axis=0)
         walls = np.concatenate(
-            [np.asarray(shapely.linestrings(lines)), np.asarray(shapely.points(alone))]
+            [np.asarray(shapely.linestrings(lines)), np.asarray(shapely.points(isolated))]
         )
         self._tree = shapely.STRtree(walls)
 
@@ -44,7 +46,7 @@ class LineOfSightChecker:
         return free
 
     def clear_along(self, points: ArrayLike) -> bool:
-        """Tell whether the polyline through `points` [n, 2] meets no wall."""
+        """Tell whether the polyline through `points` [n, 2] touches no wall."""
         points = np.asarray(points, dtype=float).reshape(-1, 2)
         if not np.isfinite(points).all():
             return False
@@ -57,19 +59,10 @@ def walls_of(grid_map: GridMap) -> LineOfSightChecker:
     return LineOfSightChecker(grid_map.blocked())
 
 
-def _runs(blocked: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Find the maximal runs along rows, two cells or longer: first and last cells, [n, 2, 2]."""
+def runs_along_rows(blocked: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Find the maximal runs of two or more blocked cells in a row: first and last, [n, 2, 2]."""
     change = np.diff(np.pad(blocked, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     ys, firsts = np.nonzero(change == 1)
     lasts = np.nonzero(change == -1)[1] - 1
     runs = np.stack([np.stack([firsts, ys], axis=1), np.stack([lasts, ys], axis=1)], axis=1)
     return runs[lasts > firsts]
-
-
-def _has_neighbour(blocked: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell which cells have a blocked cell at one of their four sides."""
-    padded = np.pad(blocked, 1)
-    sides: NDArray[np.bool_] = (
-        padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
-    )
-    return sides

@@ -123,9 +123,9 @@ def test_a_costmaps_bands_block_from_99_and_grade_below():
     rules = CostmapConfig(occupied_threshold=99, cost_multiplier=2.0)
     planner = Planner(GridMap(cells, 0.05), rules)
     np.testing.assert_array_equal(planner.costmap.blocked, cells == 99)
-    price = planner.costmap.grid_graph.price.reshape(cells.shape) / 256.0
-    assert price[2, 18] == pytest.approx(2.0 * 0.98, abs=0.01)
-    assert price[1, 20] == 0.0  # unknown cells cost nothing
+    surcharge = planner.costmap.grid_graph.cell_surcharge.reshape(cells.shape) / 256.0
+    assert surcharge[2, 18] == pytest.approx(2.0 * 0.98, abs=0.01)
+    assert surcharge[1, 20] == 0.0  # unknown cells cost nothing
     plan = planner.plan(PlanRequest((2, 2), (37, 2), 'exact_astar'))
     passed = cells[plan.path[:, 1], plan.path[:, 0]]
     assert passed.max() == 0  # round the graded cells, which it may cross

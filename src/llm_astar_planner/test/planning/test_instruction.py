@@ -13,7 +13,7 @@ from llm_astar_planner.planning.instruction import plan_with_wish
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.recall import Recall
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.search.paper import no_stop
+from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import SOURCES, make_source
 from llm_astar_planner.waypoints.fixed import FixedReply

@@ -13,7 +13,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import Leg
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.any_angle import AnyAnglePath
-from llm_astar_planner.search.grid_graph import exact_astar
+from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.paper import METHODS
 
 CELLS = np.zeros((30, 40), dtype=np.int8)
@@ -106,7 +106,7 @@ def test_a_shortcut_through_the_robots_body_is_caught(monkeypatch):
 
     request = replace(REQUEST, any_angle=True)
     assert planner().plan(request).any_angle is not None
-    monkeypatch.setattr(planner_module, 'shorten', straight)
+    monkeypatch.setattr(planner_module, 'string_pull', straight)
     plan = planner().plan(request)
     assert plan.code is ResultCode.NONE
     assert plan.any_angle is None

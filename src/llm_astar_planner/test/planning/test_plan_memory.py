@@ -11,7 +11,7 @@ from llm_astar_planner.planning.plan_memory import REMEMBERED, SHARED, PlanMemor
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.recall import Recall
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.search.paper import no_stop
+from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 
 LONG = 60.0

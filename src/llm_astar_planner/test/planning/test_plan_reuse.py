@@ -11,7 +11,7 @@ from llm_astar_planner.planning.plan_reuse import standing_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.recall import Recall
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.search.paper import no_stop
+from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 
 WALL = np.zeros((30, 40), dtype=np.int8)

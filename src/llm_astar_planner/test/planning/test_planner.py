@@ -13,8 +13,9 @@ from llm_astar_planner.planning.path_validator import path_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
-from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS, no_stop
+from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS
 from llm_astar_planner.search.result import SearchResult, SearchStatus
+from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.fixed import FixedReply
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 

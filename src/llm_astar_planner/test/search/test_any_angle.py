@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from grids import queries
 from hypothesis import given, settings
-from llm_astar_planner.search.any_angle import can_see, interpolate, shorten
-from llm_astar_planner.search.grid_graph import GridGraph, shortest_path
+from llm_astar_planner.search.any_angle import can_see, interpolate, string_pull
+from llm_astar_planner.search.astar import shortest_path
+from llm_astar_planner.search.grid_graph import GridGraph
 
 
 def crossed(first, last):
@@ -35,7 +36,7 @@ def test_sight_crosses_free_cells_only(query):
 def test_a_shortened_path_is_open_and_never_longer(query):
     grid, start, goal = query
     path, _ = shortest_path(grid, start, goal)
-    taut = shorten(grid, path)
+    taut = string_pull(grid, path)
     if len(path) == 0:
         assert len(taut.points) == 0
         return
@@ -51,7 +52,7 @@ def test_a_shortened_path_is_open_and_never_longer(query):
 def test_an_open_path_becomes_one_leg():
     grid = GridGraph(np.zeros((5, 9), dtype=bool))
     path, _ = shortest_path(grid, (0, 0), (8, 3))
-    taut = shorten(grid, path)
+    taut = string_pull(grid, path)
     assert taut.points.tolist() == [[0, 0], [8, 3]]
     assert taut.length == taut.cost == math.hypot(8, 3)
 
@@ -70,19 +71,19 @@ def test_a_shortcut_through_dear_cells_is_not_taken():
     free = np.zeros((5, 9), dtype=bool)
     dear = GridGraph(free, cost=cost, cost_multiplier=20.0)
     path, _ = shortest_path(dear, (0, 2), (8, 2))
-    around = shorten(dear, path)
+    around = string_pull(dear, path)
     assert len(around.points) > 2
     assert around.cost < 12.0
-    assert shorten(GridGraph(free), path).points.tolist() == [[0, 2], [8, 2]]
+    assert string_pull(GridGraph(free), path).points.tolist() == [[0, 2], [8, 2]]
 
 
 def test_a_barred_path_is_refused():
     blocked = np.zeros((3, 3), dtype=bool)
     blocked[1, 1] = True
-    with pytest.raises(ValueError, match='barred'):
-        shorten(GridGraph(blocked), np.array([[0, 0], [1, 1], [2, 2]], dtype=np.int32))
+    with pytest.raises(ValueError, match='is blocked'):
+        string_pull(GridGraph(blocked), np.array([[0, 0], [1, 1], [2, 2]], dtype=np.int32))
     with pytest.raises(ValueError, match='off a grid'):
-        shorten(GridGraph(blocked), np.array([[0, 0], [3, 0]], dtype=np.int32))
+        string_pull(GridGraph(blocked), np.array([[0, 0], [3, 0]], dtype=np.int32))
 
 
 def test_points_between_turns_are_evenly_apart():

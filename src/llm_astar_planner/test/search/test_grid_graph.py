@@ -10,8 +10,9 @@ from grids import assert_path, dijkstra, queries
 from hypothesis import given, settings
 from llm_astar_msgs_adapter.maps.movingai import load_map
 from llm_astar_planner.search import grid_graph
-from llm_astar_planner.search._kernels import astar as kernels_bucket
-from llm_astar_planner.search.grid_graph import GridGraph, exact_astar, shortest_path
+from llm_astar_planner.search._kernels import astar as kernels
+from llm_astar_planner.search.astar import exact_astar, shortest_path
+from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import SearchStatus
 
 
@@ -163,7 +164,7 @@ def test_memory_is_at_most_twenty_bytes_a_cell():
 def test_records_survive_the_end_of_the_query_numbers():
     grid = GridGraph(np.zeros((4, 9), dtype=bool))
     with grid.workspace() as workspace:
-        workspace.generation = grid_graph._MAX_GENERATION - 2
+        workspace.generation = grid_graph.MAX_GENERATION - 2
     assert [shortest_path(grid, (0, 0), (8, 3))[1] for _ in range(5)] == [
         shortest_path(GridGraph(grid.blocked), (0, 0), (8, 3))[1]
     ] * 5
@@ -184,6 +185,6 @@ def test_too_long_a_path_falls_back_to_coarse_units():
 
 def test_moves_of_a_free_cell_among_free_cells():
     moves = np.empty(9, dtype=np.uint8)
-    kernels_bucket.build_moves(np.zeros((3, 3), dtype=bool), False, moves)
+    kernels.build_moves(np.zeros((3, 3), dtype=bool), False, moves)
     assert moves[4] == 0xFF
     assert int(moves[0]).bit_count() == 3

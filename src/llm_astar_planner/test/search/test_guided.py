@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_planner.search import grid_graph
 from llm_astar_planner.search._kernels import guided as kernels_guided
-from llm_astar_planner.search.grid_graph import GridGraph, exact_astar
+from llm_astar_planner.search.astar import exact_astar
+from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import GuidedSearch, guided
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import SearchStatus
@@ -98,7 +99,7 @@ def corners(result):
 def test_good_waypoints_save_most_of_the_work():
     grid = GridGraph(winding())
     exact = exact_astar(grid, (5, 2), (55, 58))
-    led = guided(grid, (5, 2), (55, 58), corners(exact), slack=1000.0)
+    led = guided(grid, (5, 2), (55, 58), corners(exact), work_factor=1000.0)
     assert led.expansions < 0.35 * exact.expansions
     assert led.cost <= 1.02 * exact.cost
     assert led.plain_expansions == 0
@@ -107,11 +108,13 @@ def test_good_waypoints_save_most_of_the_work():
 def test_without_a_bound_it_ends_at_the_first_path():
     grid = GridGraph(winding())
     exact = exact_astar(grid, (5, 2), (55, 58))
-    first = guided(grid, (5, 2), (55, 58), corners(exact), slack=1000.0)
+    first = guided(grid, (5, 2), (55, 58), corners(exact), work_factor=1000.0)
     assert first.expansions == first.first_expansions
     assert first.cost == first.first_cost
     assert first.proof_expansions == 0
-    bounded = guided(grid, (5, 2), (55, 58), corners(exact), slack=1000.0, max_suboptimality=1.0)
+    bounded = guided(
+        grid, (5, 2), (55, 58), corners(exact), work_factor=1000.0, max_suboptimality=1.0
+    )
     assert bounded.first_expansions == first.expansions
     assert bounded.proof_expansions > 0
     assert bounded.cost == exact.cost
@@ -150,14 +153,16 @@ def test_hostile_waypoints_cost_no_more_than_promised():
 def detour(**options):
     """A search over open ground, led far astray."""
     grid = GridGraph(np.zeros((41, 41), dtype=bool))
-    search = GuidedSearch(grid, (0, 20), (40, 20), max_suboptimality=1.0, slack=1000.0, **options)
+    search = GuidedSearch(
+        grid, (0, 20), (40, 20), max_suboptimality=1.0, work_factor=1000.0, **options
+    )
     search.guide([[20.0, 0.0]])
     return grid, search
 
 
 def test_improvements_come_as_they_are_found():
     grid, search = detour()
-    seen = list(search.improvements())
+    seen = list(search.solutions())
     assert len(seen) > 1
     costs = [improvement.cost for improvement in seen]
     assert costs == sorted(costs, reverse=True)
@@ -173,7 +178,7 @@ def test_improvements_come_as_they_are_found():
 
 def test_it_can_be_left_at_the_first_path():
     _, search = detour()
-    for improvement in search.improvements():
+    for improvement in search.solutions():
         first = improvement
         break
     result = search.result()
@@ -186,7 +191,7 @@ def test_until_waypoints_come_it_is_an_exact_search():
     search = GuidedSearch(winding(), (5, 2), (55, 58))
     with pytest.raises(RuntimeError, match='not run'):
         search.result()
-    assert [improvement.suboptimality_bound for improvement in search.improvements()][-1] == 1.0
+    assert [improvement.suboptimality_bound for improvement in search.solutions()][-1] == 1.0
     result = search.result()
     exact = exact_astar(winding(), (5, 2), (55, 58))
     assert result.expansions == result.plain_expansions > 0
@@ -224,7 +229,7 @@ def test_waypoints_may_come_while_it_runs(monkeypatch):
         return plain(*arguments)
 
     monkeypatch.setattr(kernels_guided, 'advance', advance)
-    for _ in search.improvements():
+    for _ in search.solutions():
         pass
     result = search.result()
     assert result.guided_expansions > 0
@@ -238,7 +243,7 @@ def test_other_waypoints_may_replace_them():
     search = GuidedSearch(grid, (5, 2), (195, 198))
     search.guide([[195.0, 5.0]] * 3)
     search.guide(corners(exact))
-    for _ in search.improvements():
+    for _ in search.solutions():
         pass
     once = guided(grid, (5, 2), (195, 198), corners(exact))
     assert search.result().expansions == once.expansions
@@ -247,14 +252,14 @@ def test_other_waypoints_may_replace_them():
 def test_a_raised_flag_stops_it_with_what_it_has():
     stop = np.zeros(1, dtype=np.uint8)
     _, search = detour(stop=stop)
-    for _ in search.improvements():
+    for _ in search.solutions():
         stop[0] = 1
     result = search.result()
     assert result.status is SearchStatus.STOPPED
     assert len(result.path) > 0
     assert result.suboptimality_bound > 1.0
     nothing = GuidedSearch(winding(301), (5, 2), (290, 285), stop=stop)
-    assert list(nothing.improvements()) == []
+    assert list(nothing.solutions()) == []
     assert nothing.result().status is SearchStatus.STOPPED
     assert nothing.result().suboptimality_bound == math.inf
 

@@ -4,7 +4,8 @@ import numpy as np
 from grids import dijkstra, queries
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from llm_astar_planner.search.grid_graph import GridGraph, exact_astar
+from llm_astar_planner.search.astar import exact_astar
+from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
 
 
@@ -33,8 +34,8 @@ def test_bounds_survive_new_obstacles(query, seed):
     more = grid.blocked | (np.random.default_rng(seed).random(grid.blocked.shape) < 0.2)
     more[[start[1], goal[1]], [start[0], goal[0]]] = False
     dearer = GridGraph(more, corner_cutting=grid.corner_cutting)
-    dearer.price = grid.price
-    assert landmarks.hold_on(dearer)
+    dearer.cell_surcharge = grid.cell_surcharge
+    assert landmarks.is_admissible_on(dearer)
     assert landmarks.lower_bound(dearer, start, goal) <= dijkstra(dearer, start, goal) + 1e-6
 
 
@@ -46,13 +47,15 @@ def test_they_hold_only_while_nothing_is_freed_or_cheaper():
     more, less = blocked.copy(), blocked.copy()
     more[4, 4] = True
     less[2, 2] = False
-    assert landmarks.hold_on(GridGraph(more, cost=cost))
-    assert landmarks.hold_on(GridGraph(blocked, cost=cost + 1.0))
-    assert not landmarks.hold_on(GridGraph(less, cost=cost))
-    assert not landmarks.hold_on(GridGraph(blocked, cost=cost - 1.0))
-    assert not landmarks.hold_on(GridGraph(blocked))
-    assert not landmarks.hold_on(GridGraph(blocked, cost=cost, corner_cutting=True))
-    assert not landmarks.hold_on(GridGraph(np.zeros((5, 6), dtype=bool), cost=np.zeros((5, 6))))
+    assert landmarks.is_admissible_on(GridGraph(more, cost=cost))
+    assert landmarks.is_admissible_on(GridGraph(blocked, cost=cost + 1.0))
+    assert not landmarks.is_admissible_on(GridGraph(less, cost=cost))
+    assert not landmarks.is_admissible_on(GridGraph(blocked, cost=cost - 1.0))
+    assert not landmarks.is_admissible_on(GridGraph(blocked))
+    assert not landmarks.is_admissible_on(GridGraph(blocked, cost=cost, corner_cutting=True))
+    assert not landmarks.is_admissible_on(
+        GridGraph(np.zeros((5, 6), dtype=bool), cost=np.zeros((5, 6)))
+    )
 
 
 def test_a_corridor_is_proven_exactly():

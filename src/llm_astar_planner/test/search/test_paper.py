@@ -12,10 +12,10 @@ from llm_astar_planner.search.paper import (
     HEURISTICS,
     PAPER_METHODS,
     SearchOptions,
-    no_stop,
-    path_length,
+    euclidean_length,
 )
 from llm_astar_planner.search.result import SearchStatus
+from llm_astar_planner.search.stop import no_stop
 
 MOVES = [(-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1)]
 DISTANCES = {
@@ -219,5 +219,5 @@ def test_expanded_cells_are_told_apart_by_row_and_column():
 
 def test_the_length_of_a_path_is_euclidean():
     path = np.array([[0, 0], [1, 1], [2, 1]], dtype=np.int32)
-    assert path_length(path) == pytest.approx(1 + math.sqrt(2))
-    assert path_length(path[:1]) == 0.0
+    assert euclidean_length(path) == pytest.approx(1 + math.sqrt(2))
+    assert euclidean_length(path[:1]) == 0.0

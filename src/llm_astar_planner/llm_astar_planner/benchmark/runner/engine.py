@@ -26,7 +26,6 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
 from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS, compile_kernels
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.search.visibility import walls_of
 from llm_astar_planner.waypoints.async_query import ask
 from llm_astar_planner.waypoints.source import (
     SampleKey,
@@ -285,7 +284,7 @@ def _llm_only(
     """
     points = [ends[0], *(point for point in reply.waypoints if point not in ends), ends[1]]
     answered = reply.status in (SourceStatus.OK, SourceStatus.NO_WAYPOINTS)
-    if not (answered and walls_of(planner.grid_map).clear_along(points)):
+    if not (answered and planner.costmap.line_of_sight.clear_along(points)):
         return _empty_row(key, case, reply, ResultCode.NO_VALID_PATH)
     steps = np.diff(np.array(points, dtype=float), axis=0)
     return replace(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from llm_astar_planner.search.paper import no_stop
+from llm_astar_planner.search.stop import no_stop
 
 
 class CancellationToken:

@@ -1,8 +1,8 @@
-"""Compiled loops of the bucket-queue searches: moves, exact A*, distances.
+"""Compiled loops of the bucket-queue searches: legal moves, exact A*, Dijkstra distances.
 
 Cells are numbered row by row, `index = y * width + x`. A legal move is a bit of `moves[index]`:
 bits 0 to 3 are +x, +y, -x, -y, bits 4 to 7 the diagonals +x+y, -x+y, -x-y, +x-y. Lengths are
-whole numbers, `straight` and `diagonal` units a step. Each cell has a record of two int32:
+whole numbers, `straight` and `diagonal` units per step. Each cell has a record of two int32:
 its g, and a tag `generation << 12 | counted << 11 | target << 4 | closed << 3 | move that led
 here`. A record of another generation counts as never seen, so a query clears nothing.
 """
@@ -22,12 +22,12 @@ STEP_Y = np.array([0, 1, 0, -1, 1, 1, -1, -1], dtype=np.int64)
 LOWEST = np.array([(mask & -mask).bit_length() - 1 for mask in range(256)], dtype=np.int64)
 
 
-def _ways_around(move: int, mask: int) -> dict[tuple[int, int], tuple[float, bool]]:
-    """Return the best ways from the cell before to each neighbour, around the cell itself.
+def ways_around(move: int, mask: int) -> dict[tuple[int, int], tuple[float, bool]]:
+    """Return the shortest ways from the previous cell to each neighbour, around this cell.
 
-    The cell is (0, 0), entered by `move`; `mask` holds its legal moves, which tell which
-    neighbours are surely free. A way is (length, whether its last move is diagonal); of equally
-    long ways one that ends straight comes first.
+    This cell is (0, 0), entered by `move`; `mask` holds its legal moves, which tell which
+    neighbours are surely free. A way is (length, whether its last move is diagonal); among ways
+    of equal length one that ends with a straight move is preferred.
     """
     steps = [(int(x), int(y)) for x, y in zip(STEP_X, STEP_Y)]
     before = (-steps[move][0], -steps[move][1])
@@ -46,14 +46,14 @@ def _ways_around(move: int, mask: int) -> dict[tuple[int, int], tuple[float, boo
     return ways
 
 
-def _worthwhile(move: int, mask: int) -> int:
-    """Return the moves of `mask` worth trying in a cell entered by `move`.
+def canonical_successors(move: int, mask: int) -> int:
+    """Return the moves of `mask` to try in a cell entered by `move`, on uniform costs.
 
-    A move is dropped where the cell before reaches the same neighbour around this cell by a
+    A move is dropped if the previous cell reaches the same neighbour around this cell by a
     shorter way, or by an equally long one whose last move is straight while the move is
-    diagonal. On uniform costs some shortest path survives (proof in docs/guided-search.md).
+    diagonal. Some shortest path remains (proof in docs/guided-search.md).
     """
-    ways = _ways_around(move, mask)
+    ways = ways_around(move, mask)
     length = 1.0 if move < 4 else math.sqrt(2.0)
     kept = 0
     for bit in range(8):
@@ -69,11 +69,11 @@ def _worthwhile(move: int, mask: int) -> int:
     return kept
 
 
-# CANONICAL_SUCCESSORS[move << 8 | legal moves]; row 8 keeps them all, for the start and graded
-# costs.
+# Indexed by move << 8 | legal moves; row 8 keeps all moves, for the start and graded costs.
 EVERY_MOVE = 8 << 8
 CANONICAL_SUCCESSORS = np.array(
-    [_worthwhile(move, mask) for move in range(8) for mask in range(256)] + list(range(256)),
+    [canonical_successors(move, mask) for move in range(8) for mask in range(256)]
+    + list(range(256)),
     dtype=np.uint8,
 )
 
@@ -88,7 +88,7 @@ NO_PATH = 2**62
 RUNNING, FOUND, EXHAUSTED, STOPPED, NEED_SPACE, OVERFLOW = range(6)
 
 # Slots of the control array of the exact search.
-(A_STARTED, A_BUCKET, A_BEST, A_OPERATION, A_STORAGE, A_FREE, A_TOP, A_LIVE, A_SIZE) = range(9)
+(A_STARTED, A_BUCKET, A_BEST, A_EXPANSIONS, A_STORAGE, A_FREE, A_TOP, A_LIVE, A_SIZE) = range(9)
 
 _jit: Any = njit(cache=True, nogil=True)
 
@@ -127,7 +127,7 @@ def build_moves(
 @_jit
 def astar(
     moves: NDArray[np.uint8],
-    price: NDArray[np.uint16],
+    cell_surcharge: NDArray[np.uint16],
     width: int,
     straight: int,
     diagonal: int,
@@ -145,11 +145,11 @@ def astar(
 
     `heads` is a ring of buckets, each 1 << BUCKET_BITS units of f wide and last in, first out;
     entries live in `pool` as `cell << 32 | next entry + 1`. After NEED_SPACE call again with a
-    longer pool of the same beginning. `price` is empty, or the surcharge of each cell in 1/256:
-    a move costs its length times 1 plus the mean of the surcharges at its two ends. `every_move`
-    tries the moves that uniform costs make pointless too; graded costs need it.
+    longer pool that begins the same. `cell_surcharge` is empty, or the surcharge of each cell in
+    1/256: a move costs its length times 1 plus the mean of the surcharges at its two ends.
+    `every_move` also tries the moves that uniform costs make pointless; graded costs need it.
     """
-    graded = price.size > 0
+    graded = cell_surcharge.size > 0
     ring = heads.size - 1
     goal_y = goal // width
     goal_x = goal - goal_y * width
@@ -177,7 +177,7 @@ def astar(
     else:
         bucket = control[A_BUCKET]
         best = control[A_BEST]
-        expansions = control[A_OPERATION]
+        expansions = control[A_EXPANSIONS]
         storage = control[A_STORAGE]
         free = control[A_FREE]
         top = control[A_TOP]
@@ -227,7 +227,7 @@ def astar(
             length = straight if move < 4 else diagonal
             other_g = g + length
             if graded:
-                other_g += length * (np.int64(price[cell]) + price[other]) >> 9
+                other_g += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
             other_tag = records[2 * other + 1]
             new = other_tag >> TAG_BITS != generation
             if new or other_g < records[2 * other]:
@@ -253,7 +253,7 @@ def astar(
                         live += 1
     control[A_BUCKET] = bucket
     control[A_BEST] = best
-    control[A_OPERATION] = expansions
+    control[A_EXPANSIONS] = expansions
     control[A_STORAGE] = storage
     control[A_FREE] = free
     control[A_TOP] = top
@@ -265,9 +265,9 @@ def astar(
 def trace(
     width: int, start: int, goal: int, records: NDArray[np.int32], path: NDArray[np.int32]
 ) -> tuple[int, int]:
-    """Write the path's cells (x, y) at the end of `path`; return how many, and diagonal moves.
+    """Write the path's cells (x, y) at the end of `path`; return their count and diagonal moves.
 
-    Where `path` is too short it keeps the last cells, and the count tells the length it needs.
+    If `path` is too short it holds the last cells, and the count is the length needed.
     """
     count = 0
     diagonals = 0
@@ -293,7 +293,7 @@ def trace(
 @_jit
 def solve(
     moves: NDArray[np.uint8],
-    price: NDArray[np.uint16],
+    cell_surcharge: NDArray[np.uint16],
     width: int,
     straight: int,
     diagonal: int,
@@ -308,16 +308,17 @@ def solve(
     stop: NDArray[np.uint8],
     path: NDArray[np.int32],
 ) -> tuple[int, int, int, int]:
-    """Run `astar`, then `trace` where it found a path.
+    """Run `astar`, then `trace` if it found a path.
 
-    Returns how it ended, the path's cells, its diagonal moves, and its cost in units.
+    Returns how it ended, the number of the path's cells and of its diagonal moves, and its cost
+    in units.
     """
     if moves[goal] == 0 and start != goal:
         control[:] = 0
         return EXHAUSTED, 0, 0, NO_PATH
     status = astar(
         moves,
-        price,
+        cell_surcharge,
         width,
         straight,
         diagonal,
@@ -343,35 +344,35 @@ def add_expanded(records: NDArray[np.int32], generation: int, expanded: NDArray[
     flat = expanded.reshape(-1)
     mask, wanted = -1 << TAG_BITS | CLOSED, generation << TAG_BITS | CLOSED
     for cell in range(flat.size):
-        # No write elsewhere: pages of a large map that nobody touches are never made.
+        # Writing False elsewhere would make the system allocate every page of a large map.
         if records[2 * cell + 1] & mask == wanted:
             flat[cell] = True
 
 
 @_jit
-def distances(
+def dijkstra(
     moves: NDArray[np.uint8],
-    price: NDArray[np.uint16],
+    cell_surcharge: NDArray[np.uint16],
     width: int,
     straight: int,
     diagonal: int,
     source: int,
     column: int,
-    marks: NDArray[np.int32],
+    landmark_distances: NDArray[np.int32],
     pool: NDArray[np.int64],
     heads: NDArray[np.int32],
     stop: NDArray[np.uint8],
 ) -> int:
-    """Write the cost of the way from `source` to each cell into a column of `marks`.
+    """Write the cost from `source` to each cell into a column of `landmark_distances`.
 
-    `marks` is int32 [cells, landmarks]; unreachable cells get -1. A bucket is narrower than a
-    move, so each cell is final when it is first met. Returns FOUND, STOPPED, NEED_SPACE (call
-    again with a longer pool) or OVERFLOW.
+    That is int32 [cells, landmarks]; unreachable cells get -1. A bucket is narrower than a move,
+    so the cost of a cell is final when the cell first leaves the queue. Returns FOUND, STOPPED,
+    NEED_SPACE (call again with a longer pool) or OVERFLOW.
     """
-    graded = price.size > 0
+    graded = cell_surcharge.size > 0
     ring = heads.size - 1
-    marks[:, column] = -1
-    marks[source, column] = 0
+    landmark_distances[:, column] = -1
+    landmark_distances[source, column] = 0
     heads[:] = 0
     heads[0] = 1
     pool[0] = np.int64(source) << 32
@@ -395,7 +396,7 @@ def distances(
         free = entry
         live -= 1
         cell = item >> 32
-        g = np.int64(marks[cell, column])
+        g = np.int64(landmark_distances[cell, column])
         if g >> BUCKET_BITS != bucket:
             continue
         count += 1
@@ -411,9 +412,12 @@ def distances(
             length = straight if move < 4 else diagonal
             other_g = g + length
             if graded:
-                other_g += length * (np.int64(price[cell]) + price[other]) >> 9
-            if marks[other, column] < 0 or other_g < marks[other, column]:
-                marks[other, column] = other_g
+                other_g += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
+            if (
+                landmark_distances[other, column] < 0
+                or other_g < landmark_distances[other, column]
+            ):
+                landmark_distances[other, column] = other_g
                 slot = (other_g >> BUCKET_BITS) & ring
                 if free:
                     entry = free

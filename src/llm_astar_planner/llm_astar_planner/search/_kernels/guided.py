@@ -1,8 +1,9 @@
-"""The compiled loop of the guided search: first led by waypoints, then by its proof.
+"""The compiled loop of the guided search: it follows waypoints first, then proves its path.
 
-See docs/guided-search.md for what it does and why its bounds hold, and `kernels_bucket` for how
-cells, moves and records are laid out. The queue is an array of buckets over a window of keys,
-last in first out, with one more bucket for the keys beyond it; its entries live in a pool.
+See docs/guided-search.md for the algorithm and the proofs of its bounds, and `_kernels/astar` for
+the layout of cells, moves and records. The queue is an array of buckets over a window of keys,
+last in first out, with one more bucket for the keys beyond the window; its entries live in a
+pool.
 """
 
 from __future__ import annotations
@@ -30,13 +31,14 @@ from llm_astar_planner.search._kernels.astar import (
     TAG_BITS,
 )
 
-# Targets a cell's tag can count: seven bits, kept above the closed bit and the move.
+# The number of targets that a cell's tag can hold: seven bits, above the closed bit and the move.
 MAX_TARGETS = 128
 TARGET_SHIFT = 4
-# A cell A* surely expands, counted once.
+# The tag bit of a cell that was counted in G_SURE, so that it is counted once.
 COUNTED = 1 << 11
 
-# Slots of the control array.
+# Slots of the control array. G_SURE counts cells that plain A* surely expands, G_PENDING those
+# that will count once the bound passes their bucket, G_LEAST a lower bound on A*'s expansions.
 (
     G_START,
     G_GOAL,
@@ -46,8 +48,8 @@ COUNTED = 1 << 11
     G_WIDTH,
     G_WEIGHT,
     G_RADIUS,
-    G_RATIO,
-    G_SLACK,
+    G_SUBOPTIMALITY,
+    G_WORK_FACTOR,
     G_FREE,
     G_TOP,
     G_BASE,
@@ -65,18 +67,19 @@ COUNTED = 1 << 11
     G_STORAGE,
     G_SIZE,
 ) = range(26)
-# One more way a call can end: all the work A* surely needs is used up.
-WORKED = 6
-# Weights, ratios and slacks are whole numbers of this size.
+# One more way a call can end: the work limit is reached until plain A* has done more.
+WORK_LIMIT = 6
+# Weights, suboptimality bounds and work factors are whole numbers, in parts of this one.
 ONE = 1 << 16
-# A slack for a search that may do any work.
+# The work factor of a search without a work limit.
 UNBOUNDED = -1
 
 _jit: Any = njit(cache=True, nogil=True)
 
 
 @_jit
-def _octile(control: NDArray[np.int64], x: int, y: int, other_x: int, other_y: int) -> int:
+def octile_distance(control: NDArray[np.int64], x: int, y: int, other_x: int, other_y: int) -> int:
+    """Return the octile distance between two cells, in units."""
     delta_x = abs(x - other_x)
     delta_y = abs(y - other_y)
     straight = control[G_STRAIGHT]
@@ -85,16 +88,18 @@ def _octile(control: NDArray[np.int64], x: int, y: int, other_x: int, other_y: i
 
 
 @_jit
-def _estimate(marks: NDArray[np.int32], active: NDArray[np.int64], cell: int, octile: int) -> int:
-    """Raise the octile estimate of a cell's way to the goal to what the landmarks prove."""
+def estimate_to_goal(
+    landmark_distances: NDArray[np.int32], active: NDArray[np.int64], cell: int, octile: int
+) -> int:
+    """Return a lower bound on a cell's cost to the goal: the octile one or a landmark's."""
     best = octile
     for row in range(active.shape[0]):
-        best = max(best, abs(np.int64(marks[cell, active[row, 0]]) - active[row, 1]))
+        best = max(best, abs(np.int64(landmark_distances[cell, active[row, 0]]) - active[row, 1]))
     return best
 
 
 @_jit
-def _push(
+def push(
     control: NDArray[np.int64],
     heads: NDArray[np.int32],
     pool: NDArray[np.int64],
@@ -102,6 +107,7 @@ def _push(
     cell: int,
     key: int,
 ) -> None:
+    """Put a cell on the queue."""
     bucket = min(max((key - control[G_BASE]) >> control[G_SHIFT], 0), heads.size - 1)
     if bucket < control[G_BUCKET]:
         control[G_BUCKET] = bucket
@@ -118,8 +124,8 @@ def _push(
 
 
 @_jit
-def _drop(control: NDArray[np.int64], heads: NDArray[np.int32], pool: NDArray[np.int64]) -> int:
-    """Take the first entry of the current bucket off; return its cell."""
+def pop(control: NDArray[np.int64], heads: NDArray[np.int32], pool: NDArray[np.int64]) -> int:
+    """Remove the first entry of the current bucket; return its cell."""
     bucket = control[G_BUCKET]
     entry = heads[bucket]
     item = pool[entry - 1]
@@ -131,13 +137,13 @@ def _drop(control: NDArray[np.int64], heads: NDArray[np.int32], pool: NDArray[np
 
 
 @_jit
-def _move_window(
+def move_window(
     control: NDArray[np.int64],
     heads: NDArray[np.int32],
     pool: NDArray[np.int64],
     keys: NDArray[np.int64],
 ) -> None:
-    """Move the empty window to the lowest key beyond it and spread what it then holds."""
+    """Move the empty window to the lowest key beyond it; queue the entries that it then covers."""
     last = heads.size - 1
     shift = control[G_SHIFT]
     first = np.int64(heads[last])
@@ -159,17 +165,17 @@ def _move_window(
 
 
 @_jit
-def _settle(
+def settle(
     control: NDArray[np.int64],
     heads: NDArray[np.int32],
     pool: NDArray[np.int64],
     keys: NDArray[np.int64],
     records: NDArray[np.int32],
 ) -> int:
-    """Bring the queue to its first open entry; return where its bucket's keys begin, or -1.
+    """Advance the queue to its first open entry; return the lowest key of that bucket, or -1.
 
-    Drops the entries met of cells already expanded and, while proving, those no better than the
-    best path.
+    Removes the entries of cells already expanded and, while proving, those that cannot improve
+    the best path.
     """
     last = heads.size - 1
     limit = control[G_BEST] if control[G_PROVING] else np.int64(NO_PATH)
@@ -179,29 +185,33 @@ def _settle(
             bucket += 1
         control[G_BUCKET] = bucket
         if bucket == last:
-            _move_window(control, heads, pool, keys)
+            move_window(control, heads, pool, keys)
             continue
         entry = heads[bucket]
         cell = pool[entry - 1] >> 32
         if records[2 * cell + 1] & CLOSED or keys[entry - 1] >= limit:
-            _drop(control, heads, pool)
+            pop(control, heads, pool)
             continue
         return control[G_BASE] + (bucket << control[G_SHIFT])
     return -1
 
 
 @_jit
-def _target(
+def advance_target(
     control: NDArray[np.int64], targets: NDArray[np.int64], index: int, x: int, y: int
 ) -> int:
-    """Return the target a cell is drawn to, given the one its parent was drawn to.
+    """Return the index of the target that a cell heads for, given that of its parent.
 
-    A target is done with within the radius, or nearer to the next one than the target itself.
+    A cell has passed a target if it is within the radius of it, or nearer to the next target
+    than the passed one is.
     """
     last = targets.shape[0] - 1
     while index < last:
-        if _octile(control, x, y, targets[index, 0], targets[index, 1]) > control[G_RADIUS]:
-            ahead = _octile(control, x, y, targets[index + 1, 0], targets[index + 1, 1])
+        if (
+            octile_distance(control, x, y, targets[index, 0], targets[index, 1])
+            > control[G_RADIUS]
+        ):
+            ahead = octile_distance(control, x, y, targets[index + 1, 0], targets[index + 1, 1])
             if ahead > targets[index, 2] - targets[index + 1, 2]:
                 break
         index += 1
@@ -209,7 +219,7 @@ def _target(
 
 
 @_jit
-def _guide_key(
+def guide_key(
     control: NDArray[np.int64],
     targets: NDArray[np.int64],
     index: int,
@@ -218,7 +228,8 @@ def _guide_key(
     g: int,
     estimate: int,
 ) -> int:
-    way = _octile(control, x, y, targets[index, 0], targets[index, 1]) + targets[index, 2]
+    """Return the queue key of a cell that follows the targets: g + weight * cost to go."""
+    way = octile_distance(control, x, y, targets[index, 0], targets[index, 1]) + targets[index, 2]
     return g + (max(way, estimate) * control[G_WEIGHT] >> 16)
 
 
@@ -229,15 +240,17 @@ def begin(
     keys: NDArray[np.int64],
     heads: NDArray[np.int32],
     graded: bool,
-    marks: NDArray[np.int32],
+    landmark_distances: NDArray[np.int32],
     active: NDArray[np.int64],
     control: NDArray[np.int64],
 ) -> None:
-    """Put the start on the queue; `control` holds the query and is otherwise zero."""
+    """Put the start on the queue; `control` holds the query and is zero elsewhere."""
     start, goal, width = control[G_START], control[G_GOAL], control[G_WIDTH]
     delta_x = abs(start % width - goal % width)
     delta_y = abs(start // width - goal // width)
-    estimate = _estimate(marks, active, start, _octile(control, delta_x, delta_y, 0, 0))
+    estimate = estimate_to_goal(
+        landmark_distances, active, start, octile_distance(control, delta_x, delta_y, 0, 0)
+    )
     records[2 * start] = 0
     records[2 * start + 1] = control[G_GENERATION] << TAG_BITS
     heads[:] = 0
@@ -249,7 +262,7 @@ def begin(
     control[G_LEAST] = max(delta_x, delta_y)
     if not graded:
         control[G_LEAST] = max(control[G_LEAST], estimate // control[G_DIAGONAL])
-    _push(control, heads, pool, keys, start, estimate)
+    push(control, heads, pool, keys, start, estimate)
 
 
 @_jit
@@ -259,13 +272,13 @@ def rekey(
     keys: NDArray[np.int64],
     heads: NDArray[np.int32],
     targets: NDArray[np.int64],
-    marks: NDArray[np.int32],
+    landmark_distances: NDArray[np.int32],
     active: NDArray[np.int64],
     proving: bool,
     shift: int,
     control: NDArray[np.int64],
 ) -> None:
-    """Queue the open cells anew: for the proof, or for new targets."""
+    """Rebuild the queue from the open cells: for the proof, or for new targets."""
     width = control[G_WIDTH]
     goal_x, goal_y = control[G_GOAL] % width, control[G_GOAL] // width
     cells = np.empty(control[G_LIVE], dtype=np.int64)
@@ -290,14 +303,16 @@ def rekey(
         y = cell // width
         x = cell - y * width
         g = np.int64(records[2 * cell])
-        estimate = _estimate(marks, active, cell, _octile(control, x, y, goal_x, goal_y))
+        estimate = estimate_to_goal(
+            landmark_distances, active, cell, octile_distance(control, x, y, goal_x, goal_y)
+        )
         key = g + estimate
         if not proving:
-            index = _target(control, targets, 0, x, y)
+            index = advance_target(control, targets, 0, x, y)
             kept = records[2 * cell + 1] & ~((MAX_TARGETS - 1) << TARGET_SHIFT)
             records[2 * cell + 1] = kept | index << TARGET_SHIFT
-            key = _guide_key(control, targets, index, x, y, g, estimate)
-        _push(control, heads, pool, keys, cell, key)
+            key = guide_key(control, targets, index, x, y, g, estimate)
+        push(control, heads, pool, keys, cell, key)
 
 
 @_jit
@@ -305,11 +320,11 @@ def raise_bound(
     records: NDArray[np.int32],
     pool: NDArray[np.int64],
     heads: NDArray[np.int32],
-    marks: NDArray[np.int32],
+    landmark_distances: NDArray[np.int32],
     active: NDArray[np.int64],
     control: NDArray[np.int64],
 ) -> None:
-    """Raise the proven bound to the least an open cell allows, or to the best path's cost."""
+    """Raise the lower bound to the least f of the open cells, or to the best path's cost."""
     width = control[G_WIDTH]
     goal_x, goal_y = control[G_GOAL] % width, control[G_GOAL] // width
     bound = control[G_BEST]
@@ -318,8 +333,8 @@ def raise_bound(
         while entry:
             cell = pool[entry - 1] >> 32
             if records[2 * cell + 1] & CLOSED == 0:
-                octile = _octile(control, cell % width, cell // width, goal_x, goal_y)
-                estimate = _estimate(marks, active, cell, octile)
+                octile = octile_distance(control, cell % width, cell // width, goal_x, goal_y)
+                estimate = estimate_to_goal(landmark_distances, active, cell, octile)
                 bound = min(bound, records[2 * cell] + estimate)
             entry = pool[entry - 1] & 0xFFFFFFFF
     control[G_BOUND] = max(control[G_BOUND], bound)
@@ -327,32 +342,33 @@ def raise_bound(
 
 @_jit
 def is_met(control: NDArray[np.int64]) -> bool:
-    """Tell whether the best path is proven to be within the suboptimality_bound asked for."""
+    """Tell whether the best path is proven to be within the requested suboptimality bound."""
     best = control[G_BEST]
-    return best < NO_PATH and best * ONE <= control[G_BOUND] * control[G_RATIO]
+    return best < NO_PATH and best * ONE <= control[G_BOUND] * control[G_SUBOPTIMALITY]
 
 
 @_jit
 def advance(
     moves: NDArray[np.uint8],
-    price: NDArray[np.uint16],
+    cell_surcharge: NDArray[np.uint16],
     records: NDArray[np.int32],
     pool: NDArray[np.int64],
     keys: NDArray[np.int64],
     heads: NDArray[np.int32],
     targets: NDArray[np.int64],
-    marks: NDArray[np.int32],
+    landmark_distances: NDArray[np.int32],
     active: NDArray[np.int64],
     control: NDArray[np.int64],
     quota: int,
     stop: NDArray[np.uint8],
 ) -> int:
-    """Search on, led by the waypoints or, once control[G_PROVING], by the proof; return why not.
+    """Expand up to `quota` cells along the targets or, once control[G_PROVING], by g + h.
 
     `targets` is int64 [n, 3]: x, y and the units from there to the goal along the list, which
-    ends with the goal. FOUND: the waypoints led to the goal, or the suboptimality_bound asked for
-    is proven. EXHAUSTED: nothing open can beat the best path. WORKED: all the work A* surely needs
-    is used up. RUNNING: the quota is. STOPPED, NEED_SPACE, OVERFLOW as in `kernels_bucket`.
+    ends with the goal. Returns why it ended. FOUND: the search reached the goal along the
+    targets, or the requested suboptimality bound is proven. EXHAUSTED: no open cell can improve
+    the best path. WORK_LIMIT: the work limit is reached. RUNNING: the quota is used up. STOPPED,
+    NEED_SPACE and OVERFLOW are those of `_kernels/astar`.
     """
     goal = control[G_GOAL]
     width = control[G_WIDTH]
@@ -361,13 +377,13 @@ def advance(
     goal_y = goal // width
     goal_x = goal - goal_y * width
     per_width = 1.0 / width
-    graded = price.size > 0
+    graded = cell_surcharge.size > 0
     for spent in range(quota):
         if spent & POLL_MASK == POLL_MASK and stop[0] != 0:
             return STOPPED
         if control[G_TOP] + 8 > pool.size:
             return NEED_SPACE
-        floor = _settle(control, heads, pool, keys, records)
+        floor = settle(control, heads, pool, keys, records)
         if floor < 0 or (proving and floor >= control[G_BEST]):
             control[G_BOUND] = max(control[G_BOUND], control[G_BEST])
             return EXHAUSTED
@@ -377,10 +393,10 @@ def advance(
             control[G_PENDING] = 0
         if proving and is_met(control):
             return FOUND
-        work = max(control[G_SURE], control[G_LEAST]) * control[G_SLACK]
+        work = max(control[G_SURE], control[G_LEAST]) * control[G_WORK_FACTOR]
         if 0 <= work < (control[G_GUIDED] + control[G_PROOF] + 1) * ONE:
-            return WORKED
-        cell = _drop(control, heads, pool)
+            return WORK_LIMIT
+        cell = pop(control, heads, pool)
         if proving:
             control[G_PROOF] += 1
         elif cell == goal:
@@ -408,13 +424,13 @@ def advance(
             length = control[G_STRAIGHT] if move < 4 else control[G_DIAGONAL]
             other_g = g + length
             if graded:
-                other_g += length * (np.int64(price[cell]) + price[other]) >> 9
+                other_g += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
             old_tag = records[2 * other + 1]
             new = old_tag >> TAG_BITS != generation
             if not new and other_g >= records[2 * other]:
                 continue
-            octile = _octile(control, other_x, other_y, goal_x, goal_y)
-            estimate = _estimate(marks, active, other, octile)
+            octile = octile_distance(control, other_x, other_y, goal_x, goal_y)
+            estimate = estimate_to_goal(landmark_distances, active, other, octile)
             if other_g + estimate >= control[G_BEST]:
                 continue
             counted = 0 if new else old_tag & COUNTED
@@ -424,8 +440,8 @@ def advance(
             index = 0
             key = other_g + estimate
             if not proving:
-                index = _target(control, targets, cell_target, other_x, other_y)
-                key = _guide_key(control, targets, index, other_x, other_y, other_g, estimate)
+                index = advance_target(control, targets, cell_target, other_x, other_y)
+                key = guide_key(control, targets, index, other_x, other_y, other_g, estimate)
             control[G_STORAGE] += new
             records[2 * other] = other_g
             records[2 * other + 1] = (
@@ -433,5 +449,5 @@ def advance(
             )
             if other == goal:
                 control[G_BEST] = other_g
-            _push(control, heads, pool, keys, other, key)
+            push(control, heads, pool, keys, other, key)
     return RUNNING

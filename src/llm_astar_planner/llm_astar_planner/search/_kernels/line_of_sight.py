@@ -1,4 +1,4 @@
-"""Compiled line of sight between cells, and the pulling of a path taut along it."""
+"""Compiled loops of the any-angle paths: the cost of a straight line, and string pulling."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ _jit: Any = njit(cache=True, nogil=True)
 
 
 @_jit
-def sight(
+def line_cost(
     blocked: NDArray[np.bool_],
-    price: NDArray[np.uint16],
+    cell_surcharge: NDArray[np.uint16],
     corner_cutting: bool,
     x: int,
     y: int,
     to_x: int,
     to_y: int,
 ) -> float:
-    """Return the cost in cells of the straight way between two cell centres, -1 if it is barred.
+    """Return the cost in cells of the straight line between two cell centres, -1 if blocked.
 
-    It is barred by any blocked cell whose inside it crosses, and where it crosses exactly a
-    corner, by either cell beside it unless `corner_cutting`. Each cell's surcharge counts for
-    the length inside it. Crossings are found in whole numbers, so nothing slips through.
+    The line is blocked by any blocked cell whose inside it crosses. Where it passes exactly
+    through a corner, either cell next to the corner blocks it too, unless `corner_cutting`. Each
+    cell's surcharge counts for the length inside that cell. Crossings are computed in whole
+    numbers, so rounding misses no cell.
     """
     width = blocked.shape[1]
-    graded = price.size > 0
+    graded = cell_surcharge.size > 0
     step_x = 1 if to_x > x else -1
     step_y = 1 if to_y > y else -1
     delta_x = abs(to_x - x)
@@ -37,7 +38,7 @@ def sight(
     length = math.sqrt(delta_x * delta_x + delta_y * delta_y)
     if blocked[y, x]:
         return -1.0
-    # Borders crossed so far; the way meets the next one across x at (2 i + 1) / (2 delta_x).
+    # Cell borders crossed so far; the line meets the next one in x at (2 i + 1) / (2 delta_x).
     crossed_x = 0
     crossed_y = 0
     cost = length
@@ -49,7 +50,7 @@ def sight(
         else:
             after = (2 * crossed_y + 1) / (2 * delta_y)
         if graded:
-            cost += (after - before) * length * price[y * width + x] / 256.0
+            cost += (after - before) * length * cell_surcharge[y * width + x] / 256.0
             before = after
         if (
             order == 0
@@ -66,22 +67,22 @@ def sight(
         if blocked[y, x]:
             return -1.0
     if graded:
-        cost += (1.0 - before) * length * price[y * width + x] / 256.0
+        cost += (1.0 - before) * length * cell_surcharge[y * width + x] / 256.0
     return cost
 
 
 @_jit
-def pull_taut(
+def string_pull(
     blocked: NDArray[np.bool_],
-    price: NDArray[np.uint16],
+    cell_surcharge: NDArray[np.uint16],
     corner_cutting: bool,
     points: NDArray[np.int32],
     kept: NDArray[np.bool_],
 ) -> int:
-    """Mark in `kept` the points of a path worth turning at; return how many.
+    """Mark in `kept` the points at which the path has to turn; return how many.
 
-    From each point kept the way goes straight to the last point in a row that it sees and
-    reaches no dearer than along the path.
+    From each kept point the path goes straight on, as long as the next point is in sight and
+    the straight line to it costs no more than the path does.
     """
     count = points.shape[0]
     kept[:] = False
@@ -91,30 +92,30 @@ def pull_taut(
     anchor = 0
     along = 0.0
     for index in range(1, count):
-        leg = sight(
+        segment = line_cost(
             blocked,
-            price,
+            cell_surcharge,
             corner_cutting,
             points[index - 1, 0],
             points[index - 1, 1],
             points[index, 0],
             points[index, 1],
         )
-        direct = sight(
+        direct = line_cost(
             blocked,
-            price,
+            cell_surcharge,
             corner_cutting,
             points[anchor, 0],
             points[anchor, 1],
             points[index, 0],
             points[index, 1],
         )
-        if direct < 0.0 or direct > along + leg + 1e-9:
+        if direct < 0.0 or direct > along + segment + 1e-9:
             anchor = index - 1
             kept[anchor] = True
             turns += 1
-            along = leg
+            along = segment
         else:
-            # What is saved here pays for nothing later: the way so far is the direct one.
+            # Replaced by the straight line, so that savings do not pay for a detour later.
             along = direct
     return turns

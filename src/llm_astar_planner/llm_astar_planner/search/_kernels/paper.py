@@ -1,7 +1,7 @@
-"""The compiled search loop behind the paper's methods, exact to its published code.
+"""The compiled search loop of the paper's methods, exact to its published code.
 
-One loop serves A*, weighted A*, dynamic weighted A* and LLM-A*: f = g + (w h(goal) + h(target)),
-where w and the target are what sets them apart. Nodes are numbered x * height + y, so that the
+One loop serves A*, weighted A*, dynamic weighted A* and LLM-A*: f = g + (w h(goal) + h(target)).
+The methods differ in w and in the target. Nodes are numbered x * height + y, so that the
 heap's order (f, node) is the published order (f, x, y).
 """
 
@@ -37,45 +37,49 @@ def distance(kind: int, dx: float, dy: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _before(keys: Any, nodes: Any, a: int, b: int) -> bool:
+def comes_before(keys: Any, nodes: Any, a: int, b: int) -> bool:
+    """Tell whether heap entry `a` is popped before entry `b`."""
     return keys[a] < keys[b] or (keys[a] == keys[b] and nodes[a] < nodes[b])
 
 
 @njit(cache=True, nogil=True)
-def _swap(keys: Any, nodes: Any, a: int, b: int) -> None:
+def swap(keys: Any, nodes: Any, a: int, b: int) -> None:
+    """Swap two heap entries."""
     keys[a], keys[b] = keys[b], keys[a]
     nodes[a], nodes[b] = nodes[b], nodes[a]
 
 
 @njit(cache=True, nogil=True)
-def _sift_up(keys: Any, nodes: Any, i: int) -> None:
+def sift_up(keys: Any, nodes: Any, i: int) -> None:
+    """Move heap entry `i` up to its place."""
     while i > 0:
         parent = (i - 1) >> 1
-        if not _before(keys, nodes, i, parent):
+        if not comes_before(keys, nodes, i, parent):
             return
-        _swap(keys, nodes, i, parent)
+        swap(keys, nodes, i, parent)
         i = parent
 
 
 @njit(cache=True, nogil=True)
-def _sift_down(keys: Any, nodes: Any, i: int, size: int) -> None:
+def sift_down(keys: Any, nodes: Any, i: int, size: int) -> None:
+    """Move heap entry `i` down to its place."""
     while True:
         child = 2 * i + 1
         if child >= size:
             return
-        if child + 1 < size and _before(keys, nodes, child + 1, child):
+        if child + 1 < size and comes_before(keys, nodes, child + 1, child):
             child += 1
-        if not _before(keys, nodes, child, i):
+        if not comes_before(keys, nodes, child, i):
             return
-        _swap(keys, nodes, i, child)
+        swap(keys, nodes, i, child)
         i = child
 
 
 @njit(cache=True, nogil=True)
-def _estimate(
+def estimate_cost(
     node: int, height: int, kind: int, weight: float, goal: Any, target: Any, guided: bool
 ) -> float:
-    """W h(goal) + h(target), summed in the published order."""
+    """Return w h(goal) + h(target), summed in the published order."""
     x, y = node // height, node % height
     estimate = weight * distance(kind, x - goal[0], y - goal[1])
     if guided:
@@ -84,7 +88,7 @@ def _estimate(
 
 
 @njit(cache=True, nogil=True)
-def _rekey(
+def rekey(
     keys: Any,
     nodes: Any,
     size: int,
@@ -99,9 +103,9 @@ def _rekey(
     """Give every OPEN entry its current g plus the new estimate; duplicates stay."""
     for i in range(size):
         node = nodes[i]
-        keys[i] = g[node] + _estimate(node, height, kind, weight, goal, target, guided)
+        keys[i] = g[node] + estimate_cost(node, height, kind, weight, goal, target, guided)
     for i in range(size // 2 - 1, -1, -1):
-        _sift_down(keys, nodes, i, size)
+        sift_down(keys, nodes, i, size)
 
 
 @njit(cache=True, nogil=True)
@@ -120,14 +124,14 @@ def paper_search(
 ) -> tuple[int, int, int, NDArray[np.int8]]:
     """Search from start to goal, cells (x, y), on `blocked` [height, width].
 
-    `targets` [n, 2] is the paper's target list without its start: the search is drawn to each in
+    `targets` [n, 2] is the paper's target list without its start: the search heads for each in
     turn; empty means no target term. The weight of h(goal) at the k-th pop is
     max(1, weight * decay^k). `seen` and `closed`, [width * height] and all False at first, are
     filled in. Returns (status, expansions, storage, parent move [width * height], of cells with a
     parent only).
     """
     height, width = blocked.shape
-    # Not filled, and `seen` tells what counts: on a large map that alone would outlast a cancel.
+    # Left uninitialised: `seen` tells which cells are set. Filling a large map takes too long.
     g = np.empty(width * height)
     move_to = np.empty(width * height, dtype=np.int8)
     keys: NDArray[np.float64] = np.empty(1024)
@@ -144,7 +148,7 @@ def paper_search(
     stale = False
     g[start_node] = 0.0
     seen[start_node] = True
-    keys[0] = _estimate(start_node, height, kind, w, goal, target, guided)
+    keys[0] = estimate_cost(start_node, height, kind, w, goal, target, guided)
     nodes[0] = start_node
     size = 1
     storage = 1
@@ -156,19 +160,19 @@ def paper_search(
             status = STOPPED
             break
         if decay != 1.0:
-            # The whole of OPEN is keyed with the current weight before each pop. Once the weight
-            # rests at 1, only a g that has shrunk since can change a key.
+            # All of OPEN gets keys with the current weight before each pop. Once the weight stays
+            # at 1, only a g that has shrunk since then can change a key.
             new_w = max(1.0, raw_weight)
             if new_w != w or stale:
                 w = new_w
-                _rekey(keys, nodes, size, g, height, kind, w, goal, target, guided)
+                rekey(keys, nodes, size, g, height, kind, w, goal, target, guided)
                 stale = False
             raw_weight *= decay
 
         node = nodes[0]
         size -= 1
         keys[0], nodes[0] = keys[size], nodes[size]
-        _sift_down(keys, nodes, 0, size)
+        sift_down(keys, nodes, 0, size)
         expansions += 1
         closed[node] = True
         if node == goal_node:
@@ -187,7 +191,7 @@ def paper_search(
                 if index + 1 < len(targets):
                     index += 1
                     target[0], target[1] = targets[index, 0], targets[index, 1]
-                _rekey(keys, nodes, size, g, height, kind, w, goal, target, guided)
+                rekey(keys, nodes, size, g, height, kind, w, goal, target, guided)
             if nx < 0 or ny < 0 or nx >= width or ny >= height:
                 continue
             neighbour = nx * height + ny
@@ -197,7 +201,7 @@ def paper_search(
                 seen[neighbour] = True
                 g[neighbour] = np.inf
                 storage += 1
-            # Only a start on a barrier can be a blocked node here: none of its moves is legal.
+            # Only the start can be a blocked node here: none of its moves is legal.
             if blocked[ny, nx] or blocked[y, x]:
                 continue
             diagonal = nx != x and ny != y
@@ -211,9 +215,11 @@ def paper_search(
                 if size == len(keys):
                     keys = np.concatenate((keys, np.empty(size)))
                     nodes = np.concatenate((nodes, np.empty(size, dtype=np.int64)))
-                keys[size] = new_g + _estimate(neighbour, height, kind, w, goal, target, guided)
+                keys[size] = new_g + estimate_cost(
+                    neighbour, height, kind, w, goal, target, guided
+                )
                 nodes[size] = neighbour
-                _sift_up(keys, nodes, size)
+                sift_up(keys, nodes, size)
                 size += 1
     return status, expansions, storage, move_to
 
