@@ -11,7 +11,7 @@ from llm_astar_msgs_adapter.bags.messages import (
     status,
 )
 from llm_astar_msgs_adapter.bags.types import bag_types, define
-from llm_astar_msgs_adapter.bags.writing import BagWriter, Topic
+from llm_astar_msgs_adapter.bags.writing import BagWriter, OfferedTopic
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 
 TYPES = {
@@ -53,7 +53,7 @@ def write_bag(folder, messages, storage='mcap', **options):
     """Write (topic, seconds, message) as they come; a message may be bytes."""
     with BagWriter(folder, storage, **options) as bag:
         for topic in dict.fromkeys(topic for topic, _, _ in messages):
-            bag.add_topic(Topic(topic, define(TYPES[topic])))
+            bag.add_topic(OfferedTopic(topic, define(TYPES[topic])))
         for topic, seconds, message in messages:
             if isinstance(message, bytes):
                 bag.write(topic, at(seconds), message)

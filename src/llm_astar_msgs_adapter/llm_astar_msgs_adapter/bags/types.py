@@ -1,17 +1,33 @@
-"""The message types of bags: Jazzy's own, GetPlan's service events, and whatever is installed."""
+"""Message types of bags: definitions to write into a bag, and decoding by those in a bag.
+
+Definitions come from Jazzy's common packages (rosbags has them), from the packages installed on
+this machine, or from the bag itself.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+import zstandard
+from rosbags.interfaces import Nodetype
+from rosbags.serde import SerdeError
+from rosbags.typesys import (
+    Stores,
+    TypesysError,
+    get_types_from_idl,
+    get_types_from_msg,
+    get_typestore,
+)
 from rosbags.typesys.store import Typestore
 
-from llm_astar_msgs_adapter.bags.idl import idl_text, nested_type
+from llm_astar_msgs_adapter.bags.files import Channel, unzstd
+from llm_astar_msgs_adapter.errors import LlmAstarError
 
 GET_PLAN_EVENT_TYPE = 'nav_msgs/srv/GetPlan_Event'
 GET_PLAN = """\
@@ -22,7 +38,7 @@ float32 tolerance
 nav_msgs/Path plan
 """
 EVENT_INFO_TYPE = 'service_msgs/msg/ServiceEventInfo'
-# As rosidl reads it: `char` is its uint8, also where a type is hashed, and rosbags keeps the char.
+# rosidl reads `char` as uint8, also for the type's hash, but rosbags does not: so uint8 here.
 EVENT_INFO = """\
 uint8 REQUEST_SENT=0
 uint8 REQUEST_RECEIVED=1
@@ -33,20 +49,38 @@ builtin_interfaces/Time stamp
 uint8[16] client_gid
 int64 sequence_number
 """
-# What service introspection publishes of any service: rosidl's `Event`, which no file defines.
+# What service introspection publishes. rosidl generates this type; no file defines it.
 EVENT = """\
 service_msgs/ServiceEventInfo info
 {package}/{name}_Request[<=1] request
 {package}/{name}_Response[<=1] response
 """
+# Stands between the definitions of a type and of its parts in a bag.
+BAR = '=' * 80 + '\n'
+IDL_NAMES = {'float32': 'float', 'float64': 'double', 'bool': 'boolean', 'byte': 'octet'}
+ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
+# What parsing somebody else's definition may raise.
+DEFINITION_ERRORS = (
+    TypesysError, KeyError, ValueError, TypeError, AssertionError, IndexError, RecursionError,
+)  # fmt: skip
+# rosbags generates code for every element of an array of messages.
+MAX_ELEMENTS = 10_000
 
 
-class BagTypeError(ValueError):
-    """A message type whose definition is not to be had; the message names the type."""
+class BagTypeError(LlmAstarError, ValueError):
+    """A message type without a definition; the message names the type."""
 
 
-class Definition(NamedTuple):
-    """A message type: its name, all of its text (`.msg` or IDL) for a bag, its RIHS01 hash."""
+class DecodeError(LlmAstarError, ValueError):
+    """A message whose bytes do not fit its type."""
+
+
+class UnknownTypeError(LlmAstarError, ValueError):
+    """A message type that neither Jazzy nor the bag defines; the message names it."""
+
+
+class TypeDefinition(NamedTuple):
+    """A message type's name, its definition for a bag (`.msg` or IDL), and its RIHS01 hash."""
 
     msgtype: str
     text: str
@@ -55,74 +89,70 @@ class Definition(NamedTuple):
 
 @cache
 def bag_types() -> Typestore:
-    """Return Jazzy's message types, nav_msgs/srv/GetPlan's events among them."""
+    """Return Jazzy's message types and the events of nav_msgs/srv/GetPlan."""
     store = get_typestore(Stores.ROS2_JAZZY)
     store.fielddefs.update(get_types_from_msg(EVENT_INFO, EVENT_INFO_TYPE))
-    _register_service(store, 'nav_msgs', 'GetPlan', GET_PLAN)
+    register_service(store, 'nav_msgs', 'GetPlan', GET_PLAN)
     return store
 
 
-def define(msgtype: str) -> Definition:
+def define(msgtype: str) -> TypeDefinition:
     """Return the definition of a message type, `package/msg/Name` or `package/srv/Name_Event`.
 
-    What Jazzy's common packages lack is read from the packages installed here. Raises
-    BagTypeError where they lack it too.
+    Raises BagTypeError where neither Jazzy's common packages nor those installed here define it.
     """
     store = bag_types()
     try:
-        _learn(store, msgtype)
+        learn(store, msgtype)
         if '/msg/' in msgtype:
             text, _ = store.generate_msgdef(msgtype, ros_version=2)
         else:
             text = idl_text(store, msgtype)
-        return Definition(msgtype, text, store.hash_rihs01(msgtype))
+        return TypeDefinition(msgtype, text, store.hash_rihs01(msgtype))
     except (OSError, TypesysError, ValueError) as error:
         message = f'{msgtype}: its definition cannot be read: {error}'
         raise BagTypeError(message) from None
 
 
-def _learn(store: Typestore, msgtype: str) -> None:
-    """Register a type, and what it is made of, from the files of installed packages."""
+def learn(store: Typestore, msgtype: str) -> None:
+    """Register a type and its parts from installed packages, unless `store` has it."""
     if msgtype in store.types:
         return
     package, kind, name = msgtype.split('/')
     if kind == 'srv' and name.endswith('_Event'):
         service = name.removesuffix('_Event')
-        _register_service(store, package, service, _installed(package, 'srv', service))
+        register_service(store, package, service, installed_text(package, 'srv', service))
     else:
-        _register(store, get_types_from_msg(_installed(package, kind, name), msgtype))
+        register(store, get_types_from_msg(installed_text(package, kind, name), msgtype))
 
 
-def _register_service(store: Typestore, package: str, name: str, text: str) -> None:
-    """Register the events of a service of which `text` is the `.srv` file."""
+def register_service(store: Typestore, package: str, name: str, text: str) -> None:
+    """Register the events of a service whose `.srv` file is `text`."""
     request, _, response = text.partition('---')
     event = EVENT.format(package=package, name=name)
+
+    def in_srv(tree: Any) -> Any:  # noqa: ANN401 - any parse tree
+        """Rename the service's parts, since the parser puts every name below `msg`."""
+        if isinstance(tree, (list, tuple)):
+            return type(tree)(map(in_srv, tree))
+        if isinstance(tree, str):
+            return tree.replace(f'{package}/msg/{name}_', f'{package}/srv/{name}_')
+        return tree
+
     for part, fields in (('Request', request), ('Response', response), ('Event', event)):
-        # The parser of `.msg` puts every name below `msg`.
         types = get_types_from_msg(fields, f'{package}/msg/{name}_{part}')
-        items = _as_service(list(types.items()), package, name)
-        _register(store, dict(items))
+        register(store, dict(in_srv(list(types.items()))))
 
 
-def _register(store: Typestore, types: dict[str, Any]) -> None:
-    for _, fields in types.values():
-        for _, description in fields:
-            name = nested_type(description)
-            if name and name not in types:
-                _learn(store, name)
+def register(store: Typestore, types: dict[str, Any]) -> None:
+    """Register types and, from installed packages, the types of their fields."""
+    for name in nested_types(fields for _, fields in types.values()):
+        if name not in types:
+            learn(store, name)
     store.register(types)
 
 
-def _as_service(tree: Any, package: str, name: str) -> Any:  # noqa: ANN401 - any parse tree
-    """Return a parse tree with the messages of a service named as ROS names them."""
-    if isinstance(tree, (list, tuple)):
-        return type(tree)(_as_service(item, package, name) for item in tree)
-    if isinstance(tree, str):
-        return tree.replace(f'{package}/msg/{name}_', f'{package}/srv/{name}_')
-    return tree
-
-
-def _installed(package: str, kind: str, name: str) -> str:
+def installed_text(package: str, kind: str, name: str) -> str:
     """Read a definition from an installed package. Raises BagTypeError where there is none."""
     prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     for prefix in [*filter(None, prefixes), sys.prefix]:
@@ -131,3 +161,141 @@ def _installed(package: str, kind: str, name: str) -> str:
             return file.read_text(encoding='utf-8')
     message = f'no installed package {package} has {kind}/{name}.{kind}'
     raise BagTypeError(message)
+
+
+def nested_types(definitions: Iterable[Any]) -> list[str]:
+    """Return the message types among the fields of definitions, in rosbags' parse trees."""
+    names = []
+    for fields in definitions:
+        for _, (kind, detail) in fields:
+            while kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+                kind, detail = detail[0]  # noqa: PLW2901 - down to the element
+            if kind is Nodetype.NAME:
+                names.append(str(detail))
+    return names
+
+
+def idl_text(store: Typestore, msgtype: str) -> str:
+    """Return the definitions of a registered type and of its parts as ROS 2 IDL.
+
+    Constants are left out. Services need IDL, since `.msg` cannot name a type below `srv`.
+    """
+    found: dict[str, str] = {}
+    waiting = [msgtype]
+    while waiting:
+        name = waiting.pop(0)
+        if name in found:
+            continue
+        _, fields = store.fielddefs[name]
+        package, kind, own = name.split('/')
+        members = ' '.join(idl_member(field, *tree) for field, tree in fields)
+        struct = f'struct {own} {{ {members} }};'
+        found[name] = f'{BAR}IDL: {name}\nmodule {package} {{ module {kind} {{ {struct} }}; }};\n'
+        waiting = nested_types([fields]) + waiting
+    return ''.join(found.values())
+
+
+def idl_member(name: str, kind: Nodetype, detail: Any) -> str:  # noqa: ANN401 - a parse tree
+    """Return a field as a member of an IDL struct."""
+    if kind is Nodetype.ARRAY:
+        return f'{idl_type(*detail[0])} {name}[{detail[1]}];'
+    return f'{idl_type(kind, detail)} {name};'
+
+
+def idl_type(kind: Nodetype, detail: Any) -> str:  # noqa: ANN401 - a parse tree of rosbags
+    """Return a field's type in IDL."""
+    if kind is Nodetype.NAME:
+        return str(detail).replace('/', '::')
+    base, bound = detail
+    if kind is Nodetype.SEQUENCE:
+        base = idl_type(*base)
+        return f'sequence<{base}, {bound}>' if bound else f'sequence<{base}>'
+    if base == 'string' and bound:
+        return f'string<{bound}>'
+    return IDL_NAMES.get(base, str(base))
+
+
+class Decoder:
+    """Decodes the messages of one bag, by the bag's own definitions where it has them."""
+
+    def __init__(self) -> None:
+        """Begin with Jazzy's types."""
+        self._embedded = get_typestore(Stores.EMPTY)
+        self._names: dict[str, str] = {}
+
+    def learn(self, channel: Channel) -> None:
+        """Use the bag's definition of a type. Without a usable one, Jazzy's is used."""
+        if not channel.definition or channel.msgtype in self._names:
+            return
+        with suppress(*DEFINITION_ERRORS):
+            types = parse_definition(channel)
+            name = parsed_name(channel.msgtype, types)
+            known = self._embedded.fielddefs
+            self._embedded.register({n: type_ for n, type_ in types.items() if n not in known})
+            # Compiled now, so that a type with unknown parts counts as unknown.
+            self._embedded.get_msgdef(name)
+            self._names[channel.msgtype] = name
+
+    def knows(self, msgtype: str) -> bool:
+        """Tell whether messages of a type can be decoded."""
+        return msgtype in self._names or msgtype in bag_types().types
+
+    def decode(self, msgtype: str, data: bytes) -> Any:  # noqa: ANN401 - of the message's type
+        """Return a message with its fields as attributes; arrays are numpy's.
+
+        Raises DecodeError for data that do not fit the type, UnknownTypeError for the type.
+        """
+        try:
+            if data[:4] == ZSTD_MAGIC:
+                data = unzstd(data)
+        except (ValueError, zstandard.ZstdError) as error:
+            raise DecodeError(str(error)) from None
+        try:
+            if msgtype in self._names:
+                return self._embedded.deserialize_cdr(data, self._names[msgtype])
+            return bag_types().deserialize_cdr(data, msgtype)
+        except SerdeError as error:
+            raise DecodeError(str(error)) from None
+        except DEFINITION_ERRORS as error:
+            message = f'its type {msgtype} is unknown here and the bag does not define it'
+            raise UnknownTypeError(f'{message} ({error})') from None
+
+
+def parse_definition(channel: Channel) -> dict[str, Any]:
+    """Return the types in a channel's definition by name, as rosbags' parse trees.
+
+    Raises one of DEFINITION_ERRORS, also for arrays of more messages than MAX_ELEMENTS.
+    """
+    types: dict[str, Any] = {}
+    if channel.format == 'ros2idl':
+        for part in channel.definition.split(BAR):
+            text = part.split('\n', 1)[1] if part.startswith('IDL: ') else part
+            if text.strip():
+                types.update(get_types_from_idl(text))
+    else:
+        types = dict(get_types_from_msg(channel.definition, channel.msgtype))
+    for name, (_, fields) in types.items():
+        for field, (kind, detail) in fields:
+            if kind is not Nodetype.ARRAY or detail[1] <= MAX_ELEMENTS:
+                continue
+            (element, base), count = detail
+            # Arrays of numbers are read at once.
+            if element is not Nodetype.BASE or base[0] in ('string', 'wstring'):
+                message = f'{name}: {field}: {count} elements'
+                raise ValueError(message)
+    return types
+
+
+def parsed_name(msgtype: str, types: dict[str, Any]) -> str:
+    """Return the name that a type has among its parsed types; services' parts are below `msg`.
+
+    Raises KeyError where it is not among them, or where a service's events lack a field.
+    """
+    package, _, name = msgtype.rpartition('/')
+    own = next((n for n in (msgtype, f'{package}/msg/{name}') if n in types), None)
+    if own is None:
+        raise KeyError(msgtype)
+    fields = {field_name for field_name, _ in types[own][1]}
+    if '/srv/' in msgtype and not {'info', 'request', 'response'} <= fields:
+        raise KeyError(msgtype)
+    return own

@@ -8,11 +8,11 @@ import sqlite3
 
 import pytest
 import yaml
-from llm_astar_msgs_adapter.bags import storage as bag_storage
+from llm_astar_msgs_adapter.bags import writing
+from llm_astar_msgs_adapter.bags.messages import evaluation_topic
 from llm_astar_msgs_adapter.bags.reading import Bag
-from llm_astar_msgs_adapter.bags.topics import evaluation_topic
 from llm_astar_msgs_adapter.bags.types import BagTypeError, bag_types, define
-from llm_astar_msgs_adapter.bags.writing import BagWriteError, BagWriter, Topic, qos
+from llm_astar_msgs_adapter.bags.writing import BagWriteError, BagWriter, OfferedTopic, qos
 from mcap.exceptions import EndOfFile
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
@@ -20,7 +20,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
 STRING = 'std_msgs/msg/String'
-CHATTER = Topic('/chatter', define(STRING), (qos(),))
+CHATTER = OfferedTopic('/chatter', define(STRING), (qos(),))
 
 
 def text(content):
@@ -96,7 +96,7 @@ def test_an_mcap_file_that_is_never_finished_holds_all_but_the_last_chunk(tmp_pa
 def test_a_file_that_is_never_finished_is_read_beside_those_that_are(
     tmp_path, monkeypatch, storage
 ):
-    monkeypatch.setattr(bag_storage, 'COMMIT_SECONDS', 0.0)
+    monkeypatch.setattr(writing, 'COMMIT_SECONDS', 0.0)
     with BagWriter(tmp_path / 'bag', storage, max_bytes=300_000) as bag:
         bag.add_topic(CHATTER)
         write(bag, 50, size=10_000)
@@ -112,7 +112,7 @@ def test_a_file_that_is_never_finished_is_read_beside_those_that_are(
 def test_a_disk_that_takes_no_more_is_said_and_what_it_took_can_be_read(
     tmp_path, monkeypatch, storage
 ):
-    monkeypatch.setattr(bag_storage, 'COMMIT_SECONDS', 0.0)
+    monkeypatch.setattr(writing, 'COMMIT_SECONDS', 0.0)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def fill():

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from llm_astar_msgs_adapter.bags.topics import GET_PLAN_EVENT, MAP
+from llm_astar_msgs_adapter.bags.messages import GET_PLAN_EVENT, MAP
 from llm_astar_msgs_adapter.maps.barrier_map import save_barrier_maps
 
 from llm_astar_planner.benchmark.datasets.generate import GenerationError, MapRules, generate

@@ -10,9 +10,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.bags.files import bare_name
+from llm_astar_msgs_adapter.bags.files import bag_name
+from llm_astar_msgs_adapter.bags.messages import BARRIER_MAP
 from llm_astar_msgs_adapter.bags.reading import Bag, open_bags
-from llm_astar_msgs_adapter.bags.topics import BARRIER_MAP
 from llm_astar_msgs_adapter.bags.writing import BagWriteError
 
 from llm_astar_planner.benchmark.bags.exchanges import write_exchanges
@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
             sweep = _sweep(args, bags, wanted, listed, options)
             asked = [*args.bags, *([args.requests] if listed else [])]
             metadata = describe_run(asked, _parameters(args, sweep), deciding_files(args))
-            metadata['bags'] = list(dict.fromkeys(bare_name(Path(path)) for path in args.bags))
+            metadata['bags'] = list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))
             done = open_folder(folder, metadata, resume=args.resume)
         except ResultsError as error:
             return complain(args, str(error), BAD_INPUT)

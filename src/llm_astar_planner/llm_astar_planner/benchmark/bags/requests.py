@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, partial
 from typing import Any
 
-from llm_astar_msgs_adapter.bags.reading import Bag, Message
-from llm_astar_msgs_adapter.bags.records import JUMP
+from llm_astar_msgs_adapter.bags.files import JUMP
+from llm_astar_msgs_adapter.bags.reading import Bag, BagMessage
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message
@@ -51,7 +51,7 @@ class RequestReader:
         self._now = 0
         self._count = 0
         self._noted: set[str] = set()
-        self._handlers: dict[str, Callable[[Message], object]] = {
+        self._handlers: dict[str, Callable[[BagMessage], object]] = {
             'map': self._on_map,
             'map update': self._on_update,
             'barriers': self._on_barriers,
@@ -98,7 +98,7 @@ class RequestReader:
         self._places.forget()
         self._answers.give_up()
 
-    def _on_map(self, message: Message) -> None:
+    def _on_map(self, message: BagMessage) -> None:
         before = self._grid_map
         try:
             self._grid_map = grid_from_message(message.value)
@@ -113,7 +113,7 @@ class RequestReader:
                 f'{sizes[0]} to {sizes[1]} cells',
             )
 
-    def _on_update(self, message: Message) -> None:
+    def _on_update(self, message: BagMessage) -> None:
         if self._grid_map is None:
             self._leave_out(f'{self._when(message)}: a map update before any map', 'map updates')
             return
@@ -122,13 +122,13 @@ class RequestReader:
         except GridMapError as error:
             self._leave_out(f'{self._when(message)}: a map update, {error}', 'map updates')
 
-    def _on_barriers(self, message: Message) -> None:
+    def _on_barriers(self, message: BagMessage) -> None:
         try:
             self._barriers = parse_barrier_map(json.loads(message.value.data), 'its barriers')
         except (BarrierMapError, ValueError, RecursionError) as error:
             self._leave_out(f'{self._when(message)}: {error}', 'barrier maps')
 
-    def _on_event(self, message: Message) -> None:
+    def _on_event(self, message: BagMessage) -> None:
         """Take a call of GetPlan, or its answer; events without contents tell nothing."""
         event = message.value
         call = (bytes(bytearray(event.info.client_gid)), int(event.info.sequence_number))
@@ -151,11 +151,11 @@ class RequestReader:
         start, goal = self._on_the_map(request.start), self._on_the_map(request.goal)
         self._ask(self._when(message), start, goal, call, float(request.tolerance))
 
-    def _on_goal(self, message: Message) -> None:
+    def _on_goal(self, message: BagMessage) -> None:
         start = self._places.robot(self._frame, message.time)
         self._ask(self._when(message), start, self._on_the_map(message.value))
 
-    def _on_plan(self, message: Message) -> None:
+    def _on_plan(self, message: BagMessage) -> None:
         """Take a path as a request that it answers itself, unless it betters the one before."""
         plan = message.value
         if not len(plan.poses) or self._answers.take_plan(plan):
@@ -215,7 +215,7 @@ class RequestReader:
             self._noted.add(kind)
             self._problems.note(f'{self.bag.path}: {what}')
 
-    def _when(self, message: Message) -> str:
+    def _when(self, message: BagMessage) -> str:
         return f'{message.topic} at {self.bag.seconds(message.time):.3f} s'
 
     def _leave_out(self, what: str, kind: str) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 from types import TracebackType
 
 from llm_astar_msgs_adapter.bags import messages as bag_messages
-from llm_astar_msgs_adapter.bags.topics import MAP, evaluation_topic
+from llm_astar_msgs_adapter.bags.messages import MAP, evaluation_topic
 from llm_astar_msgs_adapter.bags.types import define
-from llm_astar_msgs_adapter.bags.writing import LATCHED, BagWriter, Topic, qos
+from llm_astar_msgs_adapter.bags.writing import LATCHED, BagWriter, OfferedTopic, qos
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.messages.report import PlanReport
 from numpy.typing import ArrayLike
@@ -42,7 +42,7 @@ class ResultsBag:
     def __enter__(self) -> ResultsBag:
         """Make the folder. Raises OSError where that cannot be."""
         self._bag.__enter__()
-        self._bag.add_topic(Topic(MAP, define('nav_msgs/msg/OccupancyGrid'), (LATCHED,)))
+        self._bag.add_topic(OfferedTopic(MAP, define('nav_msgs/msg/OccupancyGrid'), (LATCHED,)))
         return self
 
     def __exit__(
@@ -85,7 +85,7 @@ class ResultsBag:
         for kind, message in messages.items():
             topic = evaluation_topic(method, source, kind)
             if topic not in self.counts:
-                self._bag.add_topic(Topic(topic, define(KINDS[kind]), (qos(),)))
+                self._bag.add_topic(OfferedTopic(topic, define(KINDS[kind]), (qos(),)))
             self._bag.write_message(topic, stamp, message)
 
     def _write_map(self, grid_map: GridMap, stamp: int) -> None:

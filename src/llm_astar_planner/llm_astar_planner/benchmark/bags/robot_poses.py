@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from llm_astar_msgs_adapter.bags.reading import Message
+from llm_astar_msgs_adapter.bags.reading import BagMessage
 from llm_astar_msgs_adapter.maps.grid_map import GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.transforms import Transforms, flat_pose, moved
@@ -20,9 +20,9 @@ class Places:
         """Know no place yet; `base_frame` is the robot's in tf."""
         self._base_frame = base_frame
         self._transforms = Transforms()
-        self._told: dict[str, Message] = {}
+        self._told: dict[str, BagMessage] = {}
 
-    def take(self, part: str, message: Message) -> None:
+    def take(self, part: str, message: BagMessage) -> None:
         """Take a message of the part `tf`, `static tf`, `odometry` or `start`."""
         if part in ('tf', 'static tf'):
             static = part == 'static tf'

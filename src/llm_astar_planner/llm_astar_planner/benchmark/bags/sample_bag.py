@@ -8,14 +8,16 @@ from itertools import groupby
 from pathlib import Path
 
 from llm_astar_msgs_adapter.bags.messages import (
+    BARRIER_MAP,
+    GET_PLAN_EVENT,
+    MAP,
     NANOSECONDS,
     barrier_map_text,
     get_plan_request,
     occupancy_grid,
 )
-from llm_astar_msgs_adapter.bags.topics import BARRIER_MAP, GET_PLAN_EVENT, MAP
 from llm_astar_msgs_adapter.bags.types import GET_PLAN_EVENT_TYPE, define
-from llm_astar_msgs_adapter.bags.writing import LATCHED, BagWriter, Topic, qos
+from llm_astar_msgs_adapter.bags.writing import LATCHED, BagWriter, OfferedTopic, qos
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 
@@ -57,11 +59,11 @@ def write_sample_bag(
     return bag.counts
 
 
-def _topics() -> tuple[Topic, ...]:
+def _topics() -> tuple[OfferedTopic, ...]:
     return (
-        Topic(BARRIER_MAP, define('std_msgs/msg/String'), (LATCHED,)),
-        Topic(MAP, define('nav_msgs/msg/OccupancyGrid'), (LATCHED,)),
-        Topic(GET_PLAN_EVENT, define(GET_PLAN_EVENT_TYPE), (qos(),)),
+        OfferedTopic(BARRIER_MAP, define('std_msgs/msg/String'), (LATCHED,)),
+        OfferedTopic(MAP, define('nav_msgs/msg/OccupancyGrid'), (LATCHED,)),
+        OfferedTopic(GET_PLAN_EVENT, define(GET_PLAN_EVENT_TYPE), (qos(),)),
     )
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from llm_astar_msgs_adapter.bags.messages import BARRIER_MAP, MAP
 from llm_astar_msgs_adapter.bags.reading import Bag
-from llm_astar_msgs_adapter.bags.topics import BARRIER_MAP, MAP
 
 GRID, UPDATE = 'nav_msgs/msg/OccupancyGrid', 'map_msgs/msg/OccupancyGridUpdate'
 EVENT, PATH = 'nav_msgs/srv/GetPlan_Event', 'nav_msgs/msg/Path'

@@ -15,7 +15,7 @@ from typing import Any
 
 import rclpy
 from llm_astar_msgs_adapter.bags.types import BagTypeError, define
-from llm_astar_msgs_adapter.bags.writing import BagWriter, Topic
+from llm_astar_msgs_adapter.bags.writing import BagWriter, OfferedTopic
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.expand_topic_name import expand_topic_name
@@ -102,7 +102,9 @@ class Recorder(Node):
 
     def _begin(self, name: str, msgtype: str, offered: list[QoSProfile]) -> None:
         try:
-            topic = Topic(name, define(msgtype), tuple(dict.fromkeys(map(_qos_in_bag, offered))))
+            topic = OfferedTopic(
+                name, define(msgtype), tuple(dict.fromkeys(map(_qos_in_bag, offered)))
+            )
             message_class = _message_class(msgtype)
         except (BagTypeError, ImportError, AttributeError) as error:
             self._tell(f'not recorded: {name} ({msgtype}): {error}')

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bag_makers import call_at, map_at
 from llm_astar_msgs_adapter.bags.types import define
-from llm_astar_msgs_adapter.bags.writing import BagWriter, Topic
+from llm_astar_msgs_adapter.bags.writing import BagWriter, OfferedTopic
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 
 SIDE, MAPS, NOISE = 2000, 50, 1 << 20
@@ -41,7 +41,7 @@ def write_big_bag(folder):
     a_map = GOAL_BYTES // MAPS // NOISE + 1
     with BagWriter(folder) as bag:
         for name, msgtype in topics.items():
-            bag.add_topic(Topic(name, define(msgtype)))
+            bag.add_topic(OfferedTopic(name, define(msgtype)))
         for number in range(MAPS):
             second = 100 * number
             for topic, seconds, message in (

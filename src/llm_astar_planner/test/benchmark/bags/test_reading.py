@@ -8,8 +8,8 @@ import tracemalloc
 import pytest
 import zstandard
 from bag_makers import TYPES, call_at, list_at, map_at, room, write_bag
+from llm_astar_msgs_adapter.bags.files import LARGEST, BagError, unzstd
 from llm_astar_msgs_adapter.bags.reading import Bag
-from llm_astar_msgs_adapter.bags.records import LARGEST, BagError, unzstd
 from llm_astar_msgs_adapter.bags.types import bag_types, define
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from llm_astar_msgs_adapter.bags.topics import MAP
+from llm_astar_msgs_adapter.bags.messages import MAP
 from llm_astar_msgs_adapter.bags.writing import BagWriteError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.benchmark.bags.results_bag import ResultsBag

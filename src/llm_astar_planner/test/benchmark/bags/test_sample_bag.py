@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from llm_astar_msgs_adapter.bags.topics import BARRIER_MAP, GET_PLAN_EVENT, MAP
+from llm_astar_msgs_adapter.bags.messages import BARRIER_MAP, GET_PLAN_EVENT, MAP
 from llm_astar_msgs_adapter.bags.types import bag_types
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, parse_barrier_map
 from llm_astar_planner.cli.main import main
