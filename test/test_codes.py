@@ -12,7 +12,7 @@ from llm_astar_msgs_adapter.messages.diagnostics import (
     report_from_message,
     report_to_message,
 )
-from llm_astar_planner.cli.plan_output import plan_to_json, plan_to_text
+from llm_astar_planner.cli.plan import plan_to_json, plan_to_text
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.report import plan_report
@@ -34,15 +34,15 @@ START, GOAL = (3, 3), (15, 15)
 CODE = ResultCode
 
 CAUSES = [
-    (OPEN, {'method': 'theta'}, CODE.INVALID_PLANNER, "no method 'theta'"),
-    (OPEN, {'heuristic': 'l7'}, CODE.INVALID_PLANNER, "no heuristic 'l7'"),
-    (OPEN, {'max_suboptimality': 0.5}, CODE.INVALID_PLANNER, 'max_suboptimality 0.5'),
-    (OPEN, {'max_suboptimality': math.nan}, CODE.INVALID_PLANNER, 'max_suboptimality nan'),
-    (OPEN, {'weight': math.nan}, CODE.INVALID_PLANNER, 'weight nan'),
-    (OPEN, {'weight': 1e4}, CODE.INVALID_PLANNER, 'weight 10000.0'),
-    (OPEN, {'tolerance': math.nan}, CODE.INVALID_PLANNER, 'tolerance nan'),
-    (OPEN, {'tolerance': -0.1}, CODE.INVALID_PLANNER, 'tolerance -0.1'),
-    (OPEN, {'start_tolerance': math.inf}, CODE.INVALID_PLANNER, 'start_tolerance inf'),
+    (OPEN, {'method': 'theta'}, CODE.INVALID_PLANNER, "method: 'theta'"),
+    (OPEN, {'heuristic': 'l7'}, CODE.INVALID_PLANNER, "heuristic: 'l7'"),
+    (OPEN, {'max_suboptimality': 0.5}, CODE.INVALID_PLANNER, 'max_suboptimality: 0.5'),
+    (OPEN, {'max_suboptimality': math.nan}, CODE.INVALID_PLANNER, 'max_suboptimality: nan'),
+    (OPEN, {'weight': math.nan}, CODE.INVALID_PLANNER, 'weight: nan'),
+    (OPEN, {'weight': 1e4}, CODE.INVALID_PLANNER, 'weight: 10000.0'),
+    (OPEN, {'tolerance': math.nan}, CODE.INVALID_PLANNER, 'tolerance: nan'),
+    (OPEN, {'tolerance': -0.1}, CODE.INVALID_PLANNER, 'tolerance: -0.1'),
+    (OPEN, {'start_tolerance': math.inf}, CODE.INVALID_PLANNER, 'start_tolerance: inf'),
     (OPEN, {'time_limit': math.nan}, CODE.INVALID_PLANNER, 'time_limit'),
     (OPEN, {'via': ((5, 5),) * (MAX_VIA + 1)}, CODE.INVALID_PLANNER, f'over the {MAX_VIA}'),
     (OPEN, {'start': (-1, 3)}, CODE.START_OUTSIDE_MAP, 'start cell (-1, 3) is outside'),

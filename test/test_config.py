@@ -1,32 +1,31 @@
-"""The parameter files hold parameters that there are, and planner.yaml their defaults."""
+"""The parameter files in config/ set parameters that exist, to values that they can have."""
 
 from pathlib import Path
 
 import pytest
 import yaml
-from llm_astar_planner.nodes.planner.parameters import PARAMETERS, problem
+from llm_astar_planner.nodes.planner.introspection import STATES
+from llm_astar_planner.planning.parameter_file import read_parameter_files
+from llm_astar_planner.planning.parameters import NODES
 
-DEFAULTS = {parameter.name: parameter for parameter in PARAMETERS}
-
-
-def values_of(name):
-    file = Path(__file__).parents[1] / 'config' / name
-    return yaml.safe_load(file.read_text())['/**/planner_node']['ros__parameters']
-
-
-@pytest.mark.parametrize('name', ['planner.yaml', 'costmap.yaml', 'nav2.yaml', 'demo.yaml'])
-def test_a_parameter_file_holds_what_the_planner_takes(name):
-    values = values_of(name)
-    for key, value in values.items():
-        parameter = DEFAULTS[key]
-        assert type(value) is type(parameter.default), key
-        assert parameter.problem(value) == ''
-        if parameter.minimum is not None:
-            assert parameter.minimum <= value <= parameter.maximum, key
-    assert problem({key: item.default for key, item in DEFAULTS.items()} | values) == ''
+CONFIG = Path(__file__).parents[1] / 'config'
+FILES = sorted(path.name for path in CONFIG.glob('*.yaml'))
+TABLE = {node: {item.name: item for item in table} for node, table in NODES.items()}
 
 
-def test_the_planners_own_file_states_the_defaults():
-    values = values_of('planner.yaml')
-    assert values == {name: DEFAULTS[name].default for name in values}
-    assert set(DEFAULTS) - set(values) <= {'llm_client', 'instruction'}
+@pytest.mark.parametrize('name', FILES)
+def test_a_parameter_file_holds_what_its_nodes_take(name):
+    found = read_parameter_files([CONFIG / name], list(NODES))
+    assert found.warnings == []
+    sections = yaml.safe_load((CONFIG / name).read_text())
+    assert {node.removeprefix('/**/') for node in sections} <= set(NODES)
+    for node, section in sections.items():
+        # rcl takes no whole number for a float.
+        for key, value in section['ros__parameters'].items():
+            parameter = TABLE[node.removeprefix('/**/')][key]
+            assert type(value) is type(parameter.default), key
+            assert parameter.problem(value) is None
+
+
+def test_the_modes_of_introspection_are_those_of_the_table():
+    assert TABLE['planner_node']['introspection_mode'].choices == tuple(STATES)

@@ -32,6 +32,7 @@ from llm_astar_planner.benchmark.runner.engine import Asker, Outcome, Settings, 
 from llm_astar_planner.benchmark.runner.progress import progress
 from llm_astar_planner.benchmark.runner.sources import GRID_ABLATIONS, make_askers
 from llm_astar_planner.cli.evaluate_options import (
+    RULES,
     SEARCH_OPTIONS,
     add_input,
     add_rules,
@@ -52,7 +53,7 @@ from llm_astar_planner.cli.run_options import (
     live_settings,
     make_executor,
 )
-from llm_astar_planner.planning.parameters import grid_rules, request_options
+from llm_astar_planner.planning.parameters import costmap_config, defaults
 from llm_astar_planner.planning.report import plan_report
 
 # The traffic with models taken out of bags, in the results folder.
@@ -234,13 +235,13 @@ def _sweep(
     listed: Sequence[ListedRequest],
     options: dict[str, Any],
 ) -> BagSweep:
-    asked = request_options(options)
+    asked = defaults(RULES) | options
     settings = Settings(
         args.heuristic,
         args.weight,
         args.time_limit,
         args.max_suboptimality,
-        grid_rules(options),
+        costmap_config(options),
         asked['tolerance'],
         asked['start_tolerance'],
         'corner_cutting' not in options and not args.params_file,

@@ -7,17 +7,25 @@ from collections.abc import Sequence
 from typing import Any
 
 from llm_astar_planner.benchmark.bags.request_list import ListedRequest, load_requests
-from llm_astar_planner.benchmark.bags.topics import REQUESTS, Wanted
-from llm_astar_planner.planning.parameters import (
-    REQUESTS as REQUEST_OPTIONS,
+from llm_astar_planner.benchmark.bags.topics import REQUESTS as REQUEST_KINDS
+from llm_astar_planner.benchmark.bags.topics import Wanted
+from llm_astar_planner.cli.parameter_flags import (
+    add_parameter_flags,
+    add_params_file_flag,
+    given_values,
+    read_params_files,
 )
-from llm_astar_planner.planning.parameters import (
-    RULES,
-    SEARCH,
-    check_options,
-    read_params_file,
-)
+from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, SEARCH, defaults
 
+# The rules that have flags of their own; the search has the flags of `bench`.
+RULES = (
+    *COSTMAP,
+    *(
+        item
+        for item in REQUESTS
+        if item.name in ('tolerance', 'start_tolerance', 'robot_base_frame')
+    ),
+)
 # What a parameter file may say of the search, by the names of this command's options.
 SEARCH_OPTIONS = {
     'heuristic': 'heuristic',
@@ -65,26 +73,15 @@ def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
 
 def add_rules(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the rules of planner_node, by the names of its parameters."""
-    group.add_argument(
-        '--params-file', metavar='FILE', help="the node's own parameter file; options go first"
-    )
-    for option in (*RULES, *REQUEST_OPTIONS):
-        flag = '--' + option.name.replace('_', '-')
-        if isinstance(option.default, bool):
-            told = '(on)' if option.default else "(off; on where the bag tells the map's barriers)"
-            action: Any = argparse.BooleanOptionalAction
-            group.add_argument(flag, action=action, default=None, help=told)
-        else:
-            kind, told = type(option.default), f'({option.default})'
-            metavar = 'FRAME' if kind is str else 'N'
-            group.add_argument(flag, type=kind, default=None, metavar=metavar, help=told)
+    add_params_file_flag(group)
+    add_parameter_flags(group, RULES)
 
 
 def wanted_of(args: argparse.Namespace) -> tuple[Wanted, Sequence[ListedRequest]]:
     """Return what is taken, and the requests of a file. Raises ValueError."""
     listed: Sequence[ListedRequest] = ()
     requests = args.requests
-    if requests not in REQUESTS:
+    if requests not in REQUEST_KINDS:
         listed, requests = load_requests(requests), 'list'
     if not args.plan_window >= 0.0:
         message = f'--plan-window {args.plan_window} is not 0 seconds or more'
@@ -106,16 +103,15 @@ def rules_given(args: argparse.Namespace) -> dict[str, Any]:
     With a file the node's defaults hold where it says nothing. An option of the search counts as
     given where it is not what it is without being named.
     """
-    names = [option.name for option in (*RULES, *REQUEST_OPTIONS)]
     given: dict[str, Any] = {}
     if args.params_file:
-        given = read_params_file(args.params_file)
-        search = {option.name: option.default for option in SEARCH} | given
+        given = read_params_files(args).values['planner_node']
+        search = defaults((*SEARCH, *REQUESTS)) | given
         for name, own in SEARCH_OPTIONS.items():
             if getattr(args, own) == args.unnamed[own]:
                 setattr(args, own, search[name] or None)
         if args.methods == args.unnamed['methods']:
             args.methods = [search['method']]
-    options = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
-    check_options(options)
-    return {name: given[name] for name in names if name in given} | options
+    names = {item.name for item in RULES}
+    rules = {name: value for name, value in given.items() if name in names}
+    return rules | given_values(args, RULES)

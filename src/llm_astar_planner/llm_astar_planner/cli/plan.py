@@ -4,25 +4,40 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
+from dataclasses import replace
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point, find_barrier_map
 
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps
-from llm_astar_planner.cli.plan_output import plan_to_json, plan_to_text
-from llm_astar_planner.cli.source_options import add_source_arguments, source_settings
-from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.cli.parameter_flags import (
+    add_parameter_flags,
+    add_params_file_flag,
+    parameter_values,
+    read_params_files,
+)
+from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.planning.parameters import (
+    PLANNER,
+    SOURCE,
+    costmap_config,
+    request_fields,
+    source_config,
+)
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.request_check import request_problem
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.search.paper import HEURISTICS, METHODS, compile_kernels
+from llm_astar_planner.search.paper import compile_kernels
+from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import make_asker, make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
-from llm_astar_planner.waypoints.prompts.instruction import clean_instruction
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 
+# planner_node's parameters that decide a plan, wherever it is made.
+RULES = tuple(item for item in PLANNER if not item.node_only)
 EPILOG = """\
 examples:
   llm-astar plan
@@ -71,72 +86,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         metavar='TEXT',
         help="a sentence instead: of the dataset's own form, or any with --source endpoint",
     )
-    _add_robot_arguments(parser)
-    how = parser.add_argument_group('how')
-    how.add_argument(
-        '--method', default='guided', help=f'one of {", ".join(METHODS)} (default: guided)'
-    )
-    how.add_argument(
-        '--heuristic',
-        default='euclidean',
-        help=f"the paper's methods': one of {', '.join(HEURISTICS)} (default: euclidean)",
-    )
-    how.add_argument('--weight', type=float, default=2.0, help="weighted_astar's (default: 2)")
-    how.add_argument(
-        '--no-corner-cutting',
-        action='store_true',
-        help='forbid diagonal steps past blocked cells, as on a robot',
-    )
-    how.add_argument(
-        '--max-suboptimality',
-        type=float,
-        default=1.1,
-        metavar='W',
-        help='have guided prove its path within W of the shortest, W >= 1; 0: take its first path '
-        '(default: %(default)s)',
-    )
-    how.add_argument('--any-angle', action='store_true', help='shorten the path at any angle')
-    how.add_argument(
-        '--time-limit',
-        type=float,
-        default=60.0,
-        metavar='SECONDS',
-        help='for waypoints and search together (default: %(default)s)',
-    )
-    guide = parser.add_argument_group('guidance')
-    add_source_arguments(guide)
-    guide.add_argument('--reply', metavar='TEXT', help="a model's reply, used instead of a source")
-    guide.add_argument(
-        '--instruction',
-        default='',
-        metavar='TEXT',
-        help='a wish in plain language, for a source that reads one (endpoint)',
-    )
-    output = parser.add_argument_group('output')
-    output.add_argument('--png', metavar='FILE', help='draw the plan')
-    output.add_argument('--json', action='store_true', help='print one JSON object')
-
-
-def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
-    robot = parser.add_argument_group(
-        'robot', 'in metres, 0 by default; a cell of a barrier map is one'
-    )
-    metres: dict[str, Any] = {'type': float, 'default': 0.0, 'metavar': 'METRES'}
-    robot.add_argument('--robot-radius', **metres, help='stay this far from obstacles')
-    robot.add_argument(
-        '--inflation-radius',
-        **metres,
-        help='count cells up to here as dear, nearer ones as dearer',
-    )
-    robot.add_argument(
-        '--tolerance', **metres, help='how far off the goal the path may end, where it must'
-    )
-    robot.add_argument(
-        '--start-tolerance',
-        **metres,
-        help='how far off a start that is not free the path may begin',
-    )
-    robot.add_argument(
+    where.add_argument(
         '--via',
         type=int,
         nargs=2,
@@ -145,6 +95,18 @@ def _add_robot_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=('X', 'Y'),
         help='a cell to pass on the way; repeat it for more, in order',
     )
+    rules = parser.add_argument_group(
+        'rules',
+        'the parameters of planner_node; in metres, where a cell of a barrier map is one wide',
+    )
+    add_params_file_flag(rules)
+    add_parameter_flags(rules, RULES)
+    guide = parser.add_argument_group('waypoints', 'the parameters of llm_client_node')
+    add_parameter_flags(guide, SOURCE)
+    guide.add_argument('--reply', metavar='TEXT', help="a model's reply, used instead of a source")
+    output = parser.add_argument_group('output')
+    output.add_argument('--png', metavar='FILE', help='draw the plan')
+    output.add_argument('--json', action='store_true', help='print one JSON object')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -152,36 +114,32 @@ def run(arguments: argparse.Namespace) -> int:
 
     The code of what went wrong, Nav2's as the nodes have it, is in what is printed.
     """
-    _check(arguments)
-    maps, (problem, start, goal) = _problem(arguments)
+    if (arguments.start is None) != (arguments.goal is None):
+        raise ValueError('--start and --goal go together; leave both out to take --pair')
+    values, settings = _settings(arguments)
+    maps, (problem, start, goal) = _problem(arguments, settings)
     barriers = problem if isinstance(problem, BarrierMap) else None
-    rules = CostmapConfig(
-        corner_cutting=barriers is not None and not arguments.no_corner_cutting,
-        robot_radius=arguments.robot_radius,
-        inflation_radius=arguments.inflation_radius,
-    )
+    if arguments.corner_cutting is None and not arguments.params_file:
+        values['corner_cutting'] = barriers is not None
     offset = _corner(problem)
+    source: WaypointSource | None = None
+    if arguments.reply is not None:
+        source = FixedReply(arguments.reply, offset)
+    elif values['use_waypoints']:
+        source = make_source(settings, dataset=_barrier_maps(maps))
     request = PlanRequest(
         problem.to_cell(start),
         problem.to_cell(goal),
-        arguments.method,
-        _source(arguments, offset, maps),
-        arguments.heuristic,
-        arguments.weight,
-        arguments.time_limit,
-        max_suboptimality=arguments.max_suboptimality or None,
-        any_angle=arguments.any_angle,
+        source=source,
         sample=_sample(problem, start, goal),
-        tolerance=arguments.tolerance,
-        start_tolerance=arguments.start_tolerance,
         via=tuple(problem.to_cell((x, y)) for x, y in arguments.via),
-        instruction=clean_instruction(arguments.instruction),
+        **request_fields(values),
     )
     wrong = request_problem(request)
     if wrong:
         raise ValueError(wrong)
     compile_kernels()
-    planner = Planner(problem.to_grid(), rules, barriers).prepare()
+    planner = Planner(problem.to_grid(), costmap_config(values), barriers).prepare()
     plan = planner.plan(request)
     if arguments.json:
         print(json.dumps(plan_to_json(plan, offset)))
@@ -192,24 +150,24 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if plan.code == 0 else 1
 
 
-def _check(arguments: argparse.Namespace) -> None:
-    """Raise ValueError on what argparse could not know to be wrong."""
-    if (arguments.start is None) != (arguments.goal is None):
-        raise ValueError('--start and --goal go together; leave both out to take --pair')
-    if arguments.record and arguments.source != 'endpoint':
-        raise ValueError('--record keeps exchanges with --source endpoint; no other has any')
-    if not arguments.time_limit > 0.0:
-        raise ValueError(f'--time-limit {arguments.time_limit} is not above 0 seconds')
+def _settings(arguments: argparse.Namespace) -> tuple[dict[str, Any], SourceSettings]:
+    """Return planner_node's parameters and the source's settings. Raises ParameterError."""
+    files = read_params_files(arguments).values if arguments.params_file else {}
+    values = parameter_values(arguments, RULES, files.get('planner_node'))
+    settings = source_config(parameter_values(arguments, SOURCE, files.get('llm_client_node')))
+    if arguments.record and settings.source != 'endpoint':
+        raise ParameterError('--record keeps exchanges with --source endpoint; no other has any')
+    if settings.transcript:
+        settings = replace(settings, transcript=str(find_file(settings.transcript, 'maps')))
+    return values, settings
 
 
 def _problem(
-    arguments: argparse.Namespace,
+    arguments: argparse.Namespace, settings: SourceSettings
 ) -> tuple[list[ProblemMap], tuple[ProblemMap, Point, Point]]:
     """Return the maps and which problem on them is asked, by sentence or by numbers."""
     if arguments.query is not None:
-        ask = None
-        if arguments.source == 'endpoint':
-            ask = make_asker(source_settings(arguments))
+        ask = make_asker(settings) if settings.source == 'endpoint' else None
         question = parse_query(arguments.query, ask)
         return [question.barrier_map], question
     maps = load_maps(find_file(arguments.map, 'maps'))
@@ -248,15 +206,6 @@ def _sample(barrier_map: ProblemMap, start: Point, goal: Point) -> SampleKey | N
     return None
 
 
-def _source(
-    arguments: argparse.Namespace, offset: Point, maps: list[ProblemMap]
-) -> WaypointSource:
-    if arguments.reply is not None:
-        return FixedReply(arguments.reply, offset)
-    settings = source_settings(arguments)
-    return make_source(settings, dataset=_barrier_maps(maps))
-
-
 def _draw(
     arguments: argparse.Namespace,
     plan: Plan,
@@ -270,3 +219,84 @@ def _draw(
     save_picture(picture, arguments.png)
     if not arguments.json:
         print(f'picture    {arguments.png}')
+
+
+def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
+    """Return a plan as a JSON object, in map coordinates: cells counted from `offset`.
+
+    `start_shift`, `goal_shift`, `unknown_length` and `clearance` (null: no obstacle) are in
+    metres, the lengths and costs in cells.
+    """
+    x_min, y_min = offset
+    return {
+        'code': int(plan.code),
+        'code_name': plan.code.name,
+        'message': plan.message,
+        'warnings': list(plan.warnings),
+        'method': plan.method,
+        'guided_by': plan.guided_by,
+        'source': plan.source,
+        'source_status': plan.source_status.value,
+        'source_detail': plan.reply.detail,
+        'instruction': plan.instruction,
+        'start': [plan.start[0] + x_min, plan.start[1] + y_min],
+        'goal': [plan.goal[0] + x_min, plan.goal[1] + y_min],
+        'start_shift': plan.start_shift,
+        'goal_shift': plan.goal_shift,
+        'path': (plan.path + offset).tolist(),
+        'waypoints': [
+            {'x': point.x + x_min, 'y': point.y + y_min, 'verdict': point.status.value}
+            for point in plan.waypoints
+        ],
+        'operation': plan.expansions,
+        'storage': plan.storage,
+        'first_operation': plan.first_expansions,
+        'length': _finite(plan.length),
+        'cost': _finite(plan.cost),
+        'ratio': _finite(plan.suboptimality_bound),
+        'clearance': _finite(plan.clearance),
+        'turns': plan.turns,
+        'unknown_length': plan.unknown_length,
+        'any_angle_path': None
+        if plan.any_angle is None
+        else (plan.any_angle.points + offset).tolist(),
+        'seconds_source': plan.seconds_source,
+        'seconds_search': plan.seconds_search,
+    }
+
+
+def plan_to_text(plan: Plan, offset: Point) -> str:
+    """Return a plan as a few lines for a person."""
+    lines = [f'{plan.code.name} ({int(plan.code)}): {plan.message}']
+    lines += [f'warning    {warning}' for warning in plan.warnings]
+    asked = f'{plan.source}, {plan.source_status.value}'
+    lines.append(f'guided by  {plan.guided_by} (source {asked})')
+    for number, point in enumerate(plan.waypoints, start=1):
+        place = f'[{point.x + offset[0]:g}, {point.y + offset[1]:g}]'
+        lines.append(f'waypoint {number} {place} {point.status.value.replace("_", " ")}')
+    if plan.code == 0:
+        lines += _path_lines(plan)
+    milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)
+    lines.append('time       {:.2f} ms in source, {:.2f} ms in search'.format(*milliseconds))
+    return '\n'.join(lines)
+
+
+def _path_lines(plan: Plan) -> list[str]:
+    turns = f'{plan.turns} turn{"" if plan.turns == 1 else "s"}'
+    lines = [
+        f'operation  {plan.expansions}',
+        f'storage    {plan.storage}',
+        f'length     {plan.length:.3f} cells over {len(plan.path)} points, {turns}',
+    ]
+    if math.isfinite(plan.clearance):
+        lines.append(f'clearance  {plan.clearance:.2f} m')
+    if plan.unknown_length:
+        lines.append(f'unknown    {plan.unknown_length:.2f} m through unknown cells')
+    if plan.any_angle is not None:
+        legs = len(plan.any_angle.points) - 1
+        lines.append(f'any angle  {plan.any_angle.length:.3f} cells in {legs} straight legs')
+    return lines
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -24,7 +24,7 @@ from llm_astar_planner.benchmark.runner.cluster import connect
 from llm_astar_planner.benchmark.runner.config import unanswered
 from llm_astar_planner.benchmark.runner.engine import ALL_METHODS, Asker
 from llm_astar_planner.benchmark.runner.sources import GRID_ABLATIONS, embedded_askers
-from llm_astar_planner.cli.source_options import add_endpoint_arguments
+from llm_astar_planner.cli.parameter_flags import add_endpoint_arguments
 from llm_astar_planner.search.paper import HEURISTICS
 from llm_astar_planner.waypoints.baselines import ablation_sources
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceSettings

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
+
 # Metres; a robot is not larger.
 MAX_RADIUS = 10.0
 
@@ -12,37 +14,68 @@ MAX_RADIUS = 10.0
 class CostmapConfig:
     """Where a path may go, and what it costs there.
 
-    `occupied_threshold` is the occupancy that is lethal. `cost_multiplier` is what occupancy
-    below it adds to the price of a move, for `guided` and `exact_astar` (Nav2's
-    `cost_travel_multiplier`): d * (1 + multiplier * occupancy / 100); 0 counts lengths alone.
+    `cost_multiplier` is Nav2's `cost_travel_multiplier`: a move of length d into a cell below
+    the threshold costs d * (1 + multiplier * occupancy / 100) in `guided` and `exact_astar`.
+    Inflation is that of Nav2's InflationLayer; the formula is in `costmap.inflation`.
 
-    The robot's body, in metres: cells up to `robot_radius` from a lethal one are blocked, and
-    from there to `inflation_radius` they cost the more the nearer, decaying by
-    `cost_scaling_factor` a metre (Nav2's InflationLayer; the formula is in
-    `costmap.inflation`). With both radii 0 the map is taken as it is, which is right for a
-    costmap: it is inflated already. A costmap as an occupancy grid has 100 for lethal, 99 for
-    inscribed and 1 to 98 for graded cells, so its `occupied_threshold` is 99. Raises ValueError on
-    a number out of its range.
+    With both radii 0 the map is used unchanged, which is right for a costmap: it is inflated
+    already. A costmap as an occupancy grid has 100 for lethal, 99 for inscribed and 1 to 98 for
+    graded cells, so its `occupied_threshold` is 99. Raises ParameterError for a number out of
+    range.
     """
 
-    occupied_threshold: int = 65
-    allow_unknown: bool = True
-    corner_cutting: bool = False
-    cost_multiplier: float = 2.0
-    robot_radius: float = 0.0
-    inflation_radius: float = 0.0
-    cost_scaling_factor: float = 10.0
+    occupied_threshold: int = parameter(
+        65,
+        'Occupancy from which a cell is lethal: no path crosses it; 99 for a costmap',
+        minimum=1,
+        maximum=100,
+    )
+    allow_unknown: bool = parameter(True, 'Whether paths may cross unknown cells')
+    corner_cutting: bool = parameter(
+        False,
+        'Whether diagonal moves may pass the corner of a blocked cell',
+        cli_default=True,
+        cli_reason='on barrier maps only, as in the paper',
+    )
+    cost_multiplier: float = parameter(
+        2.0,
+        'How much occupancy below the threshold adds to the cost of a move, in `guided` and '
+        '`exact_astar`; 0 counts length only',
+        name='cost_travel_multiplier',
+        minimum=0.0,
+        maximum=100.0,
+    )
+    robot_radius: float = parameter(
+        0.0,
+        'Cells up to this distance from a lethal one are blocked; 0 for a costmap, which is '
+        'inflated already',
+        unit='m',
+        minimum=0.0,
+        maximum=MAX_RADIUS,
+    )
+    inflation_radius: float = parameter(
+        0.0,
+        'Cells up to this distance from a lethal one cost more, the closer the more; 0 for a '
+        'costmap',
+        unit='m',
+        minimum=0.0,
+        maximum=MAX_RADIUS,
+    )
+    cost_scaling_factor: float = parameter(
+        10.0,
+        'How fast the inflation cost decays with distance',
+        unit='1/m',
+        minimum=0.0,
+        maximum=1000.0,
+    )
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        ranges = {
-            'occupied_threshold': (1, 100),
-            'cost_multiplier': (0.0, 100.0),
-            'robot_radius': (0.0, MAX_RADIUS),
-            'inflation_radius': (0.0, MAX_RADIUS),
-            'cost_scaling_factor': (0.0, 1000.0),
-        }
-        for name, (least, most) in ranges.items():
-            value = getattr(self, name)
-            if not least <= value <= most:
-                raise ValueError(f'{name}: {value} is not in {least:g} to {most:g}')
+        for name, entry in COSTMAP.items():
+            problem = entry.problem(getattr(self, name))
+            if problem:
+                raise ParameterError(problem)
+
+
+# The parameters, by field name.
+COSTMAP = parameters_of(CostmapConfig)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -25,20 +25,14 @@ from rclpy.node import Node
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapListener
-from llm_astar_planner.nodes.common.parameters import Parameter, Parameters
+from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import run
+from llm_astar_planner.planning.parameters import source_config
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.async_query import ask
-from llm_astar_planner.waypoints.config import MAX_CANDIDATES
-from llm_astar_planner.waypoints.factory import (
-    SOURCES,
-    SourceSettings,
-    client_of,
-    make_source,
-)
-from llm_astar_planner.waypoints.llm.protocol import RESPONSE_FORMATS
+from llm_astar_planner.waypoints.factory import client_of, make_source
 from llm_astar_planner.waypoints.prompts.instruction import clean_instruction
 from llm_astar_planner.waypoints.sample_key import live_key
 from llm_astar_planner.waypoints.source import (
@@ -53,76 +47,6 @@ THREADS = 16
 # What an exchange message carries of a reply; the transcript holds it whole.
 MAX_TEXT = 16000
 
-DEFAULTS = SourceSettings()
-PARAMETERS = (
-    Parameter(
-        'source',
-        'embedded',
-        'Where waypoints come from; embedded: a learned waypoint model, not an LLM',
-        choices=tuple(SOURCES),
-    ),
-    Parameter(
-        'candidates',
-        DEFAULTS.candidates,
-        'Routes embedded draws and takes the best of; 1: greedy',
-        minimum=1,
-        maximum=MAX_CANDIDATES,
-    ),
-    Parameter('base_url', DEFAULTS.base_url, 'The endpoint, without /chat/completions'),
-    Parameter('api_key_env', '', 'The NAME of the environment variable with its key'),
-    Parameter('model', '', 'The model asked, or whose exchanges are replayed'),
-    Parameter('prompt', '', "few_shot, cot, repe or a template's path; '' is few_shot"),
-    Parameter(
-        'response_format', DEFAULTS.response_format, 'Asked for', choices=tuple(RESPONSE_FORMATS)
-    ),
-    Parameter('temperature', DEFAULTS.temperature, 'Sent to it', minimum=0.0, maximum=2.0),
-    Parameter(
-        'max_output_tokens', DEFAULTS.max_output_tokens, 'Of a reply', minimum=1, maximum=100000
-    ),
-    Parameter(
-        'max_prompt_tokens',
-        DEFAULTS.max_prompt_tokens,
-        'About how many barriers may take',
-        minimum=100,
-        maximum=1000000,
-    ),
-    Parameter(
-        'timeout_s',
-        DEFAULTS.timeout_s,
-        'Seconds for a question, retries included',
-        minimum=0.05,
-        maximum=3600.0,
-    ),
-    Parameter('max_retries', DEFAULTS.max_retries, 'Of a request', minimum=0, maximum=10),
-    Parameter('max_concurrent', DEFAULTS.max_concurrent, 'Requests', minimum=1, maximum=64),
-    Parameter(
-        'repair_rounds',
-        DEFAULTS.repair_rounds,
-        'How often a colliding route is asked for again',
-        minimum=0,
-        maximum=10,
-    ),
-    Parameter(
-        'max_calls_per_hour',
-        DEFAULTS.max_calls_per_hour,
-        '0: no limit',
-        minimum=0,
-        maximum=1000000,
-    ),
-    Parameter(
-        'max_tokens_per_day',
-        DEFAULTS.max_tokens_per_day,
-        '0: no limit',
-        minimum=0,
-        maximum=2**31 - 1,
-    ),
-    Parameter('cache_size', DEFAULTS.cache_size, 'Answers kept', minimum=1, maximum=1000000),
-    Parameter('record', '', 'A transcript to add each exchange with an endpoint to'),
-    Parameter('transcript', '', 'What replay answers from: a path, or a name in maps/'),
-    Parameter('instruction', '', 'The wish asked with; planner_node sets its own before it asks'),
-    Parameter('dataset', '', 'Barrier maps whose ids key transcripts: a path, or a name in maps/'),
-)
-
 
 class LlmClientNode(Node):
     """Serves `~/get_waypoints`; an empty path is no waypoints, and `~/exchange` says why."""
@@ -133,7 +57,7 @@ class LlmClientNode(Node):
         self._grid_map: GridMap | None = None
         self._last: ExchangeReport | None = None
         self._chosen: dict[str, Any] = {}
-        self._settings = Parameters(self, PARAMETERS, self._problem)
+        self._settings = Parameters(self, 'llm_client_node', self._problem)
         self._adopt()
         self.add_post_set_parameters_callback(lambda _: self._adopt())
         self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', REPORTS)
@@ -146,7 +70,7 @@ class LlmClientNode(Node):
         self.create_timer(1.0, self._publish_health, callback_group=together)
         self.get_logger().info(f'ready; waypoints by {self._source.name}')
 
-    def _problem(self, values: dict[str, Any]) -> str:
+    def _problem(self, values: dict[str, Any]) -> str | None:
         """Say why no source can be made of parameters, or keep the one made to be adopted."""
         chosen = {name: value for name, value in values.items() if name != 'instruction'}
         try:
@@ -157,7 +81,7 @@ class LlmClientNode(Node):
         except (BarrierMapError, OSError, ValueError) as error:
             return str(error)
         self._chosen = chosen
-        return ''
+        return None
 
     def _adopt(self) -> None:
         self._source = self._candidate
@@ -273,9 +197,7 @@ def _make_source(values: dict[str, Any]) -> WaypointSource:
         str(find_file(values[name], 'maps')) if values[name] else ''
         for name in ('transcript', 'dataset')
     )
-    known = {field.name for field in fields(SourceSettings)}
-    settings = SourceSettings(**{key: value for key, value in values.items() if key in known})
-    settings = replace(settings, transcript=transcript)
+    settings = source_config(values | {'transcript': transcript})
     maps = load_barrier_maps(dataset) if dataset else None
     return make_source(settings, dataset=maps)
 

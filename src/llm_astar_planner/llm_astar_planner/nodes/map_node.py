@@ -18,22 +18,10 @@ from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap
 from rclpy.node import Node
 
-from llm_astar_planner.nodes.common.parameters import Parameter, Parameters
+from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import run
 from llm_astar_planner.resources import find_file
-
-PARAMETERS = (
-    Parameter(
-        'map_file',
-        'demo.json',
-        'A barrier-map JSON file, a path or a name in maps/; or a map_server yaml, which brings '
-        'its own resolution: map_id and resolution are not used then',
-    ),
-    Parameter('map_id', 0, 'Which map of the file', minimum=0, maximum=2**31 - 1),
-    Parameter('resolution', 1.0, 'Metres a cell', minimum=0.001, maximum=1000.0),
-    Parameter('frame_id', 'map', 'The frame of the map'),
-)
 
 
 class MapNode(Node):
@@ -43,7 +31,7 @@ class MapNode(Node):
         """Load and publish the map. Raises ParameterError where there is none to load."""
         super().__init__('map_node', **node_options)
         self._publisher = self.create_publisher(OccupancyGrid, 'map', LATCHED)
-        self._settings = Parameters(self, PARAMETERS, _problem)
+        self._settings = Parameters(self, 'map_node', _problem)
         self.add_post_set_parameters_callback(lambda _: self._publish())
         self.create_service(GetMap, '~/map', self._on_get_map)
         self._publish()
@@ -75,12 +63,12 @@ def _is_yaml(path: str | Path) -> bool:
     return Path(path).suffix.lower() in ('.yaml', '.yml')
 
 
-def _problem(values: dict[str, Any]) -> str:
+def _problem(values: dict[str, Any]) -> str | None:
     try:
         _load(values)
     except (BarrierMapError, GridMapError, MapServerError, FileNotFoundError) as error:
         return str(error)
-    return ''
+    return None
 
 
 def main(args: Sequence[str] | None = None) -> int:

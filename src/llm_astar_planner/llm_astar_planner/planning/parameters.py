@@ -1,134 +1,366 @@
-"""The planner node's own options outside of it: rules and searches by its parameters' names."""
+"""The one table of parameters: nodes, command line, config/ and docs/reference.md are made of it.
+
+`python -m llm_astar_planner.planning.parameters` prints the tables of docs/reference.md, and with
+the argument `yaml` the file config/planner.yaml.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
+import json
+import sys
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-import yaml
-
-from llm_astar_planner.costmap.config import MAX_RADIUS, CostmapConfig
-from llm_astar_planner.search.paper import HEURISTICS, METHODS
-
-NODE = 'planner_node'
-
-
-class OptionError(ValueError):
-    """An option that cannot be used; the message names the file and the parameter."""
-
-
-@dataclass(frozen=True)
-class Option:
-    """One parameter of planner_node: its default gives its type, a range bounds it."""
-
-    name: str
-    default: bool | int | float | str
-    minimum: float = -math.inf
-    maximum: float = math.inf
-
-
-# Where paths may go, by the names of CostmapConfig, but for Nav2's of the price of occupancy.
-RULES = (
-    Option('occupied_threshold', 65, 1, 100),
-    Option('allow_unknown', True),
-    Option('corner_cutting', False),
-    Option('cost_travel_multiplier', 2.0, 0.0, 100.0),
-    Option('robot_radius', 0.0, 0.0, MAX_RADIUS),
-    Option('inflation_radius', 0.0, 0.0, MAX_RADIUS),
-    Option('cost_scaling_factor', 10.0, 0.0, 1000.0),
+from llm_astar_planner.costmap import config as costmap
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.parameter import (
+    DeprecatedParameter,
+    Parameter,
+    ParameterError,
+    Scalar,
+    nearest_name,
 )
-# How a request is taken.
-REQUESTS = (
-    Option('tolerance', 0.5, 0.0, 1000.0),
-    Option('start_tolerance', 0.0, 0.0, 1000.0),
-    Option('robot_base_frame', 'base_link'),
+from llm_astar_planner.search.paper import GUIDED, HEURISTICS, METHODS
+from llm_astar_planner.waypoints import config as waypoints
+from llm_astar_planner.waypoints.config import SourceSettings
+from llm_astar_planner.waypoints.prompts.instruction import (
+    MAX_INSTRUCTION_CHARS,
+    InstructionError,
+    clean_instruction,
 )
-SEARCH = (
-    Option('method', 'guided'),
-    Option('heuristic', 'euclidean'),
-    Option('weight', 2.0, 1.0, 100.0),
-    Option('max_suboptimality', 1.1, 0.0, 1000.0),
-    Option('max_planning_time', 5.0, 0.0, 3600.0),
-)
-OPTIONS = {option.name: option for option in (*RULES, *REQUESTS, *SEARCH)}
 
 
-def grid_rules(values: Mapping[str, Any]) -> CostmapConfig:
-    """Return the rules that options set; those not named are at the node's defaults."""
-    chosen = {option.name: values.get(option.name, option.default) for option in RULES}
-    multiplier = chosen.pop('cost_travel_multiplier')
-    return CostmapConfig(cost_multiplier=multiplier, **chosen)
-
-
-def request_options(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return how requests are taken, by name; those not given are at the node's defaults."""
-    return {option.name: values.get(option.name, option.default) for option in REQUESTS}
-
-
-def read_params_file(path: str | Path) -> dict[str, Any]:
-    """Return the planning parameters a ROS parameter file gives planner_node, checked.
-
-    Sections of `/**` and of a node so named, in any namespace, count; others and other parameters
-    do not. Raises OptionError.
-    """
-    path = Path(path)
+def instruction_problem(instruction: str) -> str | None:
+    """Say why a text cannot be an instruction; None where it can."""
     try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise OptionError(f'{path}: {getattr(error, "strerror", None) or error}') from None
-    if not isinstance(content, dict):
-        raise OptionError(
-            f'{path}: a ROS parameter file is expected: {NODE}: ros__parameters: ...'
-        )
-    given: dict[str, Any] = {}
-    sections = list(_sections(content))
-    if not sections:
-        raise OptionError(f'{path}: has no ros__parameters for {NODE}')
-    for section in sections:
-        given.update(section)
+        clean_instruction(instruction)
+    except InstructionError as error:
+        return str(error)
+    return None
+
+
+COSTMAP = tuple(costmap.COSTMAP.values())
+SEARCH = (
+    Parameter(
+        'method',
+        GUIDED,
+        'Search method; see the table of methods',
+        choices=tuple(METHODS),
+    ),
+    Parameter(
+        'max_suboptimality',
+        1.1,
+        '`guided` searches until its path is proven to cost at most this many times the optimum; '
+        '0: it returns its first path',
+        minimum=1.0,
+        maximum=1000.0,
+        zero='the first path found',
+    ),
+    Parameter(
+        'search_while_waiting',
+        True,
+        'Whether `guided` starts after 30 ms even if the waypoints have not arrived',
+        cli_default=False,
+        cli_reason='since a person who names a source wants to see its waypoints used',
+    ),
+    Parameter('any_angle', False, 'Whether the path is shortened by straight lines at any angle'),
+    Parameter(
+        'heuristic',
+        'euclidean',
+        'Heuristic of `llm_astar`, `astar`, `weighted_astar` and `dynamic_weighted_astar`',
+        choices=tuple(HEURISTICS),
+    ),
+    Parameter(
+        'weight', 2.0, 'Weight of the heuristic in `weighted_astar`', minimum=1.0, maximum=1000.0
+    ),
+)
+REQUESTS = (
+    Parameter(
+        'max_planning_time',
+        5.0,
+        'Time limit for waypoints, search and path together',
+        unit='s',
+        minimum=0.01,
+        maximum=3600.0,
+        cli_default=60.0,
+        cli_reason='since no robot is waiting, and a language model may take half a minute',
+        aliases=('time_limit',),
+    ),
+    Parameter(
+        'tolerance',
+        0.5,
+        'How far from an unreachable goal the path may end',
+        unit='m',
+        minimum=0.0,
+        maximum=1000.0,
+    ),
+    Parameter(
+        'start_tolerance',
+        0.0,
+        'How far from a blocked start the path may begin',
+        unit='m',
+        minimum=0.0,
+        maximum=1000.0,
+    ),
+    Parameter(
+        'use_final_approach_orientation',
+        False,
+        'Whether the last pose keeps the direction of travel instead of the orientation of the '
+        'goal',
+        node_only=True,
+    ),
+    Parameter(
+        'robot_base_frame',
+        'base_link',
+        'Frame of the robot in tf; the start, where a request has none',
+        node_only=True,
+    ),
+)
+WAYPOINTS = (
+    Parameter('use_waypoints', True, 'Whether to ask for waypoints'),
+    Parameter(
+        'llm_client',
+        'llm_client_node',
+        'Node to ask for waypoints; empty: none is asked',
+        read_only=True,
+        node_only=True,
+    ),
+    Parameter(
+        'source_timeout',
+        4.0,
+        'Time limit for waypoints, at most 80 % of `max_planning_time`',
+        unit='s',
+        minimum=0.0,
+        maximum=3600.0,
+        cli_default=3600.0,
+        cli_reason='since there `timeout_s` alone limits how long a source is waited for',
+    ),
+    Parameter(
+        'instruction',
+        '',
+        f'Instruction in plain language for the route, at most {MAX_INSTRUCTION_CHARS} '
+        'characters; needs a language model',
+        check=instruction_problem,
+    ),
+)
+NODE = (
+    Parameter(
+        'replan_on_map',
+        False,
+        'Whether each new map replans the last path even if that path is still free',
+        node_only=True,
+    ),
+    Parameter(
+        'autostart',
+        True,
+        'Whether the node configures and activates itself; false: a lifecycle manager does',
+        read_only=True,
+        node_only=True,
+    ),
+    Parameter(
+        'introspection_mode',
+        'contents',
+        'What `~/get_plan/_service_event` publishes of each request and response; recordings '
+        'need `contents`',
+        choices=('disabled', 'metadata', 'contents'),
+        read_only=True,
+        node_only=True,
+    ),
+)
+SOURCE = tuple(waypoints.SOURCE.values())
+CLIENT = (
+    *SOURCE,
+    Parameter(
+        'instruction',
+        '',
+        'Instruction asked with; planner_node sets it before it asks',
+        node_only=True,
+    ),
+    Parameter(
+        'dataset',
+        '',
+        'Barrier maps whose ids are the keys of transcripts: a path, or a name in `maps/`',
+        node_only=True,
+    ),
+)
+MAP = (
+    Parameter(
+        'map_file',
+        'demo.json',
+        'Barrier-map JSON file, a path or a name in `maps/`; or a map_server YAML file, which '
+        'states its own resolution, so that `map_id` and `resolution` have no effect',
+        node_only=True,
+    ),
+    Parameter('map_id', 0, 'Which map of the file', minimum=0, maximum=2**31 - 1, node_only=True),
+    Parameter(
+        'resolution',
+        1.0,
+        'Width of a cell',
+        unit='m',
+        minimum=0.001,
+        maximum=1000.0,
+        node_only=True,
+    ),
+    Parameter('frame_id', 'map', 'Frame of the map', node_only=True),
+)
+PLANNER = (*SEARCH, *COSTMAP, *REQUESTS, *WAYPOINTS, *NODE)
+
+# The nodes with parameters of their own; benchmark_node has options only.
+NODES: dict[str, tuple[Parameter, ...]] = {
+    'map_node': MAP,
+    'llm_client_node': CLIENT,
+    'planner_node': PLANNER,
+}
+DEPRECATED: dict[str, tuple[DeprecatedParameter, ...]] = {
+    'planner_node': (
+        DeprecatedParameter(
+            'remember_plans', 64, 'has no effect any more, since plans are not kept'
+        ),
+        DeprecatedParameter(
+            'lifecycle',
+            False,
+            'became autostart: set autostart to false instead of lifecycle to true',
+            replacement='autostart',
+            convert=lambda value: not value,
+        ),
+    ),
+}
+# What every ROS node has.
+ROS_NAMES = ('use_sim_time', 'start_type_description_service')
+ROS_PREFIXES = ('qos_overrides.',)
+
+
+def defaults(parameters: Iterable[Parameter], *, cli: bool = False) -> dict[str, Any]:
+    """Return the default of each parameter by name: a node's, or the command line's."""
     return {
-        name: _checked(option, given[name], f'{path}: {name}')
-        for name, option in OPTIONS.items()
-        if name in given
+        item.name: item.cli_default if cli and item.cli_default is not None else item.default
+        for item in parameters
     }
 
 
-def check_options(values: Mapping[str, Any]) -> None:
-    """Raise OptionError for the first value that its parameter cannot have."""
-    for name, value in values.items():
-        _checked(OPTIONS[name], value, f'--{name.replace("_", "-")}')
+def known_names(node: str) -> set[str]:
+    """Return the names of a node's parameters, the deprecated ones included."""
+    own = {item.name for item in NODES[node]}
+    return own | {old.name for old in DEPRECATED.get(node, ())}
 
 
-def _sections(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the parameters meant for the node, the wildcard's first."""
-    found: list[Mapping[str, Any]] = []
-    for name, inner in sorted(content.items(), key=lambda item: str(item[0]) != '/**'):
-        if not isinstance(inner, dict):
-            continue
-        parameters = inner.get('ros__parameters')
-        if isinstance(parameters, dict) and str(name).rsplit('/', 1)[-1] in (NODE, '**', '*'):
-            found.append(parameters)
-        elif parameters is None:
-            found += _sections(inner)
-    return found
+def check_names(node: str, names: Iterable[str], *, shared: bool = False) -> None:
+    """Raise ParameterError for the first name that no parameter of the node has.
+
+    `shared` names may come from a section for several nodes: those of the other nodes are fine.
+    """
+    known = known_names(node)
+    who = f'{node} has no'
+    if shared:
+        known, who = known.union(*map(known_names, NODES)), 'no node of this package has a'
+    for name in names:
+        if not (name in known or name in ROS_NAMES or name.startswith(ROS_PREFIXES)):
+            near = nearest_name(name, known_names(node)) or nearest_name(name, known)
+            raise ParameterError(f'{name}: {who} parameter of this name{near}')
 
 
-def _checked(option: Option, value: Any, where: str) -> Any:  # noqa: ANN401 - of its type
-    """Return a value as its parameter has it. Raises OptionError where it can have no such."""
-    kind: Any = type(option.default)
-    if kind is float and type(value) is int:
-        value = float(value)
-    if type(value) is not kind:
-        raise OptionError(f'{where}: {kind.__name__} is expected, not {value!r}')
-    bounded = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if bounded and not option.minimum <= value <= option.maximum:
-        raise OptionError(f'{where}: {value} is not in {option.minimum:g} to {option.maximum:g}')
-    choices = {'method': METHODS, 'heuristic': HEURISTICS}.get(option.name)
-    if choices is not None and value not in choices:
-        raise OptionError(f'{where}: {value!r} is none of {", ".join(choices)}')
-    if option.name == 'max_suboptimality' and 0 < float(value) < 1:
-        raise OptionError(f'{where}: {value} is neither 0 (first path) nor 1 or more')
-    return value
+def costmap_config(values: Mapping[str, Any]) -> CostmapConfig:
+    """Return the costmap's rules by parameter name; those not named are at their defaults."""
+    return CostmapConfig(
+        **{
+            field: values[item.name]
+            for field, item in costmap.COSTMAP.items()
+            if item.name in values
+        }
+    )
+
+
+def source_config(values: Mapping[str, Any]) -> SourceSettings:
+    """Return the settings of a source by parameter name; others are ignored."""
+    names = [item.name for item in SOURCE if item.name in values]
+    return SourceSettings(**{name: values[name] for name in names})
+
+
+def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a PlanRequest that all of planner_node's parameters decide."""
+    return {
+        'method': values['method'],
+        'heuristic': values['heuristic'],
+        'weight': values['weight'],
+        'time_limit': values['max_planning_time'],
+        'source_time_limit': values['source_timeout'],
+        'max_suboptimality': values['max_suboptimality'] or None,
+        'search_while_waiting': values['search_while_waiting'],
+        'any_angle': values['any_angle'],
+        'tolerance': values['tolerance'],
+        'start_tolerance': values['start_tolerance'],
+        'instruction': values['instruction'],
+    }
+
+
+def markdown() -> str:
+    """Return the tables of docs/reference.md: a section for each node."""
+    return '\n\n'.join(_markdown_section(node) for node in NODES) + '\n'
+
+
+def _markdown_section(node: str) -> str:
+    lines = [
+        f'### `{node}`',
+        '',
+        '| parameter | default | values | |',
+        '|---|---|---|---|',
+    ]
+    for item in NODES[node]:
+        sentence = item.sentence + (' (fixed at start)' if item.read_only else '')
+        unit = f' {item.unit}' if item.unit else ''
+        limits = f'`{"`, `".join(item.choices)}`' if item.choices else item.limits
+        default = f'`{_literal(item.default)}`{unit}'
+        lines.append(f'| `{item.name}` | {default} | {limits} | {sentence} |')
+    differing = [item for item in NODES[node] if item.cli_reason]
+    if differing:
+        lines += ['', 'The command line has other defaults for these:', '']
+        lines += [
+            f'- `{item.name}`: `{_literal(item.cli_default)}`, {item.cli_reason}.'
+            for item in differing
+        ]
+    old = DEPRECATED.get(node, ())
+    if old:
+        lines += ['', 'Accepted for one more release, with a warning:', '']
+        lines += [f'- `{item.name}`, which {item.advice}.' for item in old]
+    return '\n'.join(lines)
+
+
+def yaml_text() -> str:
+    """Return config/planner.yaml: every parameter at its default, with its sentence."""
+    blocks = [
+        '# Parameters of the planner graph. Every value here is the default, for a robot; pass\n'
+        '# another file with `ros2 launch llm_astar_planner planner.launch.py params_file:=...`.\n'
+        '# /** covers any namespace. Made by `python -m llm_astar_planner.planning.parameters '
+        'yaml`.'
+    ]
+    for node, parameters in NODES.items():
+        lines = [f'/**/{node}:', '  ros__parameters:']
+        for item in parameters:
+            lines += _yaml_entry(item)
+        blocks.append('\n'.join(lines))
+    return '\n\n'.join(blocks) + '\n'
+
+
+def _yaml_entry(item: Parameter) -> Iterator[str]:
+    facts = [fact for fact in (item.unit, item.limits) if fact]
+    text = item.sentence.replace('`', '') + (f' [{"; ".join(facts)}]' if facts else '')
+    yield from (f'    # {line}' for line in textwrap.wrap(text, 92))
+    # rcl takes an empty string for a missing value.
+    comment = '# ' if item.default == '' else ''
+    yield f'    {comment}{item.name}: {_literal(item.default)}'
+
+
+def _literal(value: Scalar | None) -> str:
+    """Return a value as YAML has it."""
+    return value or "''" if isinstance(value, str) else json.dumps(value)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print what is made of the table."""
+    sys.stdout.write(yaml_text() if list(arguments) == ['yaml'] else markdown())
+    return 0
+
+
+if __name__ == '__main__':
+    raise SystemExit(main(sys.argv[1:]))

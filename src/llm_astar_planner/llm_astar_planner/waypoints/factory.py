@@ -54,10 +54,6 @@ def make_source(settings: SourceSettings, dataset: Dataset = None) -> WaypointSo
 
     Raises SettingsError for settings that fit no source, and what the source raises on its files.
     """
-    if settings.source not in SOURCES:
-        raise SettingsError(
-            f'source: {settings.source!r} is unknown; there is {", ".join(SOURCES)}'
-        )
     settings.check()
     return SOURCES[settings.source](settings, dataset)
 

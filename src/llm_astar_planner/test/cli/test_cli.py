@@ -67,7 +67,7 @@ def test_replayed_waypoints_guide_better_than_none_on_the_demo(capsys):
         name: run_json(capsys, 'plan', *arguments)[1]['operation']
         for name, arguments in {
             'astar': ['--method', 'astar'],
-            'none': ['--method', 'llm_astar'],
+            'none': ['--method', 'llm_astar', '--source', 'none'],
             'replay': ['--method', 'llm_astar', *replay],
             'guided': replay,
         }.items()
@@ -142,7 +142,7 @@ def test_a_robots_body_is_kept_off_the_walls_of_a_map_server_map(capsys, room):
 
 def test_tolerances_and_via_cells_are_told_of(capsys, room):
     where = ['plan', '--map', room, '--start', '30', '35', '--goal', '66', '20']
-    code, refused = run_json(capsys, *where)
+    code, refused = run_json(capsys, *where, '--tolerance', '0')
     assert (code, refused['code_name']) == (1, 'GOAL_OUTSIDE_MAP')
     where += ['--robot-radius', '0.2', '--tolerance', '0.5']
     where += ['--via', '10', '9', '--via', '50', '33']
@@ -192,8 +192,8 @@ def test_the_picture_is_drawn_where_asked(capsys, tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [
-        (['--method', 'theta'], ["method 'theta'", 'weighted_astar']),
-        (['--heuristic', 'l7'], ["heuristic 'l7'", 'octile']),
+        (['--method', 'theta'], ["--method: 'theta'", 'weighted_astar']),
+        (['--heuristic', 'l7'], ["--heuristic: 'l7'", 'octile']),
         (['--source', 'oracle9'], ['source', 'oracle9', 'replay']),
         (['--source', 'replay'], ['transcript']),
         (['--source', 'replay', '--transcript', 'nowhere.jsonl'], ['nowhere.jsonl']),
@@ -201,15 +201,15 @@ def test_the_picture_is_drawn_where_asked(capsys, tmp_path):
         (['--map-id', '99'], ['99', 'holds 0, 1, 2']),
         (['--pair', '99'], ['--pair 99']),
         (['--start', '1', '1'], ['--goal']),
-        (['--weight', '0.5'], ['weight 0.5']),
-        (['--time-limit', '-1'], ['--time-limit']),
+        (['--weight', '0.5'], ['--weight: 0.5']),
+        (['--time-limit', '-1'], ['--max-planning-time', '0.01']),
         (['--record', 'a.jsonl', '--source', 'embedded'], ['--record', '--source endpoint']),
-        (['--max-suboptimality', '0.9'], ['max_suboptimality 0.9']),
-        (['--tolerance', '-1'], ['tolerance -1']),
+        (['--max-suboptimality', '0.9'], ['--max-suboptimality: 0.9', '1 to 1000, or 0']),
+        (['--tolerance', '-1'], ['--tolerance: -1']),
         (['--png', 'plan.xyz'], ['xyz']),
         (['--png', '.'], ['.: Is a directory']),
         (['--instruction', 'x' * 501], ['instruction', '501', '500']),
-        (['--robot-radius', '-1'], ['robot_radius', '-1.0', '0 to 10']),
+        (['--robot-radius', '-1'], ['--robot-radius', '-1.0', '0 to 10']),
     ],
 )
 def test_bad_usage_is_one_line_and_exit_code_2(capsys, arguments, words):

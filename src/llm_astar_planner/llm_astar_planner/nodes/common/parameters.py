@@ -1,9 +1,10 @@
-"""Node parameters declared from a table: typed, described, ranged and checked when set."""
+"""A node's parameters, declared from the table: typed, described, ranged and checked when set."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -14,68 +15,55 @@ from rcl_interfaces.msg import (
 )
 from rclpy.node import Node
 
-Scalar = bool | int | float | str
-# Given the values a change would lead to, returns why they cannot be, or ''.
-Check = Callable[[dict[str, Any]], str]
+from llm_astar_planner.parameter import Parameter, ParameterError
+from llm_astar_planner.planning.parameter_file import check_sections, read_sections
+from llm_astar_planner.planning.parameters import DEPRECATED, NODES, check_names
+
+# Given the values a change would lead to, returns what is wrong with them, None for nothing.
+Check = Callable[[dict[str, Any]], str | None]
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """One parameter: its default gives its type; `choices` or a range bounds it.
-
-    A fixed parameter can be set at start only.
-    """
-
-    name: str
-    default: Scalar
-    description: str
-    choices: Sequence[str] = ()
-    minimum: float | None = None
-    maximum: float | None = None
-    fixed: bool = False
-
-    def descriptor(self) -> ParameterDescriptor:
-        """Return what `ros2 param describe` shows and rclpy enforces."""
-        descriptor = ParameterDescriptor(description=self.description, read_only=self.fixed)
-        if self.choices:
-            descriptor.additional_constraints = 'one of: ' + ', '.join(self.choices)
-        if self.minimum is not None and self.maximum is not None:
-            if isinstance(self.default, float):
-                bounds = FloatingPointRange(
-                    from_value=float(self.minimum), to_value=float(self.maximum)
-                )
-                descriptor.floating_point_range = [bounds]
-            else:
-                limits = IntegerRange(from_value=int(self.minimum), to_value=int(self.maximum))
-                descriptor.integer_range = [limits]
-        return descriptor
-
-    def problem(self, value: Scalar) -> str:
-        """Say why a value is no choice or out of the range, or ''."""
-        if self.choices and value not in self.choices:
-            return f'{self.name}: {value!r} is not one of {", ".join(self.choices)}'
-        if self.minimum is None or self.maximum is None:
-            return ''
-        # rclpy lets pass what is beyond a bound by less than a millionth of it.
-        if not self.minimum <= float(value) <= self.maximum:
-            return f'{self.name}: {value} is not in {self.minimum:g} to {self.maximum:g}'
-        return ''
-
-
-class ParameterError(ValueError):
-    """A parameter given at start that cannot be used."""
+def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
+    """Return what `ros2 param describe` shows and rclpy enforces."""
+    unit = f' [{parameter.unit}]' if parameter.unit else ''
+    descriptor = ParameterDescriptor(
+        description=parameter.sentence.replace('`', '') + unit, read_only=parameter.read_only
+    )
+    if parameter.choices:
+        descriptor.additional_constraints = f'one of: {parameter.limits}'
+    elif parameter.zero:
+        descriptor.additional_constraints = f'{parameter.limits}: {parameter.zero}'
+    elif parameter.minimum is not None and parameter.maximum is not None:
+        ends = {'from_value': parameter.minimum, 'to_value': parameter.maximum}
+        if isinstance(parameter.default, float):
+            descriptor.floating_point_range = [
+                FloatingPointRange(**{end: float(value) for end, value in ends.items()})
+            ]
+        else:
+            descriptor.integer_range = [
+                IntegerRange(**{end: int(value) for end, value in ends.items()})
+            ]
+    return descriptor
 
 
 class Parameters:
     """The declared parameters of a node, as plain values."""
 
-    def __init__(self, node: Node, table: Sequence[Parameter], check: Check | None = None) -> None:
-        """Declare the table. Raises ParameterError where a value given at start is no good."""
+    def __init__(self, node: Node, table: str, check: Check | None = None) -> None:
+        """Declare the parameters that NODES lists under `table`, and its deprecated ones.
+
+        Raises ParameterError for an unknown name or an impossible value given at start.
+        """
         self._node = node
-        self._table = {parameter.name: parameter for parameter in table}
+        self._table = {parameter.name: parameter for parameter in NODES[table]}
+        self._deprecated = {old.name: old for old in DEPRECATED.get(table, ())}
         self._check = check
-        for parameter in table:
-            node.declare_parameter(parameter.name, parameter.default, parameter.descriptor())
+        # rclpy shows overrides that nobody declares in no other way.
+        given = {name: override.value for name, override in node._parameter_overrides.items()}
+        check_names(table, given, shared=True)
+        for path in parameter_files(sys.argv):
+            check_sections(read_sections(path), {node.get_name(): table})
+        self._declare(given)
         problem = self._problem(self.values())
         if problem:
             raise ParameterError(problem)
@@ -86,17 +74,36 @@ class Parameters:
         return self._node.get_parameter(name).value
 
     def values(self) -> dict[str, Any]:
-        """Return every declared parameter's current value by name."""
+        """Return every parameter's current value by name, without the deprecated ones."""
         return {name: self[name] for name in self._table}
 
-    def _problem(self, values: dict[str, Any]) -> str:
+    def _declare(self, given: dict[str, Any]) -> None:
+        defaults = {name: parameter.default for name, parameter in self._table.items()}
+        for name, old in self._deprecated.items():
+            descriptor = ParameterDescriptor(description=f'Deprecated: {old.advice}')
+            self._node.declare_parameter(name, old.default, descriptor)
+            if name in given:
+                self._node.get_logger().warning(old.warning)
+                defaults |= old.translate(given[name])
+        for name, parameter in self._table.items():
+            self._node.declare_parameter(name, defaults[name], descriptor_of(parameter))
+
+    def _problem(self, values: dict[str, Any]) -> str | None:
         for name, parameter in self._table.items():
             problem = parameter.problem(values[name])
             if problem:
                 return problem
-        return self._check(values) if self._check else ''
+        return self._check(values) if self._check else None
 
     def _on_set(self, changed: list[Any]) -> SetParametersResult:
+        for change in changed:
+            if change.name in self._deprecated:
+                self._node.get_logger().warning(self._deprecated[change.name].warning)
         known = {change.name: change.value for change in changed if change.name in self._table}
-        problem = self._problem(self.values() | known) if known else ''
-        return SetParametersResult(successful=not problem, reason=problem)
+        problem = self._problem(self.values() | known) if known else None
+        return SetParametersResult(successful=problem is None, reason=problem or '')
+
+
+def parameter_files(arguments: Sequence[str]) -> list[str]:
+    """Return the files that ROS arguments name with --params-file."""
+    return [value for option, value in pairwise(arguments) if option == '--params-file']

@@ -22,7 +22,7 @@ from rclpy.exceptions import (
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-from llm_astar_planner.nodes.common.parameters import ParameterError
+from llm_astar_planner.parameter import ParameterError
 
 # What a user can put right at start: told in one line, never as a traceback.
 USER_ERRORS = (

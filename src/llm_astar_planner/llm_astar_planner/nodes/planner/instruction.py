@@ -6,7 +6,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
-from llm_astar_planner.waypoints.prompts.instruction import InstructionError, clean_instruction
+from llm_astar_planner.waypoints.prompts.instruction import clean_instruction
 
 
 def take_instruction(node: Node, message: String) -> None:
@@ -19,12 +19,3 @@ def take_instruction(node: Node, message: String) -> None:
         logger.info(f'wish from now on: {clean_instruction(message.data)}')
     else:
         logger.info('no wish any more')
-
-
-def instruction_problem(instruction: str) -> str:
-    """Say why a parameter can be no wish, or ''."""
-    try:
-        clean_instruction(instruction)
-    except InstructionError as error:
-        return str(error)
-    return ''

@@ -6,22 +6,14 @@ from rclpy.node import Node
 from rclpy.service import Service
 from rclpy.service_introspection import ServiceIntrospectionState
 
-from llm_astar_planner.nodes.common.parameters import Parameter
 from llm_astar_planner.nodes.common.qos import RELIABLE
 
+# The values of the parameter `introspection_mode`.
 STATES = {
     'disabled': ServiceIntrospectionState.OFF,
     'metadata': ServiceIntrospectionState.METADATA,
     'contents': ServiceIntrospectionState.CONTENTS,
 }
-# Nav2's parameter of the same name and values.
-INTROSPECTION_MODE = Parameter(
-    'introspection_mode',
-    'contents',
-    'What ~/get_plan/_service_event tells of each request and answer; recordings need contents',
-    choices=tuple(STATES),
-    fixed=True,
-)
 
 
 def introspect(node: Node, service: Service, mode: str) -> None:

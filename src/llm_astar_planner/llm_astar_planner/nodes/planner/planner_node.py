@@ -15,7 +15,6 @@ from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.spin import run
-from llm_astar_planner.nodes.planner.parameters import PARAMETERS, problem
 from llm_astar_planner.nodes.planner.server import PlannerServer
 from llm_astar_planner.search.paper import compile_kernels
 
@@ -31,7 +30,7 @@ class PlannerNode(Node):
         """Compile the searches and join the graph."""
         compile_kernels()
         super().__init__(NAME, **node_options)
-        self._server = PlannerServer(self, Parameters(self, PARAMETERS, problem))
+        self._server = PlannerServer(self, Parameters(self, NAME))
         self._server.is_active = True
         self.get_logger().info('ready; waiting for a map')
 
@@ -53,7 +52,7 @@ class ManagedPlannerNode(LifecycleNodeMixin, Node):
         LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
-        self._settings = Parameters(self, PARAMETERS, problem)
+        self._settings = Parameters(self, NAME)
         self._server: PlannerServer | None = None
         self.get_logger().info('ready to be configured')
 
@@ -119,7 +118,7 @@ def make_node() -> Node:
     # A node is of one kind from its making, and only a node can read its parameters.
     probe = rclpy.create_node(NAME, start_parameter_services=False, enable_rosout=False)
     try:
-        is_managed = Parameters(probe, PARAMETERS, problem)['lifecycle']
+        is_managed = Parameters(probe, NAME)['lifecycle']
     finally:
         probe.destroy_node()
     return ManagedPlannerNode() if is_managed else PlannerNode()

@@ -20,13 +20,13 @@ from llm_astar_planner.nodes.planner.instruction import take_instruction
 from llm_astar_planner.nodes.planner.introspection import introspect
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.nav2_server import PathCheck, serve_nav2
-from llm_astar_planner.nodes.planner.parameters import grid_rules
 from llm_astar_planner.nodes.planner.path_monitor import QUIET_SECONDS, PathMonitor
 from llm_astar_planner.nodes.planner.preemption import PreemptingGoalSlot
 from llm_astar_planner.nodes.planner.publishers import PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import PlanGoal, RequestConverter
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
 from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
+from llm_astar_planner.planning.parameters import costmap_config
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.recall import Recall
 
@@ -50,7 +50,9 @@ class PlannerServer:
         self._recall = Recall(settings['remember_plans'])
         self._source = self._make_source()
         frames = self._make_frames()
-        self._maps = MapManager(node.get_logger(), lambda: grid_rules(settings), self._on_planner)
+        self._maps = MapManager(
+            node.get_logger(), lambda: costmap_config(settings.values()), self._on_planner
+        )
         reader = RequestConverter(settings, frames, self._source)
         self._answering = RequestHandler(
             node,

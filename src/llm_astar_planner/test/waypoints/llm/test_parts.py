@@ -221,25 +221,25 @@ def test_faults_of_a_route():
 def test_settings_are_checked_by_name():
     good = SourceSettings(source='endpoint', base_url='http://localhost:1/v1')
     assert make_source(good).name == 'endpoint'
-    assert make_source(SourceSettings()).name == 'none'
+    assert make_source(SourceSettings(source='none')).name == 'none'
     for change, words in (
         (
             {'source': 'magic'},
-            "source: 'magic' is unknown; there is none, embedded, replay",
+            "source: 'magic' is not one of none, embedded, replay",
         ),
-        ({'temperature': 3.0}, 'temperature: 3.0 is not 0 to 2'),
+        ({'temperature': 3.0}, 'temperature: 3.0 is not in 0 to 2'),
         ({'timeout_s': math.nan}, 'timeout_s: nan is not'),
         ({'timeout_s': 0.0}, 'timeout_s: 0.0 is not'),
-        ({'max_retries': 99}, 'max_retries: 99 is not 0 to 10'),
+        ({'max_retries': 99}, 'max_retries: 99 is not in 0 to 10'),
         ({'max_concurrent': 0}, 'max_concurrent: 0'),
         ({'max_output_tokens': 0}, 'max_output_tokens: 0'),
         ({'max_prompt_tokens': 1}, 'max_prompt_tokens: 1'),
         ({'repair_rounds': -1}, 'repair_rounds: -1'),
-        ({'candidates': 0}, 'candidates: 0 is not 1 to 64'),
+        ({'candidates': 0}, 'candidates: 0 is not in 1 to 64'),
         ({'max_calls_per_hour': -1}, 'max_calls_per_hour: -1'),
         ({'max_tokens_per_day': -1}, 'max_tokens_per_day: -1'),
         ({'cache_size': 0}, 'cache_size: 0'),
-        ({'response_format': 'xml'}, "'xml' is none of text, json_object, json_schema"),
+        ({'response_format': 'xml'}, "'xml' is not one of text, json_object, json_schema"),
         ({'prompt': 'mine'}, "prompt: 'mine' is none of few_shot, cot, repe"),
         ({'base_url': 'nowhere'}, 'base_url: '),
         ({'source': 'replay'}, 'transcript: '),

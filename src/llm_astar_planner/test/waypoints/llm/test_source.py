@@ -200,4 +200,4 @@ def test_state_and_counts(chat_server):
     client = client_of(source)
     assert client.state() == ''
     assert (client.budget.total_calls, client.budget.total_tokens) == (1, 120)
-    assert client_of(make_source(SourceSettings())) is None
+    assert client_of(make_source(SourceSettings(source='none'))) is None

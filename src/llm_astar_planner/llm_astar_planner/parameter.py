@@ -1,0 +1,140 @@
+"""One configurable value: name, type, range, unit and a sentence; the tables are made of these."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar
+
+from llm_astar_msgs_adapter.errors import LlmAstarError
+
+Scalar = bool | int | float | str
+_T = TypeVar('_T', bool, int, float, str)
+
+
+class ParameterError(LlmAstarError, ValueError):
+    """A parameter that does not exist or a value it cannot have; the message names both."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter. Its default gives its type.
+
+    `choices` or `minimum` and `maximum` bound it; `zero` says what 0 means where 0 is allowed
+    outside of that range; `check` returns what else is wrong with a value, None for nothing.
+    A `read_only` parameter is set at start and never changed. A `node_only` one has no effect on
+    a plan made without ROS, so `llm-astar plan` has no flag for it. Where the command line's
+    default has to differ, `cli_default` is that default and `cli_reason` says why. `aliases` are
+    more names of its flag.
+    """
+
+    name: str
+    default: Scalar
+    sentence: str
+    unit: str = ''
+    choices: tuple[str, ...] = ()
+    minimum: float | None = None
+    maximum: float | None = None
+    zero: str = ''
+    read_only: bool = False
+    node_only: bool = False
+    check: Callable[[Any], str | None] | None = None
+    cli_default: Scalar | None = None
+    cli_reason: str = ''
+    aliases: tuple[str, ...] = ()
+
+    @property
+    def limits(self) -> str:
+        """The values it can have, in words; '' where any value of its type will do."""
+        if self.choices:
+            return ', '.join(self.choices)
+        if self.minimum is None or self.maximum is None:
+            return ''
+        ends = (self.minimum, self.maximum)
+        least, most = (int(end) if end == int(end) else end for end in ends)
+        return f'{least} to {most}' + (', or 0' if self.zero else '')
+
+    def problem(self, value: Any) -> str | None:  # noqa: ANN401 - values come from files
+        """Say why the parameter cannot have a value of its type; None where it can."""
+        if self.choices and value not in self.choices:
+            return f'{self.name}: {value!r} is not one of {self.limits}'
+        if self.minimum is None or self.maximum is None or (self.zero and value == 0):
+            return self.check(value) if self.check else None
+        # Written so that NaN is refused. rclpy's own check lets slight excesses pass.
+        if not self.minimum <= value <= self.maximum:
+            return f'{self.name}: {value} is not in {self.limits}'
+        return self.check(value) if self.check else None
+
+    def read(self, value: Any) -> Scalar:  # noqa: ANN401 - values come from files
+        """Return a value of any type as this parameter's; a whole number serves as a float.
+
+        Raises ParameterError for a value that the parameter cannot have.
+        """
+        kind = type(self.default)
+        if kind is float and type(value) is int:
+            value = float(value)
+        if type(value) is not kind:
+            raise ParameterError(f'{self.name}: {kind.__name__} is expected, not {value!r}')
+        problem = self.problem(value)
+        if problem:
+            raise ParameterError(problem)
+        scalar: Scalar = value
+        return scalar
+
+
+@dataclass(frozen=True)
+class DeprecatedParameter:
+    """A parameter of the previous version that is still accepted, with a warning.
+
+    `advice` completes the sentence "NAME ...". Its value becomes that of `replacement` through
+    `convert`; without a replacement it has no effect.
+    """
+
+    name: str
+    default: Scalar
+    advice: str
+    replacement: str = ''
+    convert: Callable[[Any], Scalar] = lambda value: value
+
+    @property
+    def warning(self) -> str:
+        """What the user is told."""
+        return f'parameter {self.name} is deprecated: it {self.advice}'
+
+    def translate(self, value: Any) -> dict[str, Scalar]:  # noqa: ANN401 - values come from files
+        """Return the parameter and the value that replace this one; empty for none."""
+        return {self.replacement: self.convert(value)} if self.replacement else {}
+
+
+def parameter(default: _T, sentence: str, *, name: str = '', **facts: Any) -> _T:  # noqa: ANN401 - see Parameter
+    """Declare a dataclass field that is a parameter; `facts` are more fields of Parameter.
+
+    `name` is the parameter's name where it differs from the field's.
+    """
+    declared: Any = field(
+        default=default, metadata={'parameter': {'name': name, 'sentence': sentence, **facts}}
+    )
+    value: _T = declared
+    return value
+
+
+def parameters_of(config: type) -> dict[str, Parameter]:
+    """Return the parameters that the fields of a dataclass declare, by field name."""
+    return {
+        item.name: Parameter(
+            **{
+                **item.metadata['parameter'],
+                'name': item.metadata['parameter']['name'] or item.name,
+                'default': item.default,
+            }
+        )
+        for item in fields(config)
+        if 'parameter' in item.metadata
+    }
+
+
+def nearest_name(name: str, known: Iterable[str]) -> str:
+    """Return the end of a sentence about an unknown name: which known one may be meant."""
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    return f'; did you mean {near[0]}?' if near else ''

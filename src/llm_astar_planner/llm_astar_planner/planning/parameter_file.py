@@ -1,0 +1,103 @@
+"""ROS parameter files, read without ROS and checked against the table of parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from llm_astar_planner.parameter import ParameterError, Scalar
+from llm_astar_planner.planning.parameters import DEPRECATED, NODES, check_names
+
+WILDCARDS = ('*', '**')
+
+
+@dataclass
+class ParameterFile:
+    """What files set: `values` by node and parameter name, and a sentence on each old name."""
+
+    values: dict[str, dict[str, Scalar]] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+
+def read_parameter_files(
+    paths: Sequence[str | Path], nodes: Sequence[str] = ('planner_node', 'llm_client_node')
+) -> ParameterFile:
+    """Return what parameter files set of nodes, checked; a later file overrides an earlier one.
+
+    Sections of a node, in any namespace, and of wildcards count; those of other nodes do not.
+    Raises ParameterError naming the file and the parameter.
+    """
+    found = ParameterFile({node: {} for node in nodes})
+    for path in paths:
+        sections = read_sections(path)
+        if not any(name in (*nodes, *WILDCARDS) for name, _ in sections):
+            raise ParameterError(f'{path}: has no ros__parameters for {" or ".join(nodes)}')
+        try:
+            check_sections(sections, {node: node for node in NODES})
+            for node in nodes:
+                _collect(found, node, sections)
+        except ParameterError as error:
+            raise ParameterError(f'{path}: {error}') from None
+    return found
+
+
+def read_sections(path: str | Path) -> list[tuple[str, Mapping[str, Any]]]:
+    """Return the sections of a parameter file, wildcards first: node name and parameters.
+
+    Raises ParameterError where it is no such file.
+    """
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ParameterError(f'{path}: {getattr(error, "strerror", None) or error}') from None
+    if not isinstance(content, dict):
+        raise ParameterError(
+            f'{path}: a ROS parameter file is expected: planner_node: ros__parameters: ...'
+        )
+    return sorted(_sections(content), key=lambda section: section[0] not in WILDCARDS)
+
+
+def _sections(content: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    for name, inner in content.items():
+        if not isinstance(inner, dict):
+            continue
+        parameters = inner.get('ros__parameters')
+        if isinstance(parameters, dict):
+            yield str(name).rsplit('/', 1)[-1], parameters
+        elif parameters is None:
+            yield from _sections(inner)
+
+
+def check_sections(
+    sections: Sequence[tuple[str, Mapping[str, Any]]], tables: Mapping[str, str]
+) -> None:
+    """Raise ParameterError for a name in a section of `tables`' nodes that does not exist.
+
+    `tables` names, for each node as sections call it, its entry in NODES.
+    """
+    for name, parameters in sections:
+        if name in tables:
+            check_names(tables[name], parameters)
+        elif name in WILDCARDS:
+            check_names('planner_node', parameters, shared=True)
+
+
+def _collect(
+    found: ParameterFile, node: str, sections: Sequence[tuple[str, Mapping[str, Any]]]
+) -> None:
+    """Put what sections set of a node into `found`; deprecated names give way to present ones."""
+    given: dict[str, Any] = {}
+    for name, parameters in sections:
+        if name in (node, *WILDCARDS):
+            given.update(parameters)
+    for old in DEPRECATED.get(node, ()):
+        if old.name in given:
+            found.warnings.append(old.warning)
+            given = old.translate(given[old.name]) | given
+    found.values[node] |= {
+        item.name: item.read(given[item.name]) for item in NODES[node] if item.name in given
+    }
