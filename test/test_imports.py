@@ -25,12 +25,13 @@ ROS = {
 # What each room of the planner may import, besides itself, of the planner's other rooms.
 ROOMS = {
     'search': set(),
-    'costmap': {'search'},
-    'waypoints': {'search', 'costmap', 'resources'},
-    'planning': {'search', 'costmap', 'waypoints', 'resources'},
+    'costmap': {'search', 'parameter'},
+    'waypoints': {'search', 'costmap', 'parameter', 'resources'},
+    'planning': {'search', 'costmap', 'waypoints', 'parameter', 'resources'},
     'visualization': {'search', 'costmap', 'planning'},
     'benchmark': {'search', 'costmap', 'waypoints', 'planning', 'visualization', 'resources'},
     'nodes': {
+        'parameter',
         'search',
         'costmap',
         'waypoints',

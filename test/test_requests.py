@@ -24,7 +24,6 @@ from llm_astar_planner.nodes.planner.nav2_server import (
     fill_result,
     question_of,
 )
-from llm_astar_planner.nodes.planner.parameters import PARAMETERS
 from llm_astar_planner.nodes.planner.preemption import CancellationToken
 from llm_astar_planner.nodes.planner.request_conversion import (
     PlanGoal,
@@ -32,6 +31,7 @@ from llm_astar_planner.nodes.planner.request_conversion import (
     RequestError,
 )
 from llm_astar_planner.nodes.planner.request_handler import Answer, RequestHandler
+from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.recall import Recall
 from llm_astar_planner.planning.types import ResultCode
@@ -68,7 +68,7 @@ def pose(x, y, yaw=0.0, frame='map', stamp=STAMP):
 
 
 def reader(buffer=None, source=None, **changes):
-    settings = {parameter.name: parameter.default for parameter in PARAMETERS} | changes
+    settings = {parameter.name: parameter.default for parameter in PLANNER} | changes
     return RequestConverter(settings, Frames(buffer), source)
 
 
@@ -96,7 +96,7 @@ def test_stamp_zero_means_the_latest_transform():
 
 def answered(buffer, max_planning_time=LONG, cancel=None):
     """Answer a question whose goal is in another frame."""
-    settings = {parameter.name: parameter.default for parameter in PARAMETERS}
+    settings = {parameter.name: parameter.default for parameter in PLANNER}
     settings['max_planning_time'] = max_planning_time
     node = Mock()
     node.get_clock().now().to_msg.return_value = STAMP
@@ -347,10 +347,10 @@ def test_whatever_is_asked_there_is_a_code_and_a_sentence(
 
 
 def test_a_number_a_hair_out_of_its_range_is_refused_as_the_planner_refuses_it():
-    ranged = [one for one in PARAMETERS if isinstance(one.default, float)]
+    ranged = [one for one in PLANNER if isinstance(one.default, float)]
     assert 'robot_radius' in {one.name for one in ranged}
     for one in ranged:
-        assert one.problem(one.maximum) == ''
+        assert one.problem(one.maximum) is None
         assert one.name in one.problem(one.maximum * (1.0 + 5e-7))
         assert one.name in one.problem(math.nan)
 

@@ -95,7 +95,7 @@ def test_the_reference_holds_the_tables_of_parameters():
 @pytest.mark.parametrize(
     'text',
     [
-        'planner_node: {ros__parameters: {robot_radius: 1, weight: 3.0, any_angle: true}}',
+        'planner_node: {ros__parameters: {robot_radius: 1, weight: 3.0, use_sim_time: true}}',
         '/**: {ros__parameters: {robot_radius: 1, weight: 3.0}}',
         '/**/planner_node: {ros__parameters: {robot_radius: 1, weight: 3.0}}',
         '/robot1: {planner_node: {ros__parameters: {robot_radius: 1, weight: 3.0}}}',
@@ -118,7 +118,10 @@ def test_what_is_meant_for_the_node_counts_the_nearest_first(tmp_path, text):
         ('/**: {ros__parameters: {robot_radius: -1}}', 'robot_radius: -1.0 is not in 0 to 10'),
         ('/**: {ros__parameters: {robot_radius: .nan}}', 'robot_radius: nan is not in'),
         ('/**: {ros__parameters: {method: magic}}', "method: 'magic' is not one of guided"),
-        ('/**: {ros__parameters: {max_suboptimality: 0.5}}', 'max_suboptimality: 0.5 is not in 1 to 1000, or 0'),
+        (
+            '/**: {ros__parameters: {max_suboptimality: 0.5}}',
+            'max_suboptimality: 0.5 is not in 1 to 1000, or 0',
+        ),
     ],
 )
 def test_a_bad_file_is_refused_with_its_name_and_the_parameter(tmp_path, text, expected):

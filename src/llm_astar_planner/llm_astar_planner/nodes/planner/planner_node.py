@@ -114,11 +114,11 @@ class ManagedPlannerNode(LifecycleNodeMixin, Node):
 
 
 def make_node() -> Node:
-    """Make the node of the kind that its parameter `lifecycle` asks for."""
+    """Make the node of the kind that its parameter `autostart` asks for."""
     # A node is of one kind from its making, and only a node can read its parameters.
     probe = rclpy.create_node(NAME, start_parameter_services=False, enable_rosout=False)
     try:
-        is_managed = Parameters(probe, NAME)['lifecycle']
+        is_managed = not Parameters(probe, NAME)['autostart']
     finally:
         probe.destroy_node()
     return ManagedPlannerNode() if is_managed else PlannerNode()
