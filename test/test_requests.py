@@ -97,7 +97,7 @@ def test_stamp_zero_means_the_latest_transform():
 def answered(buffer, max_planning_time=LONG, cancel=None):
     """Answer a question whose goal is in another frame."""
     settings = {parameter.name: parameter.default for parameter in PLANNER}
-    settings['max_planning_time'] = max_planning_time
+    settings |= {'max_planning_time': max_planning_time, 'remember_plans': 64}
     node = Mock()
     node.get_clock().now().to_msg.return_value = STAMP
     answering = RequestHandler(
