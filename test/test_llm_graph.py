@@ -13,7 +13,7 @@ from graph_tools import ALONE, GOAL, START, calling, process, set_parameter, wai
 from llm_astar_msgs_adapter.messages.diagnostics import ExchangeReport, report_from_message
 from llm_astar_msgs_adapter.messages.path import pose_to_message
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
-from llm_astar_planner.nodes.llm_client_node import PARAMETERS
+from llm_astar_planner.planning.parameters import SOURCE
 from llm_astar_planner.waypoints.transcript import read_transcript
 from local_llm import LocalLlm, ServeOptions
 from nav_msgs.srv import GetPlan
@@ -132,7 +132,7 @@ def test_the_embedded_model_is_the_default_and_says_it_is_no_llm():
         assert report.guided_by.startswith('embedded:learned waypoint model')
         assert {verdict for *_, verdict in report.waypoints} == {'accepted'}
     assert exchange.label.endswith('not an LLM')
-    default = next(item for item in PARAMETERS if item.name == 'source')
+    default = next(item for item in SOURCE if item.name == 'source')
     assert default.default == 'embedded'
 
 
