@@ -1,7 +1,8 @@
-"""The guided search against two baselines on the reference samples: counts, not times.
+"""Compare the guided search with two baselines on the reference samples, by counts, not times.
 
-The first baseline is the paper's published A* (its counts are among the reference figures),
-the second our own exact A* (octile, ties to larger g, no stale pops).
+The first baseline is the paper's published A*, whose counts are among the reference figures; the
+second is our exact A* (octile estimate, ties to larger g, no stale pops). Run it with
+`python -m benchmarks.guided_search --help`; docs/guided-search.md has the tables.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,18 +30,26 @@ from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import BoundedResult, Cell
 from numpy.typing import NDArray
 
-from benchmarks.speed import Case, Problem, scenario_cases
+from benchmarks.speed import Problem, SpeedCase, scenario_cases
 
 SETS = ('none', 'oracle', 'noisy', 'reversed', 'random 1', 'random 4', 'random 8')
 ENVIRONMENT = 'LLM_ASTAR_REFERENCE'
-_SCALES = (1, 2, 4, 7, 10)
+SCALES = (1, 2, 4, 7, 10)
+# The columns of --csv: those of SampleRow, by the names that its readers know.
+COLUMNS = (
+    'method', 'waypoints', 'map', 'pair', 'operation', 'first_operation', 'storage', 'length',
+    'ratio', 'paper_operation', 'paper_storage', 'exact_operation', 'exact_storage',
+    'textbook_storage', 'exact_length',
+)  # fmt: skip
+# A map scaled, its grid under the paper's rule, and its landmarks.
+ScaledMap = tuple[BarrierMap, GridGraph, Landmarks | None]
 
 
 @dataclass(frozen=True)
 class SampleRow:
-    """One method on one sample: its counts beside both baselines'; lengths in cells.
+    """The counts of one method and of both baselines on one sample; lengths in cells.
 
-    `exact_storage` is of our A* as it is, `textbook_storage` of one that tries every move.
+    `exact_storage` is that of our A*, `textbook_storage` that of our A* trying every move.
     """
 
     method: str
@@ -52,31 +61,32 @@ class SampleRow:
     storage: int
     length: float
     suboptimality_bound: float
-    paper_operation: int
+    paper_expansions: int
     paper_storage: int
-    exact_operation: int
+    exact_expansions: int
     exact_storage: int
     textbook_storage: int
     exact_length: float
 
 
-class _Reference:
+class ReferenceSamples:
     """The reference samples with their grids, landmarks and waypoint sets."""
 
     def __init__(self, folder: Path) -> None:
+        """Load the samples of a folder of reference figures."""
         with gzip.open(next(folder.glob('golden_maps*.json.gz')), 'rt') as file:
             self.records: list[dict[str, Any]] = json.load(file)['records']
         maps = load_barrier_maps(next(folder.glob('barrier_maps*.json')))
         self.maps: dict[int, BarrierMap] = {one.id: one for one in maps}
 
-    def grids(self, scale: int = 1) -> dict[int, tuple[BarrierMap, GridGraph, Landmarks | None]]:
-        """Return each map scaled, its grid under the paper's rule, and its landmarks."""
-        made: dict[int, tuple[BarrierMap, GridGraph, Landmarks | None]] = {}
-        for key, one in self.maps.items():
-            scaled = one.scale(scale)
+    def grids(self, scale: int = 1) -> dict[int, ScaledMap]:
+        """Prepare each map, by its id, with all coordinates times `scale`."""
+        prepared: dict[int, ScaledMap] = {}
+        for key, barrier_map in self.maps.items():
+            scaled = barrier_map.scale(scale)
             grid = GridGraph(scaled.to_grid().blocked(), corner_cutting=True)
-            made[key] = scaled, grid, Landmarks.build(grid)
-        return made
+            prepared[key] = scaled, grid, Landmarks.build(grid)
+        return prepared
 
     def waypoints(self, name: str, index: int) -> NDArray[np.float64]:
         """Return a sample's waypoints, lattice points [n, 2]."""
@@ -88,24 +98,22 @@ class _Reference:
 
 
 def compare(folder: str | Path, limit: int | None = None) -> list[SampleRow]:
-    """Run every method on the reference samples, the first `limit` of them if one is given.
+    """Run every method on the first `limit` reference samples, or on all of them.
 
     `folder` holds the reference figures.
     """
-    reference = _Reference(Path(folder))
+    reference = ReferenceSamples(Path(folder))
     grids = reference.grids()
-    return [
-        row
-        for index in range(len(reference.records))[:limit]
-        for row in _compare_sample(reference, grids, index)
-    ]
+    rows: list[SampleRow] = []
+    for index in range(len(reference.records))[:limit]:
+        rows.extend(compare_sample(reference, grids, index))
+    return rows
 
 
-def _compare_sample(
-    reference: _Reference,
-    grids: dict[int, tuple[BarrierMap, GridGraph, Landmarks | None]],
-    index: int,
+def compare_sample(
+    reference: ReferenceSamples, grids: dict[int, ScaledMap], index: int
 ) -> Iterator[SampleRow]:
+    """Run every method on one sample."""
     record = reference.records[index]
     barrier_map, grid, landmarks = grids[record['map']]
     start, goal = (barrier_map.to_cell(tuple(record[end])) for end in ('start', 'goal'))
@@ -123,7 +131,7 @@ def _compare_sample(
             result.storage,
             result.length,
             result.suboptimality_bound,
-            record['astar']['expansions'],
+            record['astar']['operation'],
             record['astar']['storage'],
             exact.expansions,
             exact.storage,
@@ -131,22 +139,36 @@ def _compare_sample(
             exact.length,
         )
 
-    def led(name: str, **options: Any) -> BoundedResult:  # noqa: ANN401
-        points = reference.waypoints(name, index) + np.array(barrier_map.to_cell((0, 0)))
-        return guided(grid, start, goal, points, want_expanded=False, **options)
-
     yield row('our A*', '', exact)
     yield row('textbook A*', '', textbook)
     yield row('WA* w=2', '', guided(grid, start, goal, [goal], weight=2.0, work_factor=1000.0))
     for name in SETS:
-        yield row('best effort', name, led(name, landmarks=landmarks))
-        yield row('within 1.1', name, led(name, landmarks=landmarks, max_suboptimality=1.1))
-        yield row('no landmarks', name, led(name))
-        yield row('no l., 1.1', name, led(name, max_suboptimality=1.1))
+        points = reference.waypoints(name, index) + np.array(barrier_map.to_cell((0, 0)))
+        for method, known, bound in (
+            ('best effort', landmarks, None),
+            ('within 1.1', landmarks, 1.1),
+            ('no landmarks', None, None),
+            ('no l., 1.1', None, 1.1),
+        ):
+            result = guided(
+                grid,
+                start,
+                goal,
+                points,
+                landmarks=known,
+                max_suboptimality=bound,
+                want_expanded=False,
+            )
+            yield row(method, name, result)
+
+
+def geometric_mean(ratios: Sequence[float]) -> float:
+    """Return the geometric mean of ratios, in %."""
+    return 100.0 * math.exp(sum(math.log(ratio) for ratio in ratios) / len(ratios))
 
 
 def summary(rows: Sequence[SampleRow]) -> str:
-    """Return geometric means, in %, a line a method and waypoint set, as a text table."""
+    """Return a text table of geometric means in %, one line per method and waypoint set."""
     head = (
         f'{"method":13s}{"waypoints":11s}'
         f'{"paper A*: op":>13s}{"storage":>9s}{"length":>9s}'
@@ -158,14 +180,14 @@ def summary(rows: Sequence[SampleRow]) -> str:
         some = [row for row in rows if (row.method, row.waypoints) == key]
         lines.append(
             f'{key[0]:13s}{key[1]:11s}'
-            f'{_mean([row.expansions / row.paper_operation for row in some]):13.2f}'
-            f'{_mean([row.storage / row.paper_storage for row in some]):9.2f}'
-            f'{_mean([row.length / row.exact_length for row in some]):9.2f}'
-            f'{_mean([row.expansions / row.exact_operation for row in some]):12.2f}'
-            f'{_mean([row.first_expansions / row.exact_operation for row in some]):8.2f}'
-            f'{_mean([row.storage / row.exact_storage for row in some]):9.2f}'
-            f'{_mean([row.storage / row.textbook_storage for row in some]):10.2f}'
-            f'{max(row.expansions / row.exact_operation for row in some):10.2f}'
+            f'{geometric_mean([row.expansions / row.paper_expansions for row in some]):13.2f}'
+            f'{geometric_mean([row.storage / row.paper_storage for row in some]):9.2f}'
+            f'{geometric_mean([row.length / row.exact_length for row in some]):9.2f}'
+            f'{geometric_mean([row.expansions / row.exact_expansions for row in some]):12.2f}'
+            f'{geometric_mean([row.first_expansions / row.exact_expansions for row in some]):8.2f}'
+            f'{geometric_mean([row.storage / row.exact_storage for row in some]):9.2f}'
+            f'{geometric_mean([row.storage / row.textbook_storage for row in some]):10.2f}'
+            f'{max(row.expansions / row.exact_expansions for row in some):10.2f}'
             f'{max(row.length / row.exact_length for row in some):11.3f}'
             f'{max(row.suboptimality_bound for row in some):8.3f}'
         )
@@ -173,33 +195,34 @@ def summary(rows: Sequence[SampleRow]) -> str:
 
 
 def large_maps(folder: str | Path) -> str:
-    """Return a text table of the larger reference maps: work over our A*'s, waypoints displaced.
+    """Return a text table of the larger reference maps: work relative to our A*'s, and length.
 
     Waypoints are the turns of the any-angle path, displaced by a normal deviate of so many
     cells. Work is the sum over all queries of a map; worst is the worst query that takes A*
     more than 50 expansions.
     """
     lines = [f'{"map":24s}{"within":8s}{"waypoints":11s}{"work":>7s}{"worst":>7s}{"length":>8s}']
-    for case in (*scenario_cases(Path(folder) / 'grids'), _robot_map(Path(folder) / 'grids')):
+    for case in (*scenario_cases(Path(folder) / 'grids'), robot_map_case(Path(folder) / 'grids')):
         (problem,) = case.problems
         grid = GridGraph(problem.blocked)
         landmarks = Landmarks.build(grid)
         exact = [exact_astar(grid, *query, want_expanded=False) for query in problem.queries]
         for bound in (None, 1.1, 1.0):
             for name in ('none', 'turns', 'turns +- 5', 'turns +- 20', 'random 6'):
-                led = [
+                results = [
                     guided(
                         grid,
                         *query,
-                        _displaced(name, grid, best, seed),
+                        displaced_turns(name, grid, best, seed),
                         max_suboptimality=bound,
                         landmarks=landmarks,
                         want_expanded=False,
                     )
                     for seed, (query, best) in enumerate(zip(problem.queries, exact))
                 ]
-                work = sum(one.expansions for one in led) / sum(one.expansions for one in exact)
-                pairs = [(one, best) for one, best in zip(led, exact) if best.expansions > 50]
+                total = sum(one.expansions for one in results)
+                work = total / sum(one.expansions for one in exact)
+                pairs = [(one, best) for one, best in zip(results, exact) if best.expansions > 50]
                 worst = max(one.expansions / best.expansions for one, best in pairs)
                 length = np.mean([one.cost / best.cost for one, best in pairs])
                 lines.append(
@@ -209,7 +232,7 @@ def large_maps(folder: str | Path) -> str:
     return '\n'.join(lines)
 
 
-def _robot_map(folder: Path) -> Case:
+def robot_map_case(folder: Path) -> SpeedCase:
     """Return random queries on a robot's map, each with a path of more than 60 cells."""
     blocked = map_server.load_map(folder / 'depot.yaml').blocked(allow_unknown=False)
     grid, free = GridGraph(blocked), np.argwhere(~blocked)[:, ::-1]
@@ -220,10 +243,13 @@ def _robot_map(folder: Path) -> Case:
         path, _ = shortest_path(grid, (x, y), (to_x, to_y))
         if len(path) > 60:
             queries.append(((x, y), (to_x, to_y)))
-    return Case('depot', (Problem(blocked, tuple(queries)),))
+    return SpeedCase('depot', (Problem(blocked, tuple(queries)),))
 
 
-def _displaced(name: str, grid: GridGraph, best: BoundedResult, seed: int) -> NDArray[np.float64]:
+def displaced_turns(
+    name: str, grid: GridGraph, best: BoundedResult, seed: int
+) -> NDArray[np.float64]:
+    """Return the waypoints [n, 2] that `name` stands for, on a query with the path `best`."""
     random = np.random.default_rng(seed)
     if name == 'none':
         return np.empty((0, 2))
@@ -234,13 +260,13 @@ def _displaced(name: str, grid: GridGraph, best: BoundedResult, seed: int) -> ND
     return turns + random.normal(0.0, 1.0, turns.shape) * spread
 
 
-def growth(folder: str | Path, scales: Sequence[int] = _SCALES) -> dict[str, tuple[float, float]]:
-    """Return how expansions and storage grow with a map's scale: slopes of their log to log.
+def growth(folder: str | Path, scales: Sequence[int] = SCALES) -> dict[str, tuple[float, float]]:
+    """Return how expansions and storage grow with a map's scale, by method: slopes in log-log.
 
-    A search whose counts grow with the area has slope 2, with the length slope 1. Means over
-    the reference samples, with oracle waypoints.
+    Counts that grow with the area have slope 2, with the length slope 1. Means over the
+    reference samples, with oracle waypoints.
     """
-    reference = _Reference(Path(folder))
+    reference = ReferenceSamples(Path(folder))
     counts: dict[str, list[tuple[float, float]]] = {}
     for scale in scales:
         grids = reference.grids(scale)
@@ -271,15 +297,22 @@ def growth(folder: str | Path, scales: Sequence[int] = _SCALES) -> dict[str, tup
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table: `python -m benchmarks.guided_search --help`."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument('--reference', default=os.environ.get(ENVIRONMENT), help=ENVIRONMENT)
-    parser.add_argument('--csv', type=Path, help='write a row a sample and method there')
-    parser.add_argument('--maps', action='store_true', help='the larger maps instead')
-    parser.add_argument('--growth', action='store_true', help='the growth with scale instead')
+    """Print a table of the guided search's work compared with two baselines."""
+    parser = argparse.ArgumentParser('benchmarks.guided_search', description=main.__doc__)
+    parser.add_argument(
+        '--reference',
+        default=os.environ.get(ENVIRONMENT),
+        metavar='DIR',
+        help=f'folder of the reference figures (default: ${ENVIRONMENT})',
+    )
+    parser.add_argument(
+        '--csv', type=Path, metavar='FILE', help='write one row per sample and method to FILE'
+    )
+    parser.add_argument('--maps', action='store_true', help='measure the larger maps instead')
+    parser.add_argument('--growth', action='store_true', help='measure growth with scale instead')
     options = parser.parse_args(arguments)
     if not options.reference:
-        parser.error(f'--reference or {ENVIRONMENT} is needed')
+        parser.error(f'give --reference or set {ENVIRONMENT}')
     if options.maps:
         sys.stdout.write(large_maps(options.reference) + '\n')
         return 0
@@ -291,16 +324,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.csv:
         with options.csv.open('w', newline='', encoding='utf-8') as file:
             writer = csv.writer(file)
-            writer.writerow(field.name for field in fields(SampleRow))
+            writer.writerow(COLUMNS)
             writer.writerows(astuple(row) for row in rows)
     sys.stdout.write(summary(rows) + '\n')
     return 0
-
-
-def _mean(ratios: Sequence[float]) -> float:
-    return 100.0 * math.exp(
-        sum(math.log(suboptimality_bound) for suboptimality_bound in ratios) / len(ratios)
-    )
 
 
 if __name__ == '__main__':

@@ -1,24 +1,27 @@
-"""Side-by-side timing of grid planners in one process, as ratios with their spread.
+"""Time grid planners side by side in one process, as ratios with their spread.
 
-Planners take turns on the same queries, so that what slows the machine slows them all; beside
-each time stands whether the paths were right. Peers are measured where they are installed:
-nano-astar, pyastar2d, w9-pathfinding and the paper's llm-astar.
+Planners take turns on the same queries, so that other load on the machine slows them all alike.
+The table also says which share of each planner's paths are legal and optimal. Peers are measured
+if they are installed: nano-astar, pyastar2d, w9-pathfinding and the paper's llm-astar. Run it
+with `python -m benchmarks.speed --help`.
 """
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import csv
 import importlib
 import importlib.metadata
 import importlib.util
 import io
+import json
 import math
 import statistics
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any, NamedTuple
@@ -36,6 +39,8 @@ OURS = 'llm-astar-ros2'
 PAPER = 'llm-astar'
 SLOW = frozenset({PAPER})
 ROUNDS = 5
+# A smaller random map has no room for its queries.
+MIN_SIZE = 50
 _TOLERANCE = 1e-3
 
 Path2D = NDArray[np.int64]
@@ -52,10 +57,10 @@ class Problem(NamedTuple):
     queries: tuple[tuple[Cell, Cell], ...]
 
 
-class Case(NamedTuple):
+class SpeedCase(NamedTuple):
     """A named set of problems that are timed together.
 
-    Planners of `SLOW` take part only where `slow` says that the case is small enough for them.
+    Planners in `SLOW` take part only if `slow` marks the case as small enough for them.
     """
 
     name: str
@@ -67,16 +72,17 @@ class Case(NamedTuple):
 class SpeedRow:
     """One planner on one case.
 
-    `suboptimality_bound` is its time over ours: the median, lowest and highest of the rounds.
-    `milliseconds` is the median time a query. `solved`, `legal` and `optimal` are shares of the
-    queries: with a path, whose moves keep the rule (no corners cut), and whose length is the
-    optimum. `excess` is the mean length over the optimum, in parts, of the paths found.
+    `ratio` is its time divided by ours, the median of the rounds; `ratio_low` and `ratio_high`
+    are the lowest and the highest. `milliseconds` is the median time per query. `solved`, `legal`
+    and `optimal` are shares of the queries: those with a path, those whose path cuts no corner
+    and crosses no obstacle, and those whose path is as short as possible. `excess` is the mean of
+    length / optimum - 1 over the paths found.
     """
 
     case: str
     planner: str
     version: str
-    suboptimality_bound: float
+    ratio: float
     ratio_low: float
     ratio_high: float
     milliseconds: float
@@ -87,12 +93,12 @@ class SpeedRow:
 
 
 def installed_planners() -> dict[str, Prepare]:
-    """Return ours and every peer that imports here, by name."""
-    planners: dict[str, Prepare] = {OURS: _prepare_ours}
+    """Return our planner and every peer that can be imported, by name."""
+    planners: dict[str, Prepare] = {OURS: prepare_ours}
     for name, module, prepare in (
-        ('nano-astar', 'nano_astar', _prepare_nano),
-        ('pyastar2d', 'pyastar2d', _prepare_pyastar2d),
-        ('w9-pathfinding', 'w9_pathfinding.pf', _prepare_w9),
+        ('nano-astar', 'nano_astar', prepare_nano),
+        ('pyastar2d', 'pyastar2d', prepare_pyastar2d),
+        ('w9-pathfinding', 'w9_pathfinding.pf', prepare_w9),
     ):
         try:
             importlib.import_module(module)
@@ -100,17 +106,17 @@ def installed_planners() -> dict[str, Prepare]:
             continue
         planners[name] = prepare
     if importlib.util.find_spec('llmastar') and importlib.util.find_spec('shapely'):
-        planners[PAPER] = _prepare_paper
+        planners[PAPER] = prepare_paper
     return planners
 
 
 def measure(
-    cases: Iterable[Case],
+    cases: Iterable[SpeedCase],
     *,
     planners: dict[str, Prepare] | None = None,
     rounds: int = ROUNDS,
 ) -> list[SpeedRow]:
-    """Time the planners on each case, in turns, `rounds` times after one round to warm up."""
+    """Time the planners on each case, taking turns, `rounds` times after one warm-up round."""
     planners = installed_planners() if planners is None else planners
     compile_kernels()
     rows: list[SpeedRow] = []
@@ -120,13 +126,13 @@ def measure(
             for name, prepare in planners.items()
             if case.slow or name not in SLOW
         }
-        paths = {name: _solve(case, plan)[1] for name, plan in plans.items()}
+        paths = {name: solve(case, plan)[1] for name, plan in plans.items()}
         times: dict[str, list[float]] = {name: [] for name in plans}
         for _ in range(rounds):
             for name, plan in plans.items():
-                times[name].append(_solve(case, plan)[0])
+                times[name].append(solve(case, plan)[0])
         rows.extend(
-            _row(
+            speed_row(
                 case,
                 name,
                 times=times[name],
@@ -142,7 +148,7 @@ def measure(
 def table(rows: Sequence[SpeedRow]) -> str:
     """Return the rows as a text table."""
     head = ('case', 'planner', 'time/ours', 'spread', 'ms', 'solved', 'legal', 'optimal', 'excess')
-    lines = [head, *(_line(row) for row in rows)]
+    lines = [head, *(table_line(row) for row in rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(head))]
     return '\n'.join(
         '  '.join(text.ljust(width) for text, width in zip(line, widths)).rstrip()
@@ -150,10 +156,10 @@ def table(rows: Sequence[SpeedRow]) -> str:
     )
 
 
-def barrier_case(path: str | Path, most: int | None = None) -> Case:
-    """Return the samples of a barrier-map dataset, rasterised, corners not cut.
+def barrier_case(path: str | Path, most: int | None = None) -> SpeedCase:
+    """Return the samples of a barrier-map dataset, rasterised, without corner cutting.
 
-    With `most`, the first sample of so many maps: a case for slow planners.
+    With `most`, only the first sample of so many maps: a case for slow planners.
     """
     problems = []
     for barrier_map in load_barrier_maps(path)[:most]:
@@ -166,12 +172,12 @@ def barrier_case(path: str | Path, most: int | None = None) -> Case:
     height, width = problems[0].blocked.shape
     name = f'{width}x{height} barriers'
     if most is None:
-        return Case(name, tuple(problems))
-    return Case(f'{name}, {most}', tuple(problems), slow=True)
+        return SpeedCase(name, tuple(problems))
+    return SpeedCase(f'{name}, {most}', tuple(problems), slow=True)
 
 
-def scenario_cases(folder: str | Path) -> list[Case]:
-    """Return a case a map of `scenarios.csv`, which lies with its MovingAI maps in `folder`."""
+def scenario_cases(folder: str | Path) -> list[SpeedCase]:
+    """Return one case per map of `scenarios.csv`, which is in `folder` with its MovingAI maps."""
     queries: dict[str, list[tuple[Cell, Cell]]] = {}
     with (Path(folder) / 'scenarios.csv').open(encoding='utf-8') as file:
         for row in csv.DictReader(file):
@@ -179,13 +185,13 @@ def scenario_cases(folder: str | Path) -> list[Case]:
             goal = int(row['goal_x']), int(row['goal_y'])
             queries.setdefault(row['map'], []).append((start, goal))
     return [
-        Case(name, (Problem(load_map(Path(folder) / f'{name}.map').blocked(), tuple(pairs)),))
+        SpeedCase(name, (Problem(load_map(Path(folder) / f'{name}.map').blocked(), tuple(pairs)),))
         for name, pairs in queries.items()
     ]
 
 
-def synthetic_case(size: int = 4000, *, queries: int = 8, seed: int = 0) -> Case:
-    """Return a square of `size` cells strewn with boxes, and random queries that have a path."""
+def synthetic_case(size: int = 4000, *, queries: int = 8, seed: int = 0) -> SpeedCase:
+    """Return a square map of `size` cells a side with random boxes, and queries with a path."""
     random = np.random.default_rng(seed)
     blocked = np.zeros((size, size), dtype=np.bool_)
     for _ in range(size * size // 4000):
@@ -199,11 +205,11 @@ def synthetic_case(size: int = 4000, *, queries: int = 8, seed: int = 0) -> Case
         path, _ = shortest_path(grid, (x, y), (to_x, to_y))
         if len(path) > size // 8:
             pairs.append(((x, y), (to_x, to_y)))
-    return Case(f'{size}x{size} boxes', (Problem(blocked, tuple(pairs)),))
+    return SpeedCase(f'{size}x{size} boxes', (Problem(blocked, tuple(pairs)),))
 
 
-def reference_cases(folder: Path) -> list[Case]:
-    """Return the cases of a folder: barrier maps, also few for slow planners, and `grids/`."""
+def reference_cases(folder: Path) -> list[SpeedCase]:
+    """Return the cases of a reference folder: barrier maps, a few for slow planners, `grids/`."""
     datasets = sorted(folder.glob('barrier_maps*.json'))
     return [
         *(barrier_case(dataset) for dataset in datasets),
@@ -212,7 +218,7 @@ def reference_cases(folder: Path) -> list[Case]:
     ]
 
 
-def _solve(case: Case, plans: Sequence[Plan]) -> tuple[float, list[Path2D]]:
+def solve(case: SpeedCase, plans: Sequence[Plan]) -> tuple[float, list[Path2D]]:
     """Run all queries of a case; return the seconds and the paths."""
     paths: list[Path2D] = []
     begin = time.perf_counter()
@@ -222,11 +228,12 @@ def _solve(case: Case, plans: Sequence[Plan]) -> tuple[float, list[Path2D]]:
     return time.perf_counter() - begin, paths
 
 
-def _line(row: SpeedRow) -> tuple[str, ...]:
+def table_line(row: SpeedRow) -> tuple[str, ...]:
+    """Return the columns of a row as text."""
     return (
         row.case,
         f'{row.planner} {row.version}'.strip(),
-        f'{row.suboptimality_bound:.2f}',
+        f'{row.ratio:.2f}',
         f'{row.ratio_low:.2f}-{row.ratio_high:.2f}',
         f'{row.milliseconds:.4f}',
         f'{row.solved:.0%}',
@@ -236,8 +243,8 @@ def _line(row: SpeedRow) -> tuple[str, ...]:
     )
 
 
-def _row(
-    case: Case,
+def speed_row(
+    case: SpeedCase,
     name: str,
     *,
     times: Sequence[float],
@@ -245,22 +252,24 @@ def _row(
     paths: Sequence[Path2D],
     best: Sequence[Path2D],
 ) -> SpeedRow:
+    """Sum up one planner's times and paths on one case; `best` are paths of optimal length."""
     ratios = [one / other for one, other in zip(times, ours)]
     grids = [problem.blocked for problem in case.problems for _ in problem.queries]
     found = [len(path) > 0 for path in paths]
-    legal = [ok and _is_legal(grid, path) for ok, grid, path in zip(found, grids, paths)]
+    legal = [ok and is_legal(grid, path) for ok, grid, path in zip(found, grids, paths)]
     excesses = [
-        _length(path) / _length(optimum) - 1.0
+        path_length(path) / path_length(optimum) - 1.0
         for path, optimum in zip(paths, best)
         if len(path) > 1 and len(optimum) > 1
     ]
     optimal = [
-        abs(_length(path) - _length(optimum)) <= _TOLERANCE for path, optimum in zip(paths, best)
+        abs(path_length(path) - path_length(optimum)) <= _TOLERANCE
+        for path, optimum in zip(paths, best)
     ]
     return SpeedRow(
         case.name,
         name,
-        _version(name),
+        installed_version(name),
         statistics.median(ratios),
         min(ratios),
         max(ratios),
@@ -272,12 +281,13 @@ def _row(
     )
 
 
-def _length(path: Path2D) -> float:
+def path_length(path: Path2D) -> float:
+    """Return the length of a path in cells, 0 for an empty one."""
     return float(np.hypot(*np.diff(path, axis=0).T.astype(np.float64)).sum()) if len(path) else 0.0
 
 
-def _is_legal(blocked: NDArray[np.bool_], path: Path2D) -> bool:
-    """Tell whether a path keeps to free cells, single moves and uncut corners."""
+def is_legal(blocked: NDArray[np.bool_], path: Path2D) -> bool:
+    """Tell whether a path keeps to free cells, makes single moves and cuts no corner."""
     x, y = path.T
     step_x, step_y = np.abs(np.diff(x)), np.abs(np.diff(y))
     if blocked[y, x].any() or (np.maximum(step_x, step_y) != 1).any():
@@ -285,49 +295,54 @@ def _is_legal(blocked: NDArray[np.bool_], path: Path2D) -> bool:
     return not (blocked[y[:-1], x[1:]] | blocked[y[1:], x[:-1]]).any()
 
 
-def _version(name: str) -> str:
+def installed_version(name: str) -> str:
+    """Return the version of a peer's distribution, '' for ours and if it is unknown."""
     try:
         return '' if name == OURS else importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
         return ''
 
 
-def _prepare_ours(blocked: NDArray[np.bool_]) -> Plan:
+def prepare_ours(blocked: NDArray[np.bool_]) -> Plan:
+    """Prepare our exact A*."""
     grid = GridGraph(blocked)
     return lambda start, goal: shortest_path(grid, start, goal)[0].astype(np.int64, copy=False)
 
 
-def _cells(path: Any, *, rows_first: bool) -> Path2D:  # noqa: ANN401
-    """Turn a peer's path, None or a sequence of pairs, into cells (x, y)."""
+def as_cells(path: Any, *, rows_first: bool) -> Path2D:  # noqa: ANN401
+    """Turn a peer's path, None or a sequence of pairs, into cells (x, y): int64 [n, 2]."""
     if path is None or len(path) == 0:
         return np.empty((0, 2), dtype=np.int64)
     cells = np.asarray(path, dtype=np.int64).reshape(-1, 2)
     return cells[:, ::-1] if rows_first else cells
 
 
-def _prepare_nano(blocked: NDArray[np.bool_]) -> Plan:
+def prepare_nano(blocked: NDArray[np.bool_]) -> Plan:
+    """Prepare nano-astar."""
     peer = importlib.import_module('nano_astar')
     grid = blocked.astype(np.uint8)
 
     def plan(start: Cell, goal: Cell) -> Path2D:
         path = peer.astar(grid, start[::-1], goal[::-1])[0]
-        return _cells(path, rows_first=True)
+        return as_cells(path, rows_first=True)
 
     return plan
 
 
-def _prepare_pyastar2d(blocked: NDArray[np.bool_]) -> Plan:
+def prepare_pyastar2d(blocked: NDArray[np.bool_]) -> Plan:
+    """Prepare pyastar2d, whose diagonals cut corners."""
     peer = importlib.import_module('pyastar2d')
     weights = np.where(blocked, math.inf, 1.0).astype(np.float32)
 
     def plan(start: Cell, goal: Cell) -> Path2D:
         path = peer.astar_path(weights, start[::-1], goal[::-1], allow_diagonal=True)
-        return _cells(path, rows_first=True)
+        return as_cells(path, rows_first=True)
 
     return plan
 
 
-def _prepare_w9(blocked: NDArray[np.bool_]) -> Plan:
+def prepare_w9(blocked: NDArray[np.bool_]) -> Plan:
+    """Prepare w9-pathfinding's A*."""
     environments = importlib.import_module('w9_pathfinding.envs')
     finders = importlib.import_module('w9_pathfinding.pf')
     moves = importlib.import_module('w9_pathfinding.diagonal_movement').DiagonalMovement
@@ -337,10 +352,10 @@ def _prepare_w9(blocked: NDArray[np.bool_]) -> Plan:
         diagonal_movement_cost_multiplier=math.sqrt(2.0),
     )
     finder = finders.AStar(grid)
-    return lambda start, goal: _cells(finder.find_path(start, goal), rows_first=False)
+    return lambda start, goal: as_cells(finder.find_path(start, goal), rows_first=False)
 
 
-def _runs(blocked: NDArray[np.bool_]) -> list[list[int]]:
+def runs_along_rows(blocked: NDArray[np.bool_]) -> list[list[int]]:
     """Return the runs of blocked cells in each row: [row, first, last]."""
     edges = np.diff(np.pad(blocked, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     return [
@@ -350,10 +365,10 @@ def _runs(blocked: NDArray[np.bool_]) -> list[list[int]]:
     ]
 
 
-def _prepare_paper(blocked: NDArray[np.bool_]) -> Plan:
-    """Prepare the paper's published A*: its model is stubbed and never asked, its plots left out.
+def prepare_paper(blocked: NDArray[np.bool_]) -> Plan:
+    """Prepare the paper's published A*, with stubs for its language model and its plots.
 
-    Its own rule lets diagonals cut corners, so its paths may be shorter and not legal here.
+    Its diagonals cut corners, so its paths may be shorter than the optimum and not legal here.
     """
     stubs = [name for name in ('openai', 'torch', 'transformers') if name not in sys.modules]
     try:
@@ -364,14 +379,14 @@ def _prepare_paper(blocked: NDArray[np.bool_]) -> Plan:
             sys.modules.pop(name, None)
     peer.plotting = SimpleNamespace(Plotting=lambda *_: SimpleNamespace(animation=lambda *_: None))
     height, width = blocked.shape
-    # As few barriers as may be, since it tests every move against each: runs along x, and what
-    # they leave as runs along y. The border is the peer's own.
+    # It tests every move against every barrier, so give it few: runs along x, then runs along y
+    # for the cells left over. It adds the border itself.
     inside = blocked.copy()
     inside[[0, -1]] = inside[:, [0, -1]] = False
-    rows = [run for run in _runs(inside) if run[2] > run[1]]
+    rows = [run for run in runs_along_rows(inside) if run[2] > run[1]]
     for y, first, last in rows:
         inside[y, first : last + 1] = False
-    columns = _runs(inside.T)
+    columns = runs_along_rows(inside.T)
 
     def plan(start: Cell, goal: Cell) -> Path2D:
         search = peer.AStar()
@@ -385,6 +400,42 @@ def _prepare_paper(blocked: NDArray[np.bool_]) -> Plan:
         }
         with contextlib.redirect_stdout(io.StringIO()):
             search.searching(query)
-            return _cells(search.extract_path(search.PARENT)[::-1], rows_first=False)
+            return as_cells(search.extract_path(search.PARENT)[::-1], rows_first=False)
 
     return plan
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Time our exact A* and the installed peers, taking turns in one process."""
+    parser = argparse.ArgumentParser('benchmarks.speed', description=main.__doc__)
+    parser.add_argument(
+        '--reference', type=Path, metavar='DIR', help='also time the maps of a reference folder'
+    )
+    parser.add_argument(
+        '--size',
+        type=int,
+        default=1000,
+        metavar='N',
+        help='side of a random map, in cells; 0: no random map (%(default)s)',
+    )
+    parser.add_argument(
+        '--rounds', type=int, default=ROUNDS, metavar='N', help='rounds of timing (%(default)s)'
+    )
+    parser.add_argument('--json', action='store_true', help='print the rows as JSON')
+    options = parser.parse_args(arguments)
+    if options.size and options.size < MIN_SIZE:
+        parser.error(f'--size {options.size} is neither 0 nor {MIN_SIZE} or more')
+    if options.rounds < 1:
+        parser.error(f'--rounds {options.rounds} is below 1')
+    cases = [] if options.reference is None else reference_cases(options.reference)
+    if options.size:
+        cases.append(synthetic_case(options.size))
+    rows = measure(cases, rounds=options.rounds)
+    print(json.dumps([asdict(row) for row in rows], indent=1) if options.json else table(rows))
+    if len({row.planner for row in rows}) == 1:
+        sys.stderr.write('no peer is installed: pip install nano-astar pyastar2d w9-pathfinding\n')
+    return 0
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

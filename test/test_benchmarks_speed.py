@@ -1,16 +1,16 @@
 import json
 
 import numpy as np
-from llm_astar_planner.cli.main import main
+import pytest
 
 from benchmarks import speed
-from benchmarks.speed import OURS, Case, Problem
+from benchmarks.speed import OURS, Problem, SpeedCase
 
 
 def corner():
     blocked = np.zeros((4, 4), dtype=bool)
     blocked[1, 0] = True
-    return Case('corner', (Problem(blocked, (((0, 0), (1, 2)), ((3, 3), (3, 0)))),))
+    return SpeedCase('corner', (Problem(blocked, (((0, 0), (1, 2)), ((3, 3), (3, 0)))),))
 
 
 def prepare_cutter(blocked):
@@ -24,8 +24,8 @@ def prepare_lost(blocked):
     return lambda *_: np.empty((0, 2), dtype=np.int64)
 
 
-def test_a_peers_paths_are_judged_beside_its_time():
-    planners = {OURS: speed._prepare_ours, 'cutter': prepare_cutter, 'lost': prepare_lost}
+def test_a_peers_paths_are_checked_as_well_as_timed():
+    planners = {OURS: speed.prepare_ours, 'cutter': prepare_cutter, 'lost': prepare_lost}
     rows = speed.measure([corner()], planners=planners, rounds=2)
     ours, cutter, lost = rows
     assert (ours.ratio, ours.solved, ours.legal, ours.optimal) == (1.0, 1.0, 1.0, 1.0)
@@ -45,20 +45,20 @@ def test_synthetic_queries_have_paths():
     case = speed.synthetic_case(120, queries=2)
     (problem,) = case.problems
     assert len(problem.queries) == 2
-    _, paths = speed._solve(case, [speed._prepare_ours(problem.blocked)])
+    _, paths = speed.solve(case, [speed.prepare_ours(problem.blocked)])
     assert all(len(path) > 15 for path in paths)
 
 
-def test_the_rows_are_printed_as_json(capsys, monkeypatch):
-    monkeypatch.setattr(speed, 'installed_planners', lambda: {OURS: speed._prepare_ours})
-    assert main(['speed', '--size', '60', '--rounds', '1', '--json']) == 0
+def test_json_prints_the_rows(capsys, monkeypatch):
+    monkeypatch.setattr(speed, 'installed_planners', lambda: {OURS: speed.prepare_ours})
+    assert speed.main(['--size', '60', '--rounds', '1', '--json']) == 0
     (row,) = json.loads(capsys.readouterr().out)
     assert row['planner'] == OURS
     assert row['optimal'] == 1.0
 
 
-def test_slow_planners_sit_out_large_cases():
-    planners = {OURS: speed._prepare_ours, speed.PAPER: prepare_cutter}
+def test_slow_planners_skip_large_cases():
+    planners = {OURS: speed.prepare_ours, speed.PAPER: prepare_cutter}
     assert [row.planner for row in speed.measure([corner()], planners=planners, rounds=1)] == [
         OURS
     ]
@@ -66,9 +66,16 @@ def test_slow_planners_sit_out_large_cases():
     assert len(speed.measure([slow], planners=planners, rounds=1)) == 2
 
 
-def test_runs_cover_the_blocked_cells():
+def test_runs_along_rows_cover_the_blocked_cells():
     blocked = np.random.default_rng(1).random((6, 9)) < 0.4
     covered = np.zeros_like(blocked)
-    for row, first, last in speed._runs(blocked):
+    for row, first, last in speed.runs_along_rows(blocked):
         covered[row, first : last + 1] = True
     assert (covered == blocked).all()
+
+
+@pytest.mark.parametrize('option', [['--size', '20'], ['--rounds', '0']])
+def test_an_option_out_of_range_is_refused(option, capsys):
+    with pytest.raises(SystemExit):
+        speed.main(option)
+    assert ' '.join(option) in capsys.readouterr().err

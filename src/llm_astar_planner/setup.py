@@ -88,7 +88,6 @@ setup(
     extras_require={
         'cluster': ['dask[distributed]'],
         'local-llm': ['xllamacpp'],
-        'peers': ['nano-astar', 'pyastar2d', 'w9-pathfinding', 'llm-astar'],
         'test': ['pytest', 'hypothesis', 'mcap-ros2-support'],
         # To train the embedded waypoint model again; see training/.
         'train': ['torch>=2.6'],

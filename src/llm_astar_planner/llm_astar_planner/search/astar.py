@@ -108,22 +108,11 @@ def run_kernel(
     every_move = every_move or grid.is_graded
     while True:
         ended: tuple[int, int, int, int] = kernels.solve(
-            grid.moves,
-            grid.cell_surcharge,
-            grid.width,
-            grid.straight,
-            grid.diagonal,
-            first,
-            last,
-            every_move,
-            generation,
-            workspace.records,
-            workspace.pool,
-            workspace.heads,
-            workspace.control,
-            flag,
-            workspace.path,
-        )
+            grid.moves, grid.cell_surcharge, grid.width, grid.straight, grid.diagonal,
+            first, last, every_move, generation,
+            workspace.records, workspace.pool, workspace.heads, workspace.control,
+            flag, workspace.path,
+        )  # fmt: skip
         if ended[0] != kernels.NEED_SPACE:
             return ended
         workspace.grow_pool()

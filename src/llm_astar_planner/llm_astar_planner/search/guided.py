@@ -266,15 +266,9 @@ class _Search:
         self._keys: NDArray[np.int64] = np.empty(self.workspace.pool.size, dtype=np.int64)
         self._targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
         kernels.begin(
-            self.workspace.records,
-            self.workspace.pool,
-            self._keys,
-            self._heads,
-            grid.is_graded,
-            landmark_distances,
-            active,
-            control,
-        )
+            self.workspace.records, self.workspace.pool, self._keys, self._heads,
+            grid.is_graded, landmark_distances, active, control,
+        )  # fmt: skip
 
     @property
     def best(self) -> int:
@@ -312,19 +306,10 @@ class _Search:
         """Expand up to `quota` cells; return how that ended, after making room if needed."""
         workspace = self.workspace
         ended = kernels.advance(
-            self._grid.moves,
-            self._grid.cell_surcharge,
-            workspace.records,
-            workspace.pool,
-            self._keys,
-            self._heads,
-            self._targets,
-            self._landmark_distances,
-            self._active,
-            self.control,
-            quota,
-            stop,
-        )
+            self._grid.moves, self._grid.cell_surcharge,
+            workspace.records, workspace.pool, self._keys, self._heads, self._targets,
+            self._landmark_distances, self._active, self.control, quota, stop,
+        )  # fmt: skip
         if ended != plain_kernels.NEED_SPACE:
             return int(ended)
         workspace.grow_pool()
@@ -349,27 +334,15 @@ class _Search:
     def raise_bound(self) -> None:
         """Raise the lower bound to what the open cells prove."""
         kernels.raise_bound(
-            self.workspace.records,
-            self.workspace.pool,
-            self._heads,
-            self._landmark_distances,
-            self._active,
-            self.control,
-        )
+            self.workspace.records, self.workspace.pool, self._heads,
+            self._landmark_distances, self._active, self.control,
+        )  # fmt: skip
 
     def _rekey(self, shift: int, *, proving: bool) -> None:
         kernels.rekey(
-            self.workspace.records,
-            self.workspace.pool,
-            self._keys,
-            self._heads,
-            self._targets,
-            self._landmark_distances,
-            self._active,
-            proving,
-            shift,
-            self.control,
-        )
+            self.workspace.records, self.workspace.pool, self._keys, self._heads, self._targets,
+            self._landmark_distances, self._active, proving, shift, self.control,
+        )  # fmt: skip
 
 
 class _Run:

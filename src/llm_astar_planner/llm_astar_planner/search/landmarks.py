@@ -211,18 +211,9 @@ class _Dijkstra:
         grid = self._grid
         while True:
             status = kernels.dijkstra(
-                grid.moves,
-                grid.cell_surcharge,
-                grid.width,
-                grid.straight,
-                grid.diagonal,
-                source,
-                column,
-                self._distances,
-                self._pool,
-                self._heads,
-                self._stop,
-            )
+                grid.moves, grid.cell_surcharge, grid.width, grid.straight, grid.diagonal,
+                source, column, self._distances, self._pool, self._heads, self._stop,
+            )  # fmt: skip
             if status != kernels.NEED_SPACE:
                 return bool(status == kernels.FOUND)
             self._pool = np.empty(2 * self._pool.size, dtype=np.int64)

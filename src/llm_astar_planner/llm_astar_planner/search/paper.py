@@ -158,18 +158,10 @@ def run_kernel(
     # The system provides zeroed pages on first touch: a small search of a large map is cheap.
     seen, closed = (np.zeros(width * height, dtype=np.bool_) for _ in range(2))
     code, expansions, storage, move_to = kernels.paper_search(
-        np.ascontiguousarray(blocked, dtype=np.bool_),
-        start_cell,
-        goal_cell,
-        np.asarray(targets, dtype=np.float64).reshape(-1, 2),
-        HEURISTICS[options.heuristic],
-        float(weight),
-        float(decay),
-        bool(options.corner_cutting),
-        options.stop,
-        seen,
-        closed,
-    )
+        np.ascontiguousarray(blocked, dtype=np.bool_), start_cell, goal_cell,
+        np.asarray(targets, dtype=np.float64).reshape(-1, 2), HEURISTICS[options.heuristic],
+        float(weight), float(decay), bool(options.corner_cutting), options.stop, seen, closed,
+    )  # fmt: skip
     expanded = closed.reshape(width, height).T
     status = _STATUS[code]
     if status is not SearchStatus.FOUND:

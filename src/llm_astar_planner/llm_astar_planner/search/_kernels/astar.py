@@ -317,21 +317,9 @@ def solve(
         control[:] = 0
         return EXHAUSTED, 0, 0, NO_PATH
     status = astar(
-        moves,
-        cell_surcharge,
-        width,
-        straight,
-        diagonal,
-        start,
-        goal,
-        every_move,
-        generation,
-        records,
-        pool,
-        heads,
-        control,
-        stop,
-    )
+        moves, cell_surcharge, width, straight, diagonal, start, goal, every_move,
+        generation, records, pool, heads, control, stop,
+    )  # fmt: skip
     if status != FOUND and not (status == STOPPED and control[A_BEST] < NO_PATH):
         return status, 0, 0, NO_PATH
     count, diagonals = trace(width, start, goal, records, path)

@@ -40,33 +40,11 @@ COUNTED = 1 << 11
 # Slots of the control array. G_SURE counts cells that plain A* surely expands, G_PENDING those
 # that will count once the bound passes their bucket, G_LEAST a lower bound on A*'s expansions.
 (
-    G_START,
-    G_GOAL,
-    G_GENERATION,
-    G_STRAIGHT,
-    G_DIAGONAL,
-    G_WIDTH,
-    G_WEIGHT,
-    G_RADIUS,
-    G_SUBOPTIMALITY,
-    G_WORK_FACTOR,
-    G_FREE,
-    G_TOP,
-    G_BASE,
-    G_BUCKET,
-    G_LIVE,
-    G_SHIFT,
-    G_PROVING,
-    G_BEST,
-    G_BOUND,
-    G_GUIDED,
-    G_PROOF,
-    G_LEAST,
-    G_SURE,
-    G_PENDING,
-    G_STORAGE,
+    G_START, G_GOAL, G_GENERATION, G_STRAIGHT, G_DIAGONAL, G_WIDTH, G_WEIGHT, G_RADIUS,
+    G_SUBOPTIMALITY, G_WORK_FACTOR, G_FREE, G_TOP, G_BASE, G_BUCKET, G_LIVE, G_SHIFT,
+    G_PROVING, G_BEST, G_BOUND, G_GUIDED, G_PROOF, G_LEAST, G_SURE, G_PENDING, G_STORAGE,
     G_SIZE,
-) = range(26)
+) = range(26)  # fmt: skip
 # One more way a call can end: the work limit is reached until plain A* has done more.
 WORK_LIMIT = 6
 # Weights, suboptimality bounds and work factors are whole numbers, in parts of this one.

@@ -93,23 +93,13 @@ def string_pull(
     along = 0.0
     for index in range(1, count):
         segment = line_cost(
-            blocked,
-            cell_surcharge,
-            corner_cutting,
-            points[index - 1, 0],
-            points[index - 1, 1],
-            points[index, 0],
-            points[index, 1],
-        )
+            blocked, cell_surcharge, corner_cutting,
+            points[index - 1, 0], points[index - 1, 1], points[index, 0], points[index, 1],
+        )  # fmt: skip
         direct = line_cost(
-            blocked,
-            cell_surcharge,
-            corner_cutting,
-            points[anchor, 0],
-            points[anchor, 1],
-            points[index, 0],
-            points[index, 1],
-        )
+            blocked, cell_surcharge, corner_cutting,
+            points[anchor, 0], points[anchor, 1], points[index, 0], points[index, 1],
+        )  # fmt: skip
         if direct < 0.0 or direct > along + segment + 1e-9:
             anchor = index - 1
             kept[anchor] = True
