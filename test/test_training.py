@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, load_barrier_maps
 from llm_astar_planner.benchmark.datasets.generate import MapRules, generate
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.visibility import LineOfSightChecker
 from llm_astar_planner.waypoints.baselines import any_angle_length
@@ -68,7 +69,7 @@ def test_the_best_way_over_the_nodes_is_about_the_shortest_there_is(batches):
         for n, barriers in enumerate(batch.barriers):
             grid_map = barrier_map_of(barriers, batch.size[n]).to_grid()
             start, goal = (tuple(map(int, end)) for end in batch.ends[n])
-            best = any_angle_length(grid_map, start, goal)
+            best = any_angle_length(Costmap(grid_map), start, goal)
             assert best - 1e-3 <= lengths_to_goal(batch.apart[n])[0] <= 1.05 * best + 1
 
 

@@ -70,6 +70,7 @@ setup(
     # The ROS messages come from apt or from the wheels; `make install` picks.
     install_requires=[
         'setuptools',
+        'cachetools',
         'httpx>=0.26',
         'jinja2',
         'llm_astar_msgs_adapter',

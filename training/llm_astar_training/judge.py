@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from llm_astar_planner.waypoints.learned.decoding import Route, follow
+from llm_astar_planner.waypoints.learned.source import Route, follow
 from numpy.typing import NDArray
 
 

@@ -31,10 +31,9 @@ from llm_astar_planner.nodes.common.spin import run
 from llm_astar_planner.planning.parameters import source_config
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.async_query import ask
+from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.factory import client_of, make_source
 from llm_astar_planner.waypoints.prompts.instruction import clean_instruction
-from llm_astar_planner.waypoints.sample_key import live_key
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,
@@ -131,7 +130,7 @@ class LlmClientNode(Node):
         return WaypointQuery(Costmap(grid_map), start, goal, limit, instruction=wish)
 
     def _ask(self, query: WaypointQuery) -> WaypointReply:
-        reply, _ = ask(self._source, query)
+        reply, _ = query_source(self._source, query)
         finite = tuple(point for point in reply.waypoints if all(map(math.isfinite, point)))
         return replace(reply, waypoints=finite)
 
@@ -140,7 +139,7 @@ class LlmClientNode(Node):
         client = client_of(self._source)
         values = {
             'source': self._source.name,
-            'endpoint': client.state() if client else None,
+            'endpoint': client.problem() or '' if client else None,
             'map_digest': self._grid_map.digest if self._grid_map else None,
             'last_status': self._last.status if self._last else None,
             'last_detail': self._last.detail if self._last else None,
@@ -170,7 +169,7 @@ def _refusal(detail: str) -> WaypointReply:
 def _exchange_report(
     reply: WaypointReply, query: WaypointQuery | str, wish: str
 ) -> ExchangeReport:
-    key = SampleKey('', '') if isinstance(query, str) else live_key(query)
+    key = SampleKey('', '') if isinstance(query, str) else query.live_key
     return ExchangeReport(
         label=reply.label,
         status=reply.status.value,

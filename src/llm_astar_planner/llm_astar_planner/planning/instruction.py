@@ -22,10 +22,10 @@ from llm_astar_planner.planning.waypoint_filter import CheckedWaypoint, Waypoint
 from llm_astar_planner.search.paper import WAYPOINT_METHODS
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.stop import POLL_PERIOD_S
-from llm_astar_planner.waypoints.async_query import ask
-from llm_astar_planner.waypoints.instruction_outcome import FOLLOWED
+from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.prompts.instruction import InstructionError, clean_instruction
 from llm_astar_planner.waypoints.source import (
+    FOLLOWED,
     Waypoint,
     WaypointQuery,
     WaypointReply,
@@ -55,7 +55,7 @@ class _AskedOnce:
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Ask the source, and keep what it says."""
-        self._reply, _ = ask(self._source, query)
+        self._reply, _ = query_source(self._source, query)
         self._answered.set()
         return self._reply
 

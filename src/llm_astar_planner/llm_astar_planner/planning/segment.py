@@ -26,7 +26,7 @@ from llm_astar_planner.search.paper import (
 )
 from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus
 from llm_astar_planner.search.stop import STOP_CANCELLED, deadline_guard
-from llm_astar_planner.waypoints.async_query import WaypointQueryTask, ask
+from llm_astar_planner.waypoints.async_query import WaypointQueryTask, query_source
 from llm_astar_planner.waypoints.source import Waypoint, WaypointQuery, WaypointReply
 
 # The part of a request's time that a source may take; the rest is the search's.
@@ -100,7 +100,7 @@ class Leg:
         """Ask the source for waypoints and judge them."""
         query = self._query()
         if query is not None and self.request.source is not None:
-            self.reply, self.seconds_source = ask(self.request.source, query, self.stop)
+            self.reply, self.seconds_source = query_source(self.request.source, query, self.stop)
             self.judged = self._judge(self.reply)
 
     def _judge(self, reply: WaypointReply) -> tuple[CheckedWaypoint, ...]:

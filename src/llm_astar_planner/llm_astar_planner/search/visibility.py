@@ -7,11 +7,8 @@ where a line of sight is free, 8-connected moves that may cut corners can follow
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 import shapely
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import ArrayLike, NDArray
 
 
@@ -51,12 +48,6 @@ class LineOfSightChecker:
         if not np.isfinite(points).all():
             return False
         return bool(self.clear(points[:-1], points[1:]).all())
-
-
-@lru_cache(maxsize=4)
-def walls_of(grid_map: GridMap) -> LineOfSightChecker:
-    """Return the walls of a map, found once a map."""
-    return LineOfSightChecker(grid_map.blocked())
 
 
 def runs_along_rows(blocked: NDArray[np.bool_]) -> NDArray[np.intp]:

@@ -1,4 +1,4 @@
-"""Where waypoints come from: the protocol every source follows, and its plain values."""
+"""Sources of waypoints: the protocol that every source follows, and its plain values."""
 
 from llm_astar_planner.waypoints.source import (
     SampleKey,

@@ -1,7 +1,8 @@
-"""Ask a waypoint source so that nothing it does can stop or hold up a plan."""
+"""Query a waypoint source on a thread, so that nothing it does can stop or delay a plan."""
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -11,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.search.stop import POLL_PERIOD_S
-from llm_astar_planner.waypoints.instruction_outcome import with_outcome
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     WaypointQuery,
@@ -19,50 +19,50 @@ from llm_astar_planner.waypoints.source import (
     WaypointSource,
 )
 
-# A source that keeps its time limit answers then, and with a better reason than ours: wait for it
-# so many seconds longer, or this part of the limit.
+_LOG = logging.getLogger(__name__)
+# A source that keeps its time limit replies at that time, and with a more exact reason than ours:
+# wait for it this many seconds longer, or this share of the limit.
 GRACE_SECONDS, GRACE_SHARE = 0.05, 0.1
-# More waypoints than any route needs; to judge any number of them would take any time.
+# More waypoints than any route needs; checking an unlimited number would take unlimited time.
 MAX_WAYPOINTS = 1000
 
 
-def ask(
+def query_source(
     source: WaypointSource, query: WaypointQuery, stop: NDArray[np.uint8] | None = None
 ) -> tuple[WaypointReply, float]:
-    """Return a source's reply and the seconds it took; what it raises becomes an ERROR.
+    """Query a source; return its reply and the seconds it took.
 
-    A source that outlasts the query's time limit, or its caller's `stop[0] = 1`, is left behind
-    and its reply is a TIMEOUT. Of its waypoints the first 1000 are taken, and the detail says so
-    where there were more. The reply to a wish says what became of it, whatever the source says.
+    An exception becomes an ERROR reply. Where the source exceeds the query's time limit, or
+    `stop[0]` becomes 1, the reply is a TIMEOUT and the source's own is dropped. Only the first
+    1000 waypoints are kept. Where the query has an instruction, the reply says what became of it.
     """
     begin = time.monotonic()
-    asking = WaypointQueryTask(source, query, lambda _: None)
+    task = WaypointQueryTask(source, query, lambda _: None)
     grace = min(GRACE_SECONDS, GRACE_SHARE * query.time_limit)
-    answered = asking.wait(query.time_limit + grace, stop)
-    reply, seconds = asking.close(source.name)
+    answered = task.wait(query.time_limit + grace, stop)
+    reply, seconds = task.close(source.name)
     if answered:
         return reply, seconds
     seconds = time.monotonic() - begin
     detail = f'{source.name} had not answered after {seconds:.2f} s'
     reply = WaypointReply(status=SourceStatus.TIMEOUT, detail=detail)
-    return with_outcome(reply, query, source.name), seconds
+    return reply.with_instruction_outcome(query, source.name), seconds
 
 
 class WaypointQueryTask:
-    """A source asked on a thread of its own, while the search is already under way.
+    """A query that runs on its own thread, for example while the search is already running.
 
-    Its reply counts if it comes before `close`; what comes later is nobody's, but a source that
-    keeps a cache keeps it for the next time.
+    A reply that comes after `close` is dropped; a source with a cache keeps it all the same.
     """
 
     def __init__(
         self,
         source: WaypointSource,
         query: WaypointQuery,
-        then: Callable[[WaypointReply], None],
+        on_reply: Callable[[WaypointReply], None],
     ) -> None:
-        """Ask; `then` gets the reply on the asking thread, if it comes in time."""
-        self._then = then
+        """Start the query; `on_reply` gets a reply that comes before `close`, on the thread."""
+        self._on_reply = on_reply
         self._lock = threading.Lock()
         self._closed = False
         self._done = threading.Event()
@@ -73,15 +73,30 @@ class WaypointQueryTask:
         self._thread.start()
 
     def _run(self, source: WaypointSource, query: WaypointQuery) -> None:
-        answer = _asked(source, query)
+        begin = time.monotonic()
+        try:
+            reply = limit_waypoints(source.waypoints(query))
+        except Exception as error:  # noqa: BLE001 - no source may ever stop a plan
+            _LOG.exception('the waypoint source failed')
+            detail = f'{type(error).__name__} in source {source.name}'
+            reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
+        answer = (
+            reply.with_instruction_outcome(query, source.name),
+            time.monotonic() - begin,
+        )
         with self._lock:
             if not self._closed:
                 self._answer = answer
-                self._then(answer[0])
+                self._on_reply(answer[0])
         self._done.set()
 
+    @property
+    def reply(self) -> WaypointReply | None:
+        """The reply, None as long as there is none."""
+        return self._answer[0] if self._answer else None
+
     def wait(self, seconds: float, stop: NDArray[np.uint8] | None = None) -> bool:
-        """Wait for the reply, so many seconds or until `stop[0]`; tell whether it came."""
+        """Wait for the reply until `seconds` have passed or `stop[0]` is 1; True if it came."""
         deadline = time.monotonic() + seconds
         while not self._done.wait(min(POLL_PERIOD_S, max(0.0, deadline - time.monotonic()))):
             if time.monotonic() >= deadline or (stop is not None and stop[0]):
@@ -89,7 +104,7 @@ class WaypointQueryTask:
         return True
 
     def close(self, source_name: str) -> tuple[WaypointReply, float]:
-        """Return the reply that came in time, else a LATE one, and the seconds waited so far."""
+        """Return the reply and the seconds it took; a LATE reply where it has not come yet."""
         with self._lock:
             self._closed = True
             if self._answer is not None:
@@ -98,17 +113,8 @@ class WaypointQueryTask:
         return WaypointReply(status=SourceStatus.LATE, detail=detail), 0.0
 
 
-def _asked(source: WaypointSource, query: WaypointQuery) -> tuple[WaypointReply, float]:
-    begin = time.monotonic()
-    try:
-        reply = _bounded(source.waypoints(query))
-    except Exception as error:  # noqa: BLE001 - no source may ever stop a plan
-        detail = f'{type(error).__name__} in source {source.name}'
-        reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
-    return with_outcome(reply, query, source.name), time.monotonic() - begin
-
-
-def _bounded(reply: WaypointReply) -> WaypointReply:
+def limit_waypoints(reply: WaypointReply) -> WaypointReply:
+    """Return the reply with at most MAX_WAYPOINTS waypoints; the detail says if some were cut."""
     count = len(reply.waypoints)
     if count <= MAX_WAYPOINTS:
         return reply

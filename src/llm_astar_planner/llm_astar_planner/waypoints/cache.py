@@ -1,14 +1,16 @@
-"""A cache of answers: a planner that asks again gets the answer it had, and pays once."""
+"""A cache of replies: a query that was answered before is answered from memory, at no cost."""
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
-from collections import OrderedDict
 from dataclasses import replace
 from typing import NamedTuple
 
+from cachetools import LRUCache
+
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.waypoints.async_query import WaypointQueryTask
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,
@@ -17,37 +19,30 @@ from llm_astar_planner.waypoints.source import (
     WaypointSource,
 )
 
-_LOG = logging.getLogger(__name__)
-# Questions that may be under way at a time; the endpoint itself takes fewer in turns.
+# Different queries that may run at a time; the endpoint's client lets fewer requests through.
 MAX_PENDING = 16
-# An answer, even one without a route, is kept; a failure is asked again.
+# A reply without a route is an answer too and is kept; after a failure the source is asked again.
 _KEPT = (SourceStatus.OK, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED)
 
 
-class _Key(NamedTuple):
+class QueryKey(NamedTuple):
+    """What a reply depends on."""
+
     digest: str
+    config: CostmapConfig
     start: tuple[int, int]
     goal: tuple[int, int]
     sample: SampleKey | None
-    model: str
-    prompt: str
     instruction: str
 
 
-class _Pending:
-    """A question under way; whoever asks the same waits for the same answer."""
-
-    def __init__(self) -> None:
-        self.done = threading.Event()
-        self.reply = WaypointReply(status=SourceStatus.ERROR)
-
-
 class CachedSource:
-    """Answers from memory where it can; asks `inner` once where several ask the same.
+    """Answers from memory where it can; queries `inner` once for identical concurrent queries.
 
-    The question goes on in the background when a caller's time is up, as long as `inner` lets it,
-    and its late answer lands in the cache. Keyed by map digest, start, goal, model, prompt and
-    wish; the least recently used of more than `size` answers is dropped. Thread-safe.
+    When a caller's time is up the query continues in the background, as long as `inner` lets it,
+    and its late reply goes to the cache. Keyed by the costmap (map and rules), start, goal,
+    sample and instruction; of more than `size` replies the least recently used is dropped.
+    Thread-safe.
     """
 
     def __init__(
@@ -59,73 +54,50 @@ class CachedSource:
         size: int = 256,
         timeout_s: float = 4.0,
     ) -> None:
-        """Wrap `inner`, which is asked by `model` with `prompt` (a name or a digest)."""
+        """Wrap `inner`; `model` and `prompt` label the replies of failures."""
         self.inner = inner
         self._model = model
         self._prompt = prompt
-        self._size = size
         self._timeout_s = timeout_s
         self._lock = threading.Lock()
-        self._replies: OrderedDict[_Key, WaypointReply] = OrderedDict()
-        self._pending: dict[_Key, _Pending] = {}
+        self._replies: LRUCache[QueryKey, WaypointReply] = LRUCache(size)
+        self._running: dict[QueryKey, WaypointQueryTask] = {}
 
     @property
     def name(self) -> str:
-        """The name of the source inside."""
+        """The name of the wrapped source."""
         return self.inner.name
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Return the answer in memory, else wait for it, `timeout_s` or the query's time limit."""
+        """Return the reply in memory, else wait up to `timeout_s` or the query's time limit."""
         started = time.monotonic()
         query = replace(query, time_limit=min(self._timeout_s, query.time_limit))
-        key = self._key(query)
+        key = QueryKey(
+            *query.costmap.key, query.start, query.goal, query.sample, query.instruction
+        )
         with self._lock:
             kept = self._replies.get(key)
             if kept is not None:
-                self._replies.move_to_end(key)
-                return _from_cache(kept)
-            pending = self._pending.get(key)
-            if pending is None:
-                if len(self._pending) >= MAX_PENDING:
+                return as_cached(kept)
+            task = self._running.get(key)
+            if task is None:
+                if len(self._running) >= MAX_PENDING:
                     return self._failure(
-                        SourceStatus.REFUSED, f'{MAX_PENDING} questions are under way', started
+                        SourceStatus.REFUSED, f'{MAX_PENDING} queries are running', started
                     )
-                pending = self._pending[key] = _Pending()
-                threading.Thread(
-                    target=self._ask, args=(key, query, pending), name='waypoints', daemon=True
-                ).start()
-        if pending.done.wait(max(0.0, query.time_limit)):
-            return pending.reply
+                task = WaypointQueryTask(self.inner, query, lambda reply: self._store(key, reply))
+                self._running[key] = task
+        task.wait(query.time_limit)
+        if task.reply is not None:
+            return task.reply
         detail = f'no answer within {query.time_limit:.1f} s; a late one is kept for the next time'
         return self._failure(SourceStatus.TIMEOUT, detail, started)
 
-    def _ask(self, key: _Key, query: WaypointQuery, pending: _Pending) -> None:
-        """Ask `inner`, in a thread of its own."""
-        try:
-            pending.reply = self.inner.waypoints(query)
-        except Exception as error:  # noqa: BLE001 - its callers must not be left waiting
-            _LOG.exception('the waypoint source failed')
-            detail = f'{type(error).__name__} in the source'
-            pending.reply = self._failure(SourceStatus.ERROR, detail, time.monotonic())
-        finally:
-            with self._lock:
-                if pending.reply.status in _KEPT:
-                    self._replies[key] = pending.reply
-                    while len(self._replies) > self._size:
-                        self._replies.popitem(last=False)
-                del self._pending[key]
-            pending.done.set()
-
-    def _key(self, query: WaypointQuery) -> _Key:
-        return _Key(
-            query.grid_map.digest,
-            query.start,
-            query.goal,
-            query.sample,
-            self._model,
-            self._prompt,
-            query.instruction,
-        )
+    def _store(self, key: QueryKey, reply: WaypointReply) -> None:
+        with self._lock:
+            if reply.status in _KEPT:
+                self._replies[key] = reply
+            del self._running[key]
 
     def _failure(self, status: SourceStatus, detail: str, started: float) -> WaypointReply:
         return WaypointReply(
@@ -138,7 +110,7 @@ class CachedSource:
         )
 
 
-def _from_cache(reply: WaypointReply) -> WaypointReply:
-    """Return a kept answer as one that cost nothing."""
+def as_cached(reply: WaypointReply) -> WaypointReply:
+    """Return a reply from memory: no tokens, no time."""
     detail = '; '.join(part for part in ('from the cache', reply.detail) if part)
     return replace(reply, detail=detail, prompt_tokens=0, completion_tokens=0, seconds=0.0)

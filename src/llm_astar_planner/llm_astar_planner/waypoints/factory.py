@@ -16,23 +16,19 @@ from llm_astar_planner.waypoints.config import (
     SettingsError,
     SourceSettings,
 )
+from llm_astar_planner.waypoints.fixed import NoSource
 from llm_astar_planner.waypoints.learned.network import packaged_weights
 from llm_astar_planner.waypoints.learned.source import EmbeddedSource
 from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.credentials import Endpoint
-from llm_astar_planner.waypoints.llm.failure import EndpointFailure
-from llm_astar_planner.waypoints.llm.limits import CallBudget
 from llm_astar_planner.waypoints.llm.protocol import Dialect
-from llm_astar_planner.waypoints.llm.resilience import RetryPolicy
+from llm_astar_planner.waypoints.llm.resilience import CallBudget, EndpointFailure, RetryPolicy
 from llm_astar_planner.waypoints.llm.source import EndpointSource
-from llm_astar_planner.waypoints.none import NoSource
-from llm_astar_planner.waypoints.prompts.message import Message
 from llm_astar_planner.waypoints.prompts.query_parser import Asker, QueryError
 from llm_astar_planner.waypoints.prompts.template import load_template
-from llm_astar_planner.waypoints.recording import RecordingSource
 from llm_astar_planner.waypoints.replay import ReplaySource
-from llm_astar_planner.waypoints.source import WaypointSource
-from llm_astar_planner.waypoints.transcript import TranscriptWriter
+from llm_astar_planner.waypoints.source import Message, WaypointSource
+from llm_astar_planner.waypoints.transcript import RecordingSource, TranscriptWriter
 
 __all__ = [
     'SOURCES',
@@ -45,14 +41,14 @@ __all__ = [
 ]
 
 Dataset = Sequence[BarrierMap] | None
-# How long a request that missed its deadline may still bring an answer for the next time.
+# How many seconds a request that missed its deadline may go on, to answer the next query.
 LATE_S = 60.0
 
 
 def make_source(settings: SourceSettings, dataset: Dataset = None) -> WaypointSource:
-    """Make the source `settings` name; `dataset` lets samples be recognised by their cells.
+    """Make the source that `settings` name; `dataset` lets samples be recognised by their cells.
 
-    Raises SettingsError for settings that fit no source, and what the source raises on its files.
+    Raises SettingsError for wrong settings, and what the source raises for its files.
     """
     settings.check()
     return SOURCES[settings.source](settings, dataset)
@@ -72,9 +68,9 @@ def make_client(settings: SourceSettings) -> ChatClient:
 
 
 def make_asker(settings: SourceSettings) -> Asker:
-    """Make what `parse_query` asks about sentences in free wording. Raises SettingsError.
+    """Make the function by which `parse_query` asks a model. Raises SettingsError.
 
-    The asker raises QueryError with the status and the detail of a failure.
+    The function raises QueryError with the status and the detail of a failure.
     """
     client = make_client(replace(settings, source='endpoint', response_format='json_schema'))
 
@@ -95,9 +91,10 @@ def client_of(source: WaypointSource) -> ChatClient | None:
     return inner.client if isinstance(inner, EndpointSource) else None
 
 
-def _endpoint(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+def make_endpoint_source(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    """Make the source that asks a language model, with a cache and, if set, a recording."""
     template = load_template(settings.prompt or DEFAULT_PROMPT)
-    source = EndpointSource(
+    source: WaypointSource = EndpointSource(
         make_client(settings),
         template,
         timeout_s=settings.timeout_s,
@@ -106,8 +103,10 @@ def _endpoint(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
         late_s=LATE_S,
         dataset=dataset,
     )
+    if settings.record:
+        source = RecordingSource(source, TranscriptWriter(settings.record), dataset)
     return CachedSource(
-        _recorded(source, settings, dataset),
+        source,
         model=settings.model,
         prompt=template.name,
         size=settings.cache_size,
@@ -115,41 +114,28 @@ def _endpoint(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
     )
 
 
-def _replay(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+def make_replay_source(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    """Make the source that replays a transcript."""
     if not settings.transcript:
         raise SettingsError('transcript: name the JSON Lines file that source replay answers from')
     return ReplaySource(settings.transcript, settings.model, settings.prompt, dataset)
 
 
-def _embedded(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+def make_embedded_source(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    """Make the source of the embedded model."""
     del dataset
-    # A file of weights that is broken is told when the source is made, not when it is asked.
+    # Read the weights now, so that a broken file is reported here and not at the first query.
     packaged_weights()
     return EmbeddedSource(settings.candidates)
 
 
-def _none(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
-    del settings, dataset
-    return NoSource()
-
-
-def _ablation(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
-    del dataset
-    return ablation_sources()[settings.source]
-
-
-def _recorded(
-    source: WaypointSource, settings: SourceSettings, dataset: Dataset
-) -> WaypointSource:
-    if not settings.record:
-        return source
-    return RecordingSource(source, TranscriptWriter(settings.record), dataset)
-
-
 SOURCES: dict[str, Callable[[SourceSettings, Dataset], WaypointSource]] = {
-    'none': _none,
-    'embedded': _embedded,
-    'replay': _replay,
-    'endpoint': _endpoint,
-    **dict.fromkeys(ablation_sources(), _ablation),
+    'none': lambda settings, dataset: NoSource(),  # noqa: ARG005
+    'embedded': make_embedded_source,
+    'replay': make_replay_source,
+    'endpoint': make_endpoint_source,
+    **dict.fromkeys(
+        ablation_sources(),
+        lambda settings, dataset: ablation_sources()[settings.source],  # noqa: ARG005
+    ),
 }

@@ -1,16 +1,29 @@
-"""A source that answers with one given reply: to try a model's words, or one's own."""
+"""Sources whose reply does not depend on the query: none at all, or a given text."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from llm_astar_planner.waypoints.llm.answer import read_answer
-from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply
+from llm_astar_planner.waypoints.llm.source import read_answer
+from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
+
+
+class NoSource:
+    """Returns no waypoints."""
+
+    name = 'none'
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:  # noqa: ARG002 - the protocol
+        """Return no waypoints."""
+        return WaypointReply(label='none', status=SourceStatus.NONE)
 
 
 @dataclass(frozen=True)
 class FixedReply:
-    """Answers every query with `text`; its points count from `offset`, the map's minimum."""
+    """Answers every query with the points in `text`, for example to try out a model's answer.
+
+    `offset` is the lattice point of cell (0, 0), which is subtracted from every point.
+    """
 
     text: str
     offset: tuple[int, int] = (0, 0)

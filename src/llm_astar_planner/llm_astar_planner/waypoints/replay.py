@@ -1,4 +1,4 @@
-"""Answer from a recorded transcript: no endpoint, no cost, the same words every time."""
+"""Answer from a recorded transcript: no endpoint, no cost, and the same words every time."""
 
 from __future__ import annotations
 
@@ -6,28 +6,30 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
-from llm_astar_planner.waypoints.instruction_outcome import FOLLOWED
-from llm_astar_planner.waypoints.llm.answer import Answer, read_answer
-from llm_astar_planner.waypoints.prompts.lattice import Lattice
-from llm_astar_planner.waypoints.sample_key import SampleResolver, live_key
+from llm_astar_planner.waypoints.llm.source import Answer, read_answer
+from llm_astar_planner.waypoints.prompts.map_description import Lattice
 from llm_astar_planner.waypoints.source import (
+    FOLLOWED,
     SampleKey,
     SourceStatus,
     WaypointQuery,
     WaypointReply,
 )
-from llm_astar_planner.waypoints.transcript import Exchange, read_transcript
+from llm_astar_planner.waypoints.transcript import Exchange, SampleResolver, read_transcript
 
 NOT_RECORDED = 'replay: the recording was made without this instruction'
 
 
-class ReplayError(ValueError):
-    """A transcript does not say which exchanges to replay; the message lists what it holds."""
+class ReplayError(LlmAstarError, ValueError):
+    """It is not clear which exchanges to replay; the message lists what the transcript holds."""
 
 
-class _Key(NamedTuple):
+class ExchangeKey(NamedTuple):
+    """What a replay looks an exchange up by."""
+
     sample: SampleKey
     model: str
     prompt: str
@@ -35,10 +37,10 @@ class _Key(NamedTuple):
 
 
 class ReplaySource:
-    """Waypoints from a transcript, looked up by (map, pair, scale, model, prompt) and the wish.
+    """Waypoints from a transcript, found by map, pair, scale, model, prompt and instruction.
 
-    Of several exchanges with one key, the last that was answered counts. Where a wish was not
-    recorded, the answer without it is taken.
+    Of several exchanges with one key, the last that has an answer counts. Where the query's
+    instruction was not recorded, the answer without an instruction is taken.
     """
 
     name = 'replay'
@@ -52,25 +54,29 @@ class ReplaySource:
     ) -> None:
         """Read the transcript at `path`. Thread-safe afterwards: nothing changes.
 
-        `model` and `prompt` may be empty where the transcript holds just one. `dataset` lets
-        queries without a sample be recognised by their cells.
-        Raises TranscriptError for a malformed file, ReplayError for an open or unknown choice.
+        `model` and `prompt` may be empty where the transcript holds only one. `dataset` lets
+        queries without a sample be recognised by their map's cells.
+        Raises TranscriptError for a malformed file, ReplayError for an ambiguous or unknown
+        model and prompt.
         """
         self._path = Path(path)
         exchanges = read_transcript(self._path)
         self.model, self.prompt = self._choose(exchanges, model, prompt)
         self._resolver = SampleResolver(dataset)
-        self._exchanges: dict[_Key, Exchange] = {}
+        self._exchanges: dict[ExchangeKey, Exchange] = {}
         for exchange in exchanges:
-            key = _Key(exchange.sample, exchange.model, exchange.prompt, exchange.instruction)
+            key = ExchangeKey(
+                exchange.sample, exchange.model, exchange.prompt, exchange.instruction
+            )
             if exchange.response or key not in self._exchanges:
                 self._exchanges[key] = exchange
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the recorded answer in grid coordinates; MISSING where there is none."""
-        exchange, lattice = self._find(query)
+        sample, lattice = self._resolver.resolve(query)
+        exchange, lattice = self._find(query, sample, lattice)
         if exchange is None:
-            return self._missing(query)
+            return self._missing(query, sample)
         answer = read_answer(exchange.response)
         if not exchange.response:
             detail = f'recorded without an answer: {exchange.status.value}'
@@ -80,7 +86,7 @@ class ReplaySource:
             )
         return WaypointReply(
             waypoints=lattice.coarsened(exchange.unit).to_cells(
-                answer.waypoints, query.grid_map, (query.start, query.goal)
+                answer.waypoints, query.costmap, (query.start, query.goal)
             ),
             label=f'replay:{self.model}',
             status=answer.status,
@@ -91,25 +97,27 @@ class ReplaySource:
             prompt_tokens=exchange.prompt_tokens,
             completion_tokens=exchange.completion_tokens,
             seconds=exchange.seconds,
-            instruction=_outcome(query, exchange, answer),
+            instruction=replayed_instruction(query, exchange, answer),
         )
 
-    def _find(self, query: WaypointQuery) -> tuple[Exchange | None, Lattice]:
+    def _find(
+        self, query: WaypointQuery, sample: SampleKey, lattice: Lattice
+    ) -> tuple[Exchange | None, Lattice]:
         """Return the exchange recorded for a query, and the lattice of its points.
 
-        One with the query's own wish comes before one without any. A dataset's sample may have
-        been asked about live, by its cells.
+        An exchange with the query's own instruction is preferred to one without. An exchange
+        about a sample of the dataset may have been recorded live, under the key of its cells.
         """
-        places = (self._resolver.resolve(query), (live_key(query), Lattice()))
         for instruction in (query.instruction, ''):
-            for sample, lattice in places:
-                key = _Key(sample, self.model, self.prompt, instruction)
-                if key in self._exchanges:
-                    return self._exchanges[key], lattice
+            for key, own in ((sample, lattice), (query.live_key, Lattice())):
+                exchange = self._exchanges.get(
+                    ExchangeKey(key, self.model, self.prompt, instruction)
+                )
+                if exchange is not None:
+                    return exchange, own
         return None, Lattice()
 
-    def _missing(self, query: WaypointQuery) -> WaypointReply:
-        sample, _ = self._resolver.resolve(query)
+    def _missing(self, query: WaypointQuery, sample: SampleKey) -> WaypointReply:
         return WaypointReply(
             label=f'replay:{self.model}',
             status=SourceStatus.MISSING,
@@ -121,7 +129,7 @@ class ReplaySource:
         )
 
     def _choose(self, exchanges: list[Exchange], model: str, prompt: str) -> tuple[str, str]:
-        """Return the one (model, prompt) that fits what was asked for."""
+        """Return the only (model, prompt) of the transcript that fits the given ones."""
         held = sorted({(exchange.model, exchange.prompt) for exchange in exchanges})
         fitting = [
             (held_model, held_prompt)
@@ -136,8 +144,8 @@ class ReplaySource:
         raise ReplayError(f'{self._path}: {asked} {problem}; it holds: {listing}')
 
 
-def _outcome(query: WaypointQuery, exchange: Exchange, answer: Answer) -> str:
-    """Say what became of the wish, '' where none was made."""
+def replayed_instruction(query: WaypointQuery, exchange: Exchange, answer: Answer) -> str:
+    """Return what became of the query's instruction, '' where it has none."""
     if not query.instruction:
         return ''
     if exchange.instruction != query.instruction:

@@ -1,51 +1,65 @@
-"""The protocol of waypoint sources and the plain values it trades in."""
+"""The WaypointSource protocol, and the plain values that sources receive and return."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import hashlib
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple, Protocol
 
+import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.prompts.message import Message
 
 Waypoint = tuple[float, float]
+# `WaypointReply.instruction` of a reply whose waypoints follow the query's instruction.
+FOLLOWED = 'followed'
 
 
 class SampleKey(NamedTuple):
-    """Which benchmark sample a request is: map id, index of the pair, scale of the map."""
+    """Identifies a benchmark sample: map id, index of the start-goal pair, scale of the map."""
 
     map: int | str
     pair: int | str
     scale: int = 1
 
 
+class Message(NamedTuple):
+    """One message of a chat: its role (`system`, `user` or `assistant`) and its text."""
+
+    role: str
+    content: str
+
+
 class SourceStatus(str, Enum):
-    """How asking for waypoints went."""
+    """Outcome of a query to a waypoint source."""
 
     OK = 'OK'
-    NONE = 'NONE'  # no source was asked
-    NO_WAYPOINTS = 'NO_WAYPOINTS'  # it answered, but with none
+    NONE = 'NONE'  # no source was queried
+    NO_WAYPOINTS = 'NO_WAYPOINTS'  # the answer is an empty list
     NOT_CONFIGURED = 'NOT_CONFIGURED'
     UNREACHABLE = 'UNREACHABLE'
     TIMEOUT = 'TIMEOUT'
     AUTH = 'AUTH'
-    MALFORMED = 'MALFORMED'  # it answered, but not with a list of points
-    MISSING = 'MISSING'  # a replay without this exchange
-    REFUSED = 'REFUSED'  # a limit or the endpoint said no
+    MALFORMED = 'MALFORMED'  # the answer holds no list of points
+    MISSING = 'MISSING'  # the replayed transcript has no such exchange
+    REFUSED = 'REFUSED'  # a limit of ours, or the endpoint, refused the request
     ERROR = 'ERROR'
-    LATE = 'LATE'  # the search was done before it answered
+    LATE = 'LATE'  # the search finished before the answer came
+
+
+# Statuses of a source that did answer, or that was not asked to.
+_ANSWERED = (SourceStatus.OK, SourceStatus.NONE, SourceStatus.NO_WAYPOINTS)
 
 
 @dataclass(frozen=True)
 class WaypointQuery:
-    """One question to a source: a path from start to goal, both cells (x, y), on a costmap.
+    """A query to a source: a path from start to goal, both cells (x, y), on a costmap.
 
     A source may use the cells that the costmap leaves free, the same as the search.
-    `time_limit` is how many seconds the answer may take. `sample` names the benchmark sample,
-    where there is one. `instruction` is the caller's wish in plain language, '' for none.
+    `time_limit` is how many seconds the answer may take. `sample` names the benchmark sample, if
+    it is one. `instruction` is the caller's instruction in plain language, '' for none.
     """
 
     costmap: Costmap
@@ -60,16 +74,27 @@ class WaypointQuery:
         """The map that the costmap was made from."""
         return self.costmap.grid_map
 
+    @property
+    def live_key(self) -> SampleKey:
+        """Key of the query without a dataset: the map's digest, and `x0,y0->x1,y1` in cells."""
+        (x0, y0), (x1, y1) = self.start, self.goal
+        return SampleKey(self.grid_map.digest, f'{x0},{y0}->{x1},{y1}', 1)
+
+    def random_generator(self, salt: str = '') -> np.random.Generator:
+        """Return a generator seeded by `salt`, map, start and goal: the same for equal queries."""
+        seed = f'{salt} {self.grid_map.digest} {self.start} {self.goal}'.lstrip()
+        return np.random.default_rng(list(hashlib.sha256(seed.encode()).digest()))
+
 
 @dataclass(frozen=True)
 class WaypointReply:
-    """What a source answered: waypoints in grid coordinates (x, y), as it gave them, unjudged.
+    """A source's reply: waypoints (x, y) in grid coordinates, not yet checked.
 
-    `label` says who answered, such as `replay:gpt-3.5` or `none`. `text` is the raw reply,
-    bounded; `detail` a sentence on what went wrong, if anything did. `messages` is what the model
-    was asked, last of all; `unit` how many cells one step of its coordinates was.
-    `instruction` is `followed` where the waypoints answer the wish, else why it was ignored; ''
-    where none was made.
+    `label` says who answered, such as `replay:gpt-3.5` or `none`. `text` is the raw answer,
+    bounded in length; `detail` is a sentence on what went wrong, '' if nothing did. `messages`
+    are those that led to the answer; `unit` is the lattice step of its coordinates in cells.
+    `instruction` is `followed` where the waypoints follow the query's instruction, else the
+    reason why it was ignored; '' where the query had none.
     """
 
     waypoints: tuple[Waypoint, ...] = ()
@@ -86,12 +111,27 @@ class WaypointReply:
     unit: int = 1
     instruction: str = ''
 
+    def with_instruction_outcome(self, query: WaypointQuery, source: str) -> WaypointReply:
+        """Return this reply with `instruction` set, for sources that leave it empty.
+
+        A source that does not say what became of an instruction cannot read instructions.
+        """
+        if not query.instruction:
+            outcome = ''
+        elif self.instruction:
+            outcome = self.instruction
+        elif self.status in _ANSWERED:
+            outcome = f'source {source} cannot read instructions'
+        else:
+            outcome = f'source {source} gave no answer: {self.status.value}'
+        return self if outcome == self.instruction else replace(self, instruction=outcome)
+
 
 class WaypointSource(Protocol):
-    """Anything that can be asked for waypoints.
+    """Anything that can be queried for waypoints.
 
-    `waypoints` never raises for what the outside world does: a failure is a reply with its
-    status and no waypoints. It returns within `query.time_limit`.
+    `waypoints` does not raise for failures outside the program (network, endpoint, files): it
+    returns a reply with a status and no waypoints. It returns within `query.time_limit`.
     """
 
     @property
@@ -99,4 +139,4 @@ class WaypointSource(Protocol):
         """The kind of source: `none`, `replay`, `endpoint`, `embedded`, ..."""
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Ask for waypoints. Thread-safe."""
+        """Return waypoints for a query. Thread-safe."""

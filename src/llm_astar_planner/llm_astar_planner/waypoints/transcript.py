@@ -1,37 +1,54 @@
-"""Transcripts: JSON Lines, one exchange with a model a line, appended and read back.
+"""Transcripts: exchanges with a model as JSON Lines; read, written, and recorded from a source.
 
 A line holds `map, pair, scale, model, prompt, messages, response, prompt_tokens,
-completion_tokens, seconds, status`. The coordinates are the lattice coordinates of the map;
-where a big map was described on a coarser lattice, `unit` says how many cells one step is, and
-where the question came with a wish in plain language, `instruction` is that wish.
+completion_tokens, seconds, status`. Coordinates in it are the map's lattice coordinates. Where a
+big map was described on a coarser lattice, `unit` is its step in cells; where the query had an
+instruction, `instruction` is its text.
 """
 
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import logging
 import os
 import threading
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from llm_astar_planner.waypoints.prompts.message import Message
-from llm_astar_planner.waypoints.source import SampleKey, SourceStatus
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+
+from llm_astar_planner.waypoints.prompts.map_description import Lattice
+from llm_astar_planner.waypoints.source import (
+    Message,
+    SampleKey,
+    SourceStatus,
+    WaypointQuery,
+    WaypointReply,
+    WaypointSource,
+)
 
 _LOG = logging.getLogger(__name__)
+# The paper scales its maps by up to 10; searching more scales would only cost time.
+MAX_SCALE = 10
+# Replies with these statuses come from no model, so there is nothing to record.
+_NOT_ASKED = (SourceStatus.NONE, SourceStatus.NOT_CONFIGURED, SourceStatus.MISSING)
 
 
-class TranscriptError(ValueError):
-    """A transcript that cannot be used; the message names the file, the line and the field."""
+class TranscriptError(LlmAstarError, ValueError):
+    """A transcript cannot be used; the message names the file, the line and the field."""
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """One question to a model and its answer.
+    """One query to a model and its answer.
 
-    `map` is a map id of a dataset, or the digest of a live grid; `pair` the index of the
+    `map` is a map id of a dataset, or the digest of a live grid; `pair` is the index of the
     start-goal pair, or `x0,y0->x1,y1` in cells. `response` is the text as the model wrote it.
     """
 
@@ -51,7 +68,7 @@ class Exchange:
 
     @property
     def sample(self) -> SampleKey:
-        """Which sample it was asked for."""
+        """The sample that the query was about."""
         return SampleKey(self.map, self.pair, self.scale)
 
     def to_json(self) -> dict[str, Any]:
@@ -84,8 +101,8 @@ _FIELDS: dict[str, tuple[type, ...]] = {
 def read_transcript(path: str | Path) -> list[Exchange]:
     """Read every exchange of a transcript, in the order they were recorded.
 
-    A last line without its line end that does not parse was cut off while it was written: it is
-    left out with a logged warning. Raises TranscriptError for anything else that is malformed.
+    A last line that has no line end and does not parse was cut off while it was written: it is
+    skipped with a logged warning. Raises TranscriptError for anything else that is malformed.
     """
     path = Path(path)
     try:
@@ -102,7 +119,7 @@ def read_transcript(path: str | Path) -> list[Exchange]:
             record = json.loads(line)
         except (ValueError, RecursionError) as error:
             if number == len(lines):
-                _LOG.warning('%s: cut off while it was written; left out', where)
+                _LOG.warning('%s: cut off while it was written; skipped', where)
                 continue
             raise TranscriptError(f'{where}: not JSON: {error}') from None
         exchanges.append(parse_exchange(record, where))
@@ -116,15 +133,15 @@ def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
     for name, types in _FIELDS.items():
         if name not in record:
             raise TranscriptError(f'{where}: {name}: is missing')
-        _check(record[name], types, f'{where}: {name}')
+        check_type(record[name], types, f'{where}: {name}')
     unit = record.get('unit', 1)
-    _check(unit, (int,), f'{where}: unit')
+    check_type(unit, (int,), f'{where}: unit')
     for name, value in (('scale', record['scale']), ('unit', unit)):
         if value < 1:
             raise TranscriptError(f'{where}: {name}: {value} is not 1 or more')
     values = {name: record[name] for name in _FIELDS}
     values['messages'] = tuple(
-        _message(message, f'{where}: messages[{index}]')
+        parse_message(message, f'{where}: messages[{index}]')
         for index, message in enumerate(record['messages'])
     )
     try:
@@ -134,29 +151,31 @@ def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
         message = f'{where}: status: {record["status"]!r} is none of {known}'
         raise TranscriptError(message) from None
     instruction = record.get('instruction', '')
-    _check(instruction, (str,), f'{where}: instruction')
+    check_type(instruction, (str,), f'{where}: instruction')
     return Exchange(**values, unit=unit, instruction=instruction)
 
 
-def _check(value: object, types: tuple[type, ...], name: str) -> None:
+def check_type(value: object, types: tuple[type, ...], name: str) -> None:
+    """Raise TranscriptError where a JSON value has none of the types; true is not a number."""
     if isinstance(value, bool) or not isinstance(value, types):
         expected = ' or '.join(kind.__name__ for kind in types)
         raise TranscriptError(f'{name}: {expected} is expected, not {str(value)[:60]!r}')
 
 
-def _message(value: object, name: str) -> Message:
+def parse_message(value: object, name: str) -> Message:
+    """Validate one message of a chat. Raises TranscriptError that begins with `name`."""
     if not isinstance(value, dict):
         raise TranscriptError(f'{name}: an object is expected, not {str(value)[:60]!r}')
     for field in ('role', 'content'):
-        _check(value.get(field), (str,), f'{name}: {field}')
+        check_type(value.get(field), (str,), f'{name}: {field}')
     return Message(value['role'], value['content'])
 
 
 class TranscriptWriter:
-    """Append exchanges to a transcript; each is on disk before `write` returns. Thread-safe."""
+    """Appends exchanges to a transcript; each is on disk before `write` returns. Thread-safe."""
 
     def __init__(self, path: str | Path) -> None:
-        """Append to `path`; a cut-off last line is removed, so that the rest stays good.
+        """Open `path` for appending, after removing a last line that was cut off.
 
         Raises TranscriptError where the file cannot be written.
         """
@@ -164,7 +183,7 @@ class TranscriptWriter:
         self._lock = threading.Lock()
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            _end_last_line(self.path)
+            repair_last_line(self.path)
             with self.path.open('a', encoding='utf-8'):
                 pass
         except OSError as error:
@@ -173,8 +192,9 @@ class TranscriptWriter:
     def write(self, exchange: Exchange) -> None:
         """Append one exchange, whole or not at all. Raises OSError where the disk refuses it."""
         line = json.dumps(exchange.to_json(), allow_nan=False).encode() + b'\n'
-        # Opened anew for each: answers are rare, and no file is left open by a source replaced.
-        # Without a buffer it is one write, which another process's line cannot part.
+        # The file is opened for each write: answers are rare, and a source that is replaced
+        # leaves no open file behind. An unbuffered write is one system call, so lines of
+        # several processes do not mix.
         with self._lock, self.path.open('ab', buffering=0) as file:
             end = file.tell()
             if file.write(line) != len(line):
@@ -182,8 +202,8 @@ class TranscriptWriter:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def _end_last_line(path: Path) -> None:
-    """Make the file end with a line end: finish a whole last line, remove a cut-off one."""
+def repair_last_line(path: Path) -> None:
+    """Make a file end with a line end: complete a whole last line, remove a cut-off one."""
     if not path.exists():
         return
     data = path.read_bytes()
@@ -198,3 +218,112 @@ def _end_last_line(path: Path) -> None:
     else:
         with path.open('ab') as file:
             file.write(b'\n')
+
+
+class SampleResolver:
+    """Finds the dataset's map and pair of a query by the map's cells, at any resolution."""
+
+    def __init__(self, dataset: Sequence[BarrierMap] | None = None) -> None:
+        """Take the maps to search; there may be none."""
+        self._maps = tuple(dataset or ())
+        self._indices: dict[int, dict[str, BarrierMap]] = {}
+
+    def resolve(self, query: WaypointQuery) -> tuple[SampleKey, Lattice]:
+        """Return the key of a query and the lattice its coordinates are recorded in.
+
+        The key is the query's own sample, else the dataset's, else the live key, which goes with
+        the lattice of the cells.
+        """
+        found = self._find(query.grid_map)
+        if query.sample is not None:
+            return query.sample, found[1] if found else lattice_of(query.grid_map)
+        if found is not None:
+            barrier_map, lattice, scale = found
+            for index, sample in enumerate(barrier_map.samples):
+                cells = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
+                if cells == (tuple(query.start), tuple(query.goal)):
+                    return SampleKey(barrier_map.id, index, scale), lattice
+        return query.live_key, Lattice()
+
+    def _find(self, grid_map: GridMap) -> tuple[BarrierMap, Lattice, int] | None:
+        """Return the scaled barrier map with exactly these cells, its lattice and its scale."""
+        digest = cells_digest(grid_map)
+        sizes = {
+            (item.range_x[1] - item.range_x[0], item.range_y[1] - item.range_y[0])
+            for item in self._maps
+        }
+        for scale in range(1, MAX_SCALE + 1):
+            if (grid_map.width, grid_map.height) not in {(w * scale, h * scale) for w, h in sizes}:
+                continue
+            if scale not in self._indices:
+                scaled = [barrier_map.scale(scale) for barrier_map in self._maps]
+                self._indices[scale] = {cells_digest(item.to_grid()): item for item in scaled}
+            found = self._indices[scale].get(digest)
+            if found is not None:
+                return found, Lattice(found.range_x[0], found.range_y[0]), scale
+        return None
+
+
+def lattice_of(grid_map: GridMap) -> Lattice:
+    """Return the lattice of a grid that was made from a barrier map; (0, 0) for other grids.
+
+    A barrier map puts lattice point (x, y) at (x, y) * resolution.
+    """
+    offsets = [value / grid_map.resolution + 0.5 for value in grid_map.origin[:2]]
+    if grid_map.origin.yaw != 0.0 or any(abs(v - round(v)) > 1e-6 for v in offsets):
+        return Lattice()
+    return Lattice(round(offsets[0]), round(offsets[1]))
+
+
+def cells_digest(grid_map: GridMap) -> str:
+    """Return a digest of the occupied cells alone: the same at any resolution and origin."""
+    occupied = grid_map.blocked()
+    return hashlib.sha256(str(occupied.shape).encode() + occupied.tobytes()).hexdigest()
+
+
+class RecordingSource:
+    """Passes queries on to a source and writes each exchange to a transcript, for replays."""
+
+    def __init__(
+        self,
+        inner: WaypointSource,
+        writer: TranscriptWriter,
+        dataset: Sequence[BarrierMap] | None = None,
+    ) -> None:
+        """Wrap `inner`. `dataset` lets exchanges be keyed by its map ids and pairs."""
+        self.inner = inner
+        self._writer = writer
+        self._resolver = SampleResolver(dataset)
+
+    @property
+    def name(self) -> str:
+        """The name of the wrapped source."""
+        return self.inner.name
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Query and record. A failed write is logged; the reply is returned all the same."""
+        reply = self.inner.waypoints(query)
+        if reply.status not in _NOT_ASKED:
+            try:
+                self._writer.write(self._exchange(query, reply))
+            except (OSError, ValueError) as error:
+                _LOG.warning('%s: cannot be written: %s', self._writer.path, error)
+        return reply
+
+    def _exchange(self, query: WaypointQuery, reply: WaypointReply) -> Exchange:
+        sample, _ = self._resolver.resolve(query)
+        return Exchange(
+            map=sample.map,
+            pair=sample.pair,
+            scale=sample.scale,
+            model=reply.model,
+            prompt=reply.prompt,
+            messages=reply.messages,
+            response=reply.text,
+            prompt_tokens=reply.prompt_tokens,
+            completion_tokens=reply.completion_tokens,
+            seconds=reply.seconds,
+            status=reply.status,
+            unit=reply.unit,
+            instruction=query.instruction,
+        )

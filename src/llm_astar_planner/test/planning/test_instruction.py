@@ -17,8 +17,7 @@ from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import SOURCES, make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
-from llm_astar_planner.waypoints.instruction_outcome import FOLLOWED
-from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
+from llm_astar_planner.waypoints.source import FOLLOWED, SourceStatus, WaypointReply
 
 CELLS = np.zeros((21, 31), dtype=np.int8)
 CELLS[10, 5:26] = 100

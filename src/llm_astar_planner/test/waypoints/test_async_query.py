@@ -10,7 +10,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.stop import no_stop
-from llm_astar_planner.waypoints.async_query import ask
+from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 LONG = 60.0
@@ -86,7 +86,7 @@ def test_whatever_a_source_does_there_is_a_path_in_time(source, method, waiting)
 
 @pytest.mark.parametrize('source', [hang], indirect=True)
 def test_a_source_that_hangs_is_left_behind_at_its_time_limit(source):
-    reply, seconds = ask(source, WaypointQuery(PLANNER.costmap, (1, 1), (2, 2), 0.05))
+    reply, seconds = query_source(source, WaypointQuery(PLANNER.costmap, (1, 1), (2, 2), 0.05))
     assert reply.status is SourceStatus.TIMEOUT
     assert 'fake' in reply.detail
     assert seconds < LONG / 2
@@ -109,6 +109,6 @@ def test_a_cancel_ends_the_waiting_for_waypoints(source, method):
 
 def test_of_any_number_of_waypoints_only_the_first_thousand_are_taken():
     query = WaypointQuery(Costmap(GridMap(CELLS)), (2, 2), (55, 3), LONG)
-    reply, _ = ask(Source(babble), query)
+    reply, _ = query_source(Source(babble), query)
     assert reply.waypoints == babble(None, query).waypoints[:1000]
     assert reply.detail == 'chatty; only the first 1000 of 100000 waypoints are taken'

@@ -11,7 +11,6 @@ from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, load_ba
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.benchmark.datasets.generate import generate
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.search.visibility import walls_of
 from llm_astar_planner.waypoints.baselines import (
     RandomSource,
     ablation_sources,
@@ -21,8 +20,8 @@ from llm_astar_planner.waypoints.baselines import (
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus, WaypointQuery
 
 # One barrier from the left wall: the only way from below to above is round its right end.
-HALL = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 25),)).to_grid()
-ROUND = WaypointQuery(Costmap(HALL), (5, 5), (5, 15))
+HALL = Costmap(BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 25),)).to_grid())
+ROUND = WaypointQuery(HALL, (5, 5), (5, 15))
 
 
 def test_straight_points_lie_on_the_line_blind_to_barriers():
@@ -38,8 +37,8 @@ def test_the_oracle_turns_at_the_free_cell_beside_the_barrier_s_end():
 
 def test_the_oracle_has_no_waypoints_where_none_are_needed_or_none_help():
     assert shortest_corners(HALL, (5, 5), (40, 5)) == ()
-    cut = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 50),)).to_grid()
-    reply = ablation_sources()['oracle'].waypoints(WaypointQuery(Costmap(cut), (5, 5), (5, 15)))
+    cut = Costmap(BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 50),)).to_grid())
+    reply = ablation_sources()['oracle'].waypoints(WaypointQuery(cut, (5, 5), (5, 15)))
     assert reply.status is SourceStatus.NO_WAYPOINTS
     assert any_angle_length(cut, (5, 5), (5, 15)) == float('inf')
 
@@ -53,17 +52,17 @@ def test_every_leg_of_the_oracle_is_a_line_of_sight_also_at_scale_ten():
     for barrier_map in generate(seed=5, maps=3):
         for scale in (1, 10):
             scaled = barrier_map.scale(scale)
-            grid = scaled.to_grid()
+            costmap = Costmap(scaled.to_grid())
             for sample in scaled.samples:
-                corners = shortest_corners(grid, sample.start, sample.goal)
+                corners = shortest_corners(costmap, sample.start, sample.goal)
                 assert corners
-                assert walls_of(grid).clear_along([sample.start, *corners, sample.goal])
+                assert costmap.line_of_sight.clear_along([sample.start, *corners, sample.goal])
 
 
 def test_noise_is_bounded_and_scales_with_the_map():
     source = ablation_sources(seed=1)['noisy']
     corner = np.array(shortest_corners(HALL, ROUND.start, ROUND.goal))
-    scaled = WaypointQuery(Costmap(HALL), ROUND.start, ROUND.goal, sample=SampleKey(0, 0, 10))
+    scaled = WaypointQuery(HALL, ROUND.start, ROUND.goal, sample=SampleKey(0, 0, 10))
     assert np.abs(np.array(source.waypoints(ROUND).waypoints) - corner).max() <= 3
     assert np.abs(np.array(source.waypoints(scaled).waypoints) - corner).max() <= 30
 
@@ -71,7 +70,7 @@ def test_noise_is_bounded_and_scales_with_the_map():
 def test_random_points_are_free_cells_as_many_as_asked():
     reply = RandomSource(seed=2, points=8).waypoints(ROUND)
     assert len(reply.waypoints) == 8
-    assert not any(HALL.blocked()[int(y), int(x)] for x, y in reply.waypoints)
+    assert not any(HALL.blocked[int(y), int(x)] for x, y in reply.waypoints)
 
 
 def test_reversed_is_the_oracle_backwards():
@@ -85,11 +84,13 @@ def test_reversed_is_the_oracle_backwards():
 
 def test_answers_depend_on_the_question_and_the_seed_alone():
     twin = WaypointQuery(
-        Costmap(GridMap(HALL.cells, HALL.resolution, HALL.origin)), (5, 5), (5, 15)
+        Costmap(GridMap(HALL.grid_map.cells, HALL.grid_map.resolution, HALL.grid_map.origin)),
+        (5, 5),
+        (5, 15),
     )
     for name, source in ablation_sources(seed=7).items():
         first = source.waypoints(ROUND)
-        source.waypoints(WaypointQuery(Costmap(HALL), (3, 3), (40, 20)))
+        source.waypoints(WaypointQuery(HALL, (3, 3), (40, 20)))
         assert ablation_sources(seed=7)[name].waypoints(twin) == first
     other = ablation_sources(seed=8)
     assert other['random'].waypoints(ROUND) != ablation_sources(seed=7)['random'].waypoints(ROUND)
@@ -99,7 +100,9 @@ def test_answers_depend_on_the_question_and_the_seed_alone():
 def test_the_oracle_agrees_with_the_reference_lengths():
     """All but 3 % agree; those pass a gap of one cell that no move on the lattice can take."""
     folder = Path(os.environ['LLM_ASTAR_REFERENCE'])
-    maps = {m.id: m.to_grid() for m in load_barrier_maps(folder / 'barrier_maps_00_49.json')}
+    maps = {
+        m.id: Costmap(m.to_grid()) for m in load_barrier_maps(folder / 'barrier_maps_00_49.json')
+    }
     with gzip.open(folder / 'golden_maps_00_49.json.gz') as file:
         records = json.load(file)['records']
     agree = [

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints import cache
 from llm_astar_planner.waypoints.cache import CachedSource
@@ -57,7 +58,8 @@ def test_another_question_is_another_call():
         QUERY,
         replace(QUERY, start=(6, 5)),
         replace(QUERY, goal=(6, 5)),
-        replace(QUERY, grid_map=other_map),
+        replace(QUERY, costmap=Costmap(other_map)),
+        replace(QUERY, costmap=Costmap(QUERY.grid_map, CostmapConfig(occupied_threshold=99))),
         replace(QUERY, sample=SampleKey(0, 0)),
     )
     for query in variants * 2:

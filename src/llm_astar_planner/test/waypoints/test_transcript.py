@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.none import NoSource
-from llm_astar_planner.waypoints.prompts.message import Message
-from llm_astar_planner.waypoints.recording import RecordingSource
-from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
+from llm_astar_planner.waypoints.fixed import NoSource
+from llm_astar_planner.waypoints.source import Message, SourceStatus, WaypointQuery, WaypointReply
 from llm_astar_planner.waypoints.transcript import (
     Exchange,
+    RecordingSource,
     TranscriptError,
     TranscriptWriter,
     read_transcript,

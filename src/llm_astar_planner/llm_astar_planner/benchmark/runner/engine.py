@@ -26,7 +26,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
 from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS, compile_kernels
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.async_query import ask
+from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,
@@ -165,7 +165,7 @@ def run_task(task: Task) -> list[Outcome]:
         if source is not None and index not in replies:
             asked = key if task.is_sample else None
             query = WaypointQuery(planner.costmap, *ends, task.settings.time_limit, asked)
-            replies[index] = ask(source, query)
+            replies[index] = query_source(source, query)
         reply, seconds = replies.get(index, (NOT_ASKED, 0.0))
         outcome = _run_case(planner, key, ends, case, reply=reply, settings=task.settings)
         row = replace(outcome.row, seconds_source=seconds, **known)

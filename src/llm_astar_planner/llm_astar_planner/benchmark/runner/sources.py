@@ -8,7 +8,9 @@ from dataclasses import replace
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 
+from llm_astar_planner.benchmark.datasets.grids import GRID_RULES
 from llm_astar_planner.benchmark.runner.engine import Asker
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import ablation_sources, visibility_problem
 from llm_astar_planner.waypoints.config import (
     DEFAULT_PROMPT,
@@ -71,7 +73,7 @@ def check_grid_run(problem: GridProblem, scales: Sequence[int], names: Sequence[
     for scale in scales:
         problem.scale(scale)
     slow = [name for name in names if name in ablation_sources() and name not in GRID_ABLATIONS]
-    reason = visibility_problem(problem.to_grid()) if slow else ''
+    reason = visibility_problem(Costmap(problem.to_grid(), GRID_RULES)) if slow else None
     if reason:
         message = f'--source {",".join(slow)}: {reason}'
         raise ValueError(message)

@@ -1,7 +1,7 @@
 """The embedded waypoint network's forward pass in numpy, float32, and its weights file.
 
-The same arithmetic as `training/llm_astar_training/network.py` in torch; a test holds the two
-together. Not a language model: a small transformer over a map's barrier ends.
+The arithmetic is that of `training/llm_astar_training/network.py` in torch; a test compares the
+two. It is no language model but a small transformer over a map's barrier ends.
 """
 
 from __future__ import annotations
@@ -18,29 +18,30 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from numpy.typing import NDArray
 
 from llm_astar_planner.waypoints.learned.features import Features, Floats
 
 try:
     from threadpoolctl import ThreadpoolController
-except ImportError:  # pip brings it, but rosdep has no key for it
+except ImportError:  # pip installs it, but rosdep has no key for it
     ThreadpoolController = None
 
 WEIGHTS_FILE = 'weights.npz'
 FORMAT = 1
 _EPSILON = np.float32(1e-5)
-# The limit is the process's own, so one pass at a time sets it and puts it back.
+# The limit on BLAS threads is per process, so only one pass at a time may set and restore it.
 _ONE_PASS = threading.Lock()
 
 
-class WeightsError(ValueError):
-    """A weights file that is not one; the message names the file and what is wrong."""
+class WeightsError(LlmAstarError, ValueError):
+    """A weights file cannot be used; the message names the file and what is wrong."""
 
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """The weights by their torch names, the sizes of the network and the file's digest."""
+    """The weights by their names in torch, the sizes of the network and the file's digest."""
 
     arrays: Mapping[str, Floats]
     shape: Mapping[str, int]
@@ -68,13 +69,13 @@ class Weights:
 
 @lru_cache(maxsize=1)
 def packaged_weights() -> Weights:
-    """Return the weights that come with the package, read once."""
+    """Return the weights shipped with the package, read once."""
     data = (files('llm_astar_planner.waypoints.learned') / WEIGHTS_FILE).read_bytes()
     return read_weights(data, WEIGHTS_FILE)
 
 
 def read_weights(data: bytes, name: str = 'weights') -> Weights:
-    """Read what `llm_astar_training.export` wrote. Raises WeightsError."""
+    """Read a file that `llm_astar_training.export` wrote. Raises WeightsError."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as held:
             header = json.loads(held['header'].tobytes())
@@ -87,42 +88,44 @@ def read_weights(data: bytes, name: str = 'weights') -> Weights:
 
 
 def hop_logits(weights: Weights, features: Features) -> Floats:
-    """Return [n, N, N]: how likely, as a logit, the next hop from node i is node j.
+    """Return logits [n, N, N] that the next hop from node i is node j.
 
-    Runs on one core: matrices so small lose tenfold to the threads of a BLAS on a busy machine.
+    Runs on one core: on a busy machine, BLAS threads make matrices this small ten times slower.
     """
     if ThreadpoolController is None:
-        return _forward(weights, features)
-    with _ONE_PASS, _blas().limit(limits=1, user_api='blas'):
-        return _forward(weights, features)
+        return forward(weights, features)
+    with _ONE_PASS, blas_controller().limit(limits=1, user_api='blas'):
+        return forward(weights, features)
 
 
 @lru_cache(maxsize=1)
-def _blas() -> Any:  # noqa: ANN401 - a class that may not be there
+def blas_controller() -> Any:  # noqa: ANN401 - a class that may be missing
+    """Return the controller of the BLAS threads, made once."""
     return ThreadpoolController()
 
 
-def _forward(weights: Weights, features: Features) -> Floats:
-    edge = _edges(weights, features)
-    x = weights.linear('enter_out', _relu(weights.linear('enter', features.nodes)))
+def forward(weights: Weights, features: Features) -> Floats:
+    """Return the logits [n, N, N] of the next hops."""
+    edge = edge_features(weights, features)
+    x = weights.linear('enter_out', relu(weights.linear('enter', features.nodes)))
     for layer in range(weights.shape['layers']):
-        x = _layer(weights, f'layers.{layer}', x, edge)
+        x = apply_layer(weights, f'layers.{layer}', x, edge)
     x = weights.norm('norm', x)
     query, key = weights.linear('query', x), weights.linear('key', x)
     logits = query @ key.swapaxes(1, 2) * np.float32(x.shape[-1] ** -0.5)
     pair = weights.linear('left', x)[:, :, None] + weights.linear('right', x)[:, None]
     pair = pair + weights.linear('across', edge.transpose(0, 2, 3, 1))
-    result: Floats = logits + weights.linear('hop', _relu(pair))[..., 0]
+    result: Floats = logits + weights.linear('hop', relu(pair))[..., 0]
     return result
 
 
-def _edges(weights: Weights, features: Features) -> Floats:
-    """Return what the barriers make of every pair of nodes: [n, edge, N, N]."""
+def edge_features(weights: Weights, features: Features) -> Floats:
+    """Return features of every pair of nodes [n, edge, N, N], summed over the barriers."""
     pairs = features.pairs
     n, nodes, each, _ = features.barriers.shape
     forms, rank = weights.shape['forms'], weights.shape['rank']
     seen = np.concatenate(
-        [_relu(weights.linear('edges.view', features.barriers)), features.barriers], axis=-1
+        [relu(weights.linear('edges.view', features.barriers)), features.barriers], axis=-1
     )
     left, right = (
         weights.linear(f'edges.{side}', seen).reshape(n, nodes, each, forms, rank)
@@ -134,41 +137,43 @@ def _edges(weights: Weights, features: Features) -> Floats:
     met, said = np.empty((n, forms, nodes, nodes), np.float32), np.empty_like(total)
     zeros = np.zeros(total.shape[1:], np.float32)
     bias = zeros + weights.arrays['edges.meet.bias'][:, None]
-    # A barrier at a time and in place: the forms of 30 of them would not fit into the caches.
+    # One barrier at a time and in place: the forms of all 30 would not fit into the CPU cache.
     for k in range(each):
         np.matmul(left[:, k], right[:, k], out=met)
         np.multiply(met, near, out=met)
         np.matmul(weights.arrays['edges.meet.weight'], met.reshape(n, forms, -1), out=said)
         total += np.maximum(np.add(said, bias, out=said), zeros, out=said)
     edge = np.concatenate([total, pairs.reshape(n, -1, nodes * nodes)], axis=1)
-    edge = weights.channels('edges.out', _relu(weights.channels('edges.mix', edge)))
+    edge = weights.channels('edges.out', relu(weights.channels('edges.mix', edge)))
     return edge.reshape(n, -1, nodes, nodes)
 
 
-def _layer(weights: Weights, name: str, x: Floats, edge: Floats) -> Floats:
-    """Attend to the other nodes with a look at the edges, then apply the perceptron."""
+def apply_layer(weights: Weights, name: str, x: Floats, edge: Floats) -> Floats:
+    """Apply one layer: attention over the nodes, biased by the edge features, and the MLP."""
     n, nodes, width = x.shape
     heads = weights.shape['heads']
     qkv = weights.linear(f'{name}.qkv', weights.norm(f'{name}.first', x))
     q, k, v = qkv.reshape(n, nodes, 3, heads, -1).transpose(2, 0, 3, 1, 4)
     bias = weights.channels(f'{name}.bias', edge.reshape(n, -1, nodes * nodes))
     scores = q @ k.swapaxes(-1, -2) * np.float32(q.shape[-1] ** -0.5)
-    attention = _softmax(scores + bias.reshape(n, heads, nodes, nodes))
+    attention = softmax(scores + bias.reshape(n, heads, nodes, nodes))
     heard = (attention @ v).swapaxes(1, 2).reshape(n, nodes, width)
     along = attention.swapaxes(1, 2) @ edge.transpose(0, 2, 3, 1)
     x = x + weights.linear(
         f'{name}.out', np.concatenate([heard, along.reshape(n, nodes, -1)], axis=-1)
     )
-    inner = _relu(weights.linear(f'{name}.up', weights.norm(f'{name}.second', x)))
+    inner = relu(weights.linear(f'{name}.up', weights.norm(f'{name}.second', x)))
     return x + weights.linear(f'{name}.down', inner)
 
 
-def _relu(x: Floats) -> Floats:
-    # With an array of zeros it takes a third of the time that it takes with the number.
+def relu(x: Floats) -> Floats:
+    """Return max(x, 0)."""
+    # An array of zeros makes this three times as fast as the number 0.
     return np.maximum(x, np.zeros(x.shape[-2:], np.float32))
 
 
-def _softmax(x: Floats) -> Floats:
+def softmax(x: Floats) -> Floats:
+    """Return the softmax over the last axis."""
     x = np.exp(x - x.max(axis=-1, keepdims=True))
     result: NDArray[np.float32] = x / x.sum(axis=-1, keepdims=True)
     return result

@@ -1,45 +1,51 @@
-"""The embedded waypoint model: offline waypoints from a learned network, which is not an LLM.
+"""The embedded waypoint model: waypoints from a learned network, offline; it is not an LLM.
 
-It is told what a prompt tells an LLM: the map's size, its barriers, start and goal; no line of
-sight. See docs/embedded-model.md for what it was trained on and where it stops being good.
+The network gets what a prompt tells an LLM: the map's size, its barriers, start and goal, but no
+lines of sight. docs/embedded-model.md describes its training data and its limits.
 """
 
 from __future__ import annotations
 
-import hashlib
+import threading
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
+from cachetools import LRUCache, cached
 from llm_astar_msgs_adapter.maps.barrier_decomposition import decompose_barriers
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 
-from llm_astar_planner.search.visibility import walls_of
-from llm_astar_planner.waypoints.learned.decoding import (
-    Route,
-    best_route,
-    draw_routes,
-    usable_nodes,
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.search.visibility import LineOfSightChecker
+from llm_astar_planner.waypoints.learned.features import (
+    GOAL,
+    START,
+    Floats,
+    featurise,
+    place_nodes,
 )
-from llm_astar_planner.waypoints.learned.features import featurise, place_nodes
 from llm_astar_planner.waypoints.learned.network import hop_logits, packaged_weights
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
-# The most barriers it was trained on; a map of more is summarised by so many.
+# A route is a list of node numbers, START first and GOAL last.
+Route = tuple[int, ...]
+# The most barriers in the training data; a map with more is approximated by this many.
 MAX_BARRIERS = 30
-# A map of 4000 x 4000 cells takes 16 MB, and as much again for which of them are blocked.
 MAPS_KEPT = 4
+# A route with this many hops goes straight to the goal from there.
+MAX_HOPS = 24
+# How many routes are drawn for each candidate; draws may repeat a route.
+DRAWS_PER_CANDIDATE = 4
 
 
 @dataclass(frozen=True)
 class EmbeddedSource:
-    """Answers with the network's route: the cells beyond barrier ends that it turns at.
+    """Answers with the network's route: the cells next to barrier ends where it turns.
 
-    With one of `candidates` it answers with the greedy route, for which no line of sight is looked
-    at. With several, the others are drawn by their probabilities, and the answer is the shortest
-    whose legs are lines of sight, or none: a route known to be barred misleads more than silence.
-    The same question has the same answer. Thread-safe; needs no network.
+    With one candidate the answer is the greedy route, whose lines of sight are not checked. With
+    more, the others are drawn by their probabilities, and the answer is the shortest route whose
+    segments are all lines of sight, or none: a blocked route misleads more than no waypoints.
+    Equal queries get equal answers. Thread-safe; needs no network connection.
     """
 
     candidates: int = 1
@@ -47,15 +53,15 @@ class EmbeddedSource:
 
     @property
     def label(self) -> str:
-        """What answers, in words for reports, with the digest of its weights."""
+        """Name of the model for reports, with the digest of its weights."""
         return f'embedded:learned waypoint model {packaged_weights().digest}, not an LLM'
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Return free cells to turn at, none where the way is straight or no route is in sight."""
+        """Return free cells to turn at; none where the path is straight or no route is found."""
         cells, routes = self._routes(query)
         route: Route | None = routes[0]
         if self.candidates > 1:
-            route = best_route(routes, cells, walls_of(query.grid_map))
+            route = shortest_in_sight(routes, cells, query.costmap.line_of_sight)
         turns = () if route is None else route[1:-1]
         points = tuple((float(x), float(y)) for x, y in cells[list(turns)])
         return WaypointReply(
@@ -67,32 +73,89 @@ class EmbeddedSource:
         )
 
     def _routes(self, query: WaypointQuery) -> tuple[NDArray[np.int32], list[Route]]:
-        """Return the cells [N, 2] of the nodes and the routes over them, the greedy one first."""
-        grid_map = query.grid_map
-        barriers = _barriers_of(grid_map)[None]
-        size = np.array([[grid_map.width, grid_map.height]], np.int32)
-        ends = np.array([[query.start, query.goal]], np.int32)
-        cells = place_nodes(barriers, ends)[0]
-        logits = hop_logits(packaged_weights(), featurise(barriers, size, ends))[0]
-        usable = usable_nodes(cells, _blocked_of(grid_map))
-        return cells, draw_routes(logits, usable, self.candidates, _generator(query))
+        """Return the cells [N, 2] of the nodes, and routes over them, the greedy one first."""
+        height, width = query.costmap.blocked.shape
+        barriers = barriers_of(query.costmap)[None]
+        size = np.array([[width, height]], np.int32)
+        endpoints = np.array([[query.start, query.goal]], np.int32)
+        cells = place_nodes(barriers, endpoints)[0]
+        logits = hop_logits(packaged_weights(), featurise(barriers, size, endpoints))[0]
+        usable = usable_nodes(cells, query.costmap.blocked)
+        return cells, draw_routes(logits, usable, self.candidates, query.random_generator())
 
 
-@lru_cache(maxsize=MAPS_KEPT)
-def _barriers_of(grid_map: GridMap) -> NDArray[np.int32]:
-    """Return a map's barriers [B, 4] as (horizontal, line, first, last), found once a map."""
-    summary = decompose_barriers(grid_map.blocked(), MAX_BARRIERS)
-    rows = [(1, *barrier) for barrier in summary.horizontal_barriers]
-    rows += [(0, *barrier) for barrier in summary.vertical_barriers]
+@cached(LRUCache(MAPS_KEPT), key=lambda costmap: costmap.key, lock=threading.Lock())
+def barriers_of(costmap: Costmap) -> NDArray[np.int32]:
+    """Return a costmap's barriers [B, 4] as (horizontal, line, first, last), computed once."""
+    found = decompose_barriers(costmap.blocked, MAX_BARRIERS)
+    rows = [(1, *barrier) for barrier in found.horizontal_barriers]
+    rows += [(0, *barrier) for barrier in found.vertical_barriers]
     return np.array(rows, np.int32).reshape(-1, 4)
 
 
-@lru_cache(maxsize=MAPS_KEPT)
-def _blocked_of(grid_map: GridMap) -> NDArray[np.bool_]:
-    return grid_map.blocked()
+def usable_nodes(cells: NDArray[np.int32], blocked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which nodes [N] a route may visit: free cells [N, 2] on the map, no cell twice.
+
+    `blocked` is bool [height, width]. The goal is always usable.
+    """
+    height, width = blocked.shape
+    x, y = cells.T
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    on_map = np.where(inside[:, None], cells, 0)
+    first = np.zeros(len(cells), dtype=np.bool_)
+    # A node is at most one cell off the map, so different cells get different numbers.
+    first[np.unique(y * (width + 2) + x, return_index=True)[1]] = True
+    usable: NDArray[np.bool_] = inside & ~blocked[on_map[:, 1], on_map[:, 0]] & first
+    usable[GOAL] = True
+    return usable
 
 
-def _generator(query: WaypointQuery) -> np.random.Generator:
-    """Seed by what is asked, so that no answer depends on what was asked before."""
-    key = f'{query.grid_map.digest} {query.start} {query.goal}'
-    return np.random.default_rng(list(hashlib.sha256(key.encode()).digest()))
+def draw_routes(
+    logits: Floats, usable: NDArray[np.bool_], count: int, random: np.random.Generator
+) -> list[Route]:
+    """Return up to `count` different routes from start to goal, the greedy one first.
+
+    The others follow hops drawn by their probabilities. `logits` is [N, N], `usable` [N].
+    """
+    routes = [follow(logits, usable)]
+    for _ in range(DRAWS_PER_CANDIDATE * (count - 1)):
+        if len(routes) == count:
+            break
+        route = follow(logits, usable, random)
+        if route not in routes:
+            routes.append(route)
+    return routes
+
+
+def follow(
+    logits: Floats, usable: NDArray[np.bool_], random: np.random.Generator | None = None
+) -> Route:
+    """Return a route of the most probable hops, or of hops drawn with `random`.
+
+    No node is visited twice. `logits` is [N, N], `usable` [N].
+    """
+    left = usable.copy()
+    route = [START]
+    while route[-1] != GOAL:
+        left[route[-1]] = False
+        row = np.where(left, logits[route[-1]], -np.inf)
+        if len(route) > MAX_HOPS:
+            route.append(GOAL)
+        elif random is None:
+            route.append(int(row.argmax()))
+        else:
+            # The argmax after adding Gumbel noise is a draw from the softmax.
+            route.append(int((row + random.gumbel(size=len(row))).argmax()))
+    return tuple(route)
+
+
+def shortest_in_sight(
+    routes: Iterable[Route], cells: NDArray[np.int32], sight: LineOfSightChecker
+) -> Route | None:
+    """Return the shortest route whose segments are all lines of sight, None if there is none."""
+
+    def length(route: Route) -> float:
+        return float(np.hypot(*np.diff(cells[list(route)], axis=0).T).sum())
+
+    shortest_first = sorted(routes, key=length)
+    return next((r for r in shortest_first if sight.clear_along(cells[list(r)])), None)

@@ -1,4 +1,7 @@
-"""Where requests go and with which key: the key is read when a request is made, never kept."""
+"""The endpoint of requests, its key, and how the key is kept out of texts.
+
+The key is read from the environment when a request is made, and is not stored.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +11,10 @@ import re
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
-from llm_astar_planner.waypoints.llm.failure import EndpointFailure
+from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.source import SourceStatus
 
-# Keys that services tell everyone to export: each goes to its own host and nowhere else.
+# Well-known variables of services: each key is sent to its own host only.
 KEY_HOSTS = {
     'OPENAI_API_KEY': 'api.openai.com',
     'ANTHROPIC_API_KEY': 'api.anthropic.com',
@@ -24,8 +27,11 @@ KEY_HOSTS = {
     'GOOGLE_API_KEY': 'generativelanguage.googleapis.com',
     'XAI_API_KEY': 'api.x.ai',
 }
-_NAME = re.compile(r'[A-Z_][A-Z0-9_]{0,63}')
+_VARIABLE = re.compile(r'[A-Z_][A-Z0-9_]{0,63}')
 OPENAI_HOST = 'api.openai.com'
+MASK = '***'
+# A shorter key protects nothing, and masking it would damage ordinary words.
+MIN_SECRET = 6
 
 
 @dataclass(frozen=True)
@@ -40,9 +46,9 @@ class Endpoint:
     api_key_env: str = ''
 
     def __post_init__(self) -> None:
-        """Check both; what they say is not repeated, since it may be a secret."""
-        if self.api_key_env and not _NAME.fullmatch(self.api_key_env):
-            # Somebody may have pasted the key itself.
+        """Check both; messages do not repeat the values, which may be secret."""
+        if self.api_key_env and not _VARIABLE.fullmatch(self.api_key_env):
+            # The value may be a pasted key.
             raise ValueError('api_key_env: the NAME of a variable, in capitals, is expected')
         parts = urlsplit(self.base_url)
         try:
@@ -53,12 +59,12 @@ class Endpoint:
             raise ValueError('base_url: http://host[:port]/path or https://... is expected')
         if parts.username is not None or parts.query or parts.fragment:
             raise ValueError(
-                'base_url: holds a user, a query or a fragment; keys go by api_key_env'
+                'base_url: must not hold a user, query or fragment; api_key_env names the key'
             )
 
     @property
     def url(self) -> str:
-        """The address of the one dialect spoken."""
+        """The address that requests are posted to."""
         return self.base_url.rstrip('/') + '/chat/completions'
 
     @property
@@ -68,7 +74,7 @@ class Endpoint:
 
     @property
     def is_loopback(self) -> bool:
-        """Whether it is this machine: no key is needed and no proxy asked."""
+        """Whether the host is this machine: it needs no key and is reached without a proxy."""
         if self.host == 'localhost' or self.host.endswith('.localhost'):
             return True
         try:
@@ -79,27 +85,39 @@ class Endpoint:
     def key(self) -> str:
         """Read the key from the environment; '' where none is sent.
 
-        Raises EndpointFailure NOT_CONFIGURED where one is needed and missing, or is another's.
+        Raises EndpointFailure NOT_CONFIGURED where a key is needed and missing, or belongs to
+        another host.
         """
         name = self.api_key_env or ('OPENAI_API_KEY' if self.host == OPENAI_HOST else '')
         if not name:
             if self.is_loopback:
                 return ''
-            raise _not_configured(f'no key for {self.host}: set api_key_env to the NAME of the '
+            raise not_configured(f'no key for {self.host}: set api_key_env to the NAME of the '
                                   'environment variable that holds it')  # fmt: skip
         owner = KEY_HOSTS.get(name)
         if owner and owner != self.host:
-            raise _not_configured(f'{name} is the key of {owner} and is not sent to {self.host}; '
+            raise not_configured(f'{name} is the key of {owner} and is not sent to {self.host}; '
                                   'name another variable in api_key_env')  # fmt: skip
         if owner and not self.base_url.lower().startswith('https:'):
-            raise _not_configured(f'{name} is only sent over https')
+            raise not_configured(f'{name} is only sent over https')
         key = os.environ.get(name, '').strip()
         if not key:
-            raise _not_configured(f'the environment variable {name} is not set')
+            raise not_configured(f'the environment variable {name} is not set')
         if not (key.isascii() and key.isprintable()) or ' ' in key:
-            raise _not_configured(f'the environment variable {name} holds no usable key')
+            raise not_configured(f'the environment variable {name} holds no usable key')
         return key
 
 
-def _not_configured(detail: str) -> EndpointFailure:
+def not_configured(detail: str) -> EndpointFailure:
+    """Return the failure of an endpoint whose key cannot be used."""
     return EndpointFailure(SourceStatus.NOT_CONFIGURED, detail)
+
+
+def redact(text: str, secret: str) -> str:
+    """Return `text` with the secret masked."""
+    return text.replace(secret, MASK) if len(secret) >= MIN_SECRET else text
+
+
+def redact_bytes(data: bytes, secret: str) -> bytes:
+    """Return `data` with the secret masked; call it before cutting, which could halve the key."""
+    return data.replace(secret.encode(), MASK.encode()) if len(secret) >= MIN_SECRET else data

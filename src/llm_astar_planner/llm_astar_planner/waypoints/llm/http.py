@@ -1,7 +1,7 @@
-"""One HTTP request under a deadline that holds whatever the server does.
+"""One HTTP request with a deadline that holds whatever the server does.
 
-Timeouts of HTTP libraries count from byte to byte, and name look-ups have none; so the request
-runs as a task that is cancelled when its time is up.
+The timeouts of HTTP libraries start again at every byte, and name look-ups have none. So the
+request runs as a task that is cancelled when its time is up.
 """
 
 from __future__ import annotations
@@ -9,12 +9,12 @@ from __future__ import annotations
 import asyncio
 import functools
 import ssl
-from collections.abc import Mapping
+from collections.abc import Coroutine, Mapping
 from typing import Any, NamedTuple
 
 import httpx
 
-from llm_astar_planner.waypoints.llm.failure import EndpointFailure
+from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.source import SourceStatus
 
 MAX_BODY = 4 * 2**20
@@ -24,7 +24,7 @@ CLOSE_S = 0.2
 
 
 class HttpReply(NamedTuple):
-    """What a server answered, its body decoded and bounded by MAX_BODY bytes."""
+    """A server's response; the body is decoded and has at most MAX_BODY bytes."""
 
     status: int
     headers: Mapping[str, str]
@@ -36,46 +36,47 @@ def post_json(
 ) -> HttpReply:
     """Post `body` as JSON; return or raise within `limit` seconds.
 
-    Redirects are not followed: a key stays with the host it was meant for.
+    Redirects are not followed, so that a key is never sent to another host.
     Raises EndpointFailure TIMEOUT, UNREACHABLE (retryable), MALFORMED or ERROR.
     """
-    # A loop of its own, closed without waiting for a name look-up that hangs.
+    # Its own event loop, closed without waiting for a name look-up that hangs.
     loop = asyncio.new_event_loop()
     try:
         return loop.run_until_complete(
-            _in_time(_post(url, body, headers, limit, use_proxies=use_proxies), limit)
+            wait_at_most(limit, post(url, body, headers, limit, use_proxies=use_proxies))
         )
     finally:
         loop.run_until_complete(loop.shutdown_asyncgens())
         loop.close()
 
 
-async def _in_time(request: Any, limit: float) -> HttpReply:  # noqa: ANN401 - a coroutine
+async def wait_at_most(limit: float, request: Coroutine[Any, Any, HttpReply]) -> HttpReply:
+    """Return the request's reply, or cancel it after `limit` seconds and raise TIMEOUT."""
     task = asyncio.ensure_future(request)
     done, _ = await asyncio.wait({task}, timeout=max(0.0, limit))
     if not done:
         task.cancel()
         await asyncio.wait({task}, timeout=CLOSE_S)
-        raise _timeout(limit)
-    reply: HttpReply = task.result()
-    return reply
+        raise timed_out(limit)
+    return task.result()
 
 
-async def _post(
+async def post(
     url: str, body: object, headers: Mapping[str, str], limit: float, *, use_proxies: bool
 ) -> HttpReply:
+    """Post `body` as JSON and translate httpx's exceptions to EndpointFailure."""
     timeout = httpx.Timeout(limit, connect=min(limit, CONNECT_S))
     try:
         async with (
             httpx.AsyncClient(
                 trust_env=use_proxies,
-                verify=_tls(),
+                verify=tls_context(),
                 timeout=timeout,
             ) as client,
             client.stream('POST', url, json=body, headers=dict(headers)) as response,
         ):
             if ',' in response.headers.get('content-encoding', ''):
-                # Packed twice, a small body may grow without end in one step.
+                # A small body that is compressed twice may grow without bound in one step.
                 raise httpx.DecodingError('several encodings')
             data = bytearray()
             async for chunk in response.aiter_bytes():
@@ -88,30 +89,32 @@ async def _post(
     except httpx.DecodingError:
         raise EndpointFailure(SourceStatus.MALFORMED, 'the reply cannot be decoded') from None
     except (httpx.ReadTimeout, httpx.WriteTimeout, httpx.PoolTimeout):
-        raise _timeout(limit) from None
+        raise timed_out(limit) from None
     except (httpx.UnsupportedProtocol, httpx.LocalProtocolError, httpx.InvalidURL) as error:
         raise EndpointFailure(SourceStatus.ERROR, type(error).__name__) from None
     except (ImportError, ValueError) as error:
-        # Raised for a proxy variable that is malformed, or of a kind that needs another package.
+        # Raised for a proxy variable that is malformed, or that needs another package.
         detail = f'the proxy settings of the environment do not work: {type(error).__name__}'
         raise EndpointFailure(SourceStatus.ERROR, detail) from None
     except httpx.RemoteProtocolError as error:
-        # Its text quotes what came, which may be the request with its key.
-        raise _unreachable(url, error, str(error).partition(':')[0]) from None
+        # Its text quotes the response, which may echo the request with its key.
+        raise unreachable(url, error, str(error).partition(':')[0]) from None
     except (httpx.TransportError, OSError) as error:
-        raise _unreachable(url, error, str(error)) from None
+        raise unreachable(url, error, str(error)) from None
 
 
 @functools.lru_cache(maxsize=1)
-def _tls() -> ssl.SSLContext:
-    """Return one context for all requests: loading the certificates takes tens of ms."""
+def tls_context() -> ssl.SSLContext:
+    """Return the TLS context, made once: loading the certificates takes tens of ms."""
     return httpx.create_ssl_context()
 
 
-def _unreachable(url: str, error: Exception, words: str) -> EndpointFailure:
+def unreachable(url: str, error: Exception, words: str) -> EndpointFailure:
+    """Return the failure of a host that cannot be reached; it may be retried."""
     detail = f'{httpx.URL(url).host} is unreachable: {type(error).__name__}: {words}'
     return EndpointFailure(SourceStatus.UNREACHABLE, detail, retryable=True)
 
 
-def _timeout(limit: float) -> EndpointFailure:
+def timed_out(limit: float) -> EndpointFailure:
+    """Return the failure of a request that took longer than `limit` seconds."""
     return EndpointFailure(SourceStatus.TIMEOUT, f'no complete answer within {limit:.1f} s')

@@ -1,15 +1,23 @@
-"""The request body, and how it gives way where an endpoint does not know a field."""
+"""Chat completions: the request body, how it adapts to an endpoint, and the response."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
-from llm_astar_planner.waypoints.prompts.message import Message
+from llm_astar_planner.waypoints.llm.http import HttpReply
+from llm_astar_planner.waypoints.llm.resilience import (
+    EndpointFailure,
+    is_retryable,
+    retry_after,
+)
+from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
+from llm_astar_planner.waypoints.source import Message, SourceStatus
 
 RESPONSE_FORMATS = ('text', 'json_object', 'json_schema')
-# What servers say when the prompt does not fit: OpenAI, vLLM, llama.cpp, Ollama, Anthropic.
+# What servers write when the prompt does not fit: OpenAI, vLLM, llama.cpp, Ollama, Anthropic.
 _TOO_LONG = (
     'context_length',
     'context length',
@@ -21,11 +29,13 @@ _TOO_LONG = (
     'too many tokens',
     'maximum context',
 )
+MAX_ERROR_CHARS = 2000
+_STATUS_OF = {401: SourceStatus.AUTH, 403: SourceStatus.AUTH, 429: SourceStatus.REFUSED}
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """Which fields the endpoint takes, as far as it is known."""
+    """The request fields that an endpoint is known to accept."""
 
     max_output_tokens: int = 1000
     temperature: float | None = 0.0
@@ -35,7 +45,7 @@ class Dialect:
     def body(
         self, model: str, messages: Sequence[Message], schema: dict[str, Any] | None = None
     ) -> dict[str, Any]:
-        """Return the JSON body of a request that is answered in one piece."""
+        """Return the JSON body of a request that is not streamed."""
         body: dict[str, Any] = {
             'messages': [message._asdict() for message in messages],
             'stream': False,
@@ -54,7 +64,7 @@ class Dialect:
         return body
 
     def adapted(self, error: str) -> Dialect | None:
-        """Return the dialect to try after a 400 with this text, or None where nothing is left."""
+        """Return the dialect to try after a 400 with this text, None where nothing is left."""
         error = error.lower()
         names_format = any(
             word in error for word in ('response_format', 'json_schema', 'json_object', 'grammar')
@@ -69,8 +79,88 @@ class Dialect:
             return replace(self, temperature=None)
         return None
 
+    def adapted_to(self, failure: EndpointFailure) -> Dialect | None:
+        """Return the dialect to try after a failure, None where another would not help."""
+        if failure.http not in (400, 422) or is_context_too_long(failure.body):
+            return None
+        return self.adapted(failure.body)
+
 
 def is_context_too_long(error: str) -> bool:
-    """Tell whether an error says that the prompt does not fit the model's context."""
+    """Return whether an error text says that the prompt does not fit the model's context."""
     error = error.lower()
     return any(words in error for words in _TOO_LONG)
+
+
+class Completion(NamedTuple):
+    """A model's answer: its text, why it ended, and the tokens it took."""
+
+    text: str
+    finish_reason: str = ''
+    refusal: str = ''
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+
+
+def read_completion(reply: HttpReply) -> Completion:
+    """Return the completion in an HTTP response.
+
+    Raises EndpointFailure: AUTH, REFUSED or ERROR for an error, MALFORMED for anything else.
+    """
+    if not 200 <= reply.status < 300:
+        raise http_failure(reply)
+    try:
+        data = json.loads(reply.body)
+        choice = data['choices'][0]
+        message = choice['message']
+        text = message_text(message.get('content'))
+        refusal = str(message.get('refusal') or '')
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError):
+        shown = reply.body[:MAX_ERROR_CHARS].decode(errors='replace')
+        if '"error"' in shown:
+            raise EndpointFailure(SourceStatus.ERROR, f'the endpoint says: {shown}') from None
+        raise EndpointFailure(
+            SourceStatus.MALFORMED, f'the reply is no chat completion: {shown[:80]}'
+        ) from None
+    usage = data.get('usage')
+    reason = str(choice.get('finish_reason') or '')
+    if reason == 'content_filter' and not refusal:
+        refusal = 'stopped by a content filter'
+    return Completion(
+        text=text[-MAX_REPLY_CHARS:],
+        finish_reason=reason,
+        refusal=refusal,
+        prompt_tokens=token_count(usage, 'prompt_tokens'),
+        completion_tokens=token_count(usage, 'completion_tokens'),
+    )
+
+
+def http_failure(reply: HttpReply) -> EndpointFailure:
+    """Return the failure that an HTTP error status and its body stand for."""
+    body = reply.body[:MAX_ERROR_CHARS].decode(errors='replace')
+    status = _STATUS_OF.get(reply.status, SourceStatus.ERROR)
+    if 'insufficient_quota' in body:
+        status = SourceStatus.REFUSED
+    return EndpointFailure(
+        status,
+        f'HTTP {reply.status}: {body}',
+        http=reply.status,
+        body=body,
+        retryable=is_retryable(reply.status, body),
+        retry_after=retry_after(reply.headers),
+    )
+
+
+def message_text(content: Any) -> str:  # noqa: ANN401 - any JSON value
+    """Return the text of a message; some endpoints send it as a list of parts."""
+    if isinstance(content, list):
+        parts = [part.get('text') for part in content if isinstance(part, dict)]
+        content = ''.join(part for part in parts if isinstance(part, str))
+    # JSON may hold a lone surrogate, which cannot be encoded again: replace it.
+    return content.encode(errors='replace').decode() if isinstance(content, str) else ''
+
+
+def token_count(usage: Any, name: str) -> int:  # noqa: ANN401 - any JSON value
+    """Return a count from the `usage` object, 0 where it is missing or absurd."""
+    value = usage.get(name) if isinstance(usage, dict) else None
+    return value if isinstance(value, int) and 0 <= value < 2**40 else 0

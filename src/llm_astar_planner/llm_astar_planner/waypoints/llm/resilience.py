@@ -1,47 +1,91 @@
-"""When to ask again after a failure, and when not to."""
+"""What limits and protects requests to an endpoint: failures, retries, breaker, call budget."""
 
 from __future__ import annotations
 
 import math
 import random
+import threading
 import time
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
 
-from llm_astar_planner.waypoints.llm.failure import EndpointFailure
+from llm_astar_msgs_adapter.errors import LlmAstarError
 
+from llm_astar_planner.waypoints.source import SourceStatus
+
+MAX_DETAIL = 300
 RETRYABLE_HTTP = frozenset({408, 409, 429})
 FIRST_DELAY_S = 0.5
 MAX_DELAY_S = 8.0
+# The breaker opens after THRESHOLD failures in a row.
+THRESHOLD = 3
+COOLDOWN_S = 30.0
+MAX_COOLDOWN_S = 3600.0
+_COUNTED = (SourceStatus.UNREACHABLE, SourceStatus.TIMEOUT, SourceStatus.ERROR)
+HOUR_S = 3600.0
+DAY_S = 86400.0
+
+
+class EndpointFailure(LlmAstarError, RuntimeError):  # noqa: N818 - a failure outside, no bug
+    """A request to an endpoint, or all its retries, brought no completion.
+
+    `status` and `detail` go into the reply. `http` is the HTTP status, 0 where there was none;
+    `body` the error text, bounded. `retryable` says that the same request may succeed later, and
+    `retry_after` in how many seconds, if the server said so. `is_ours` marks failures that the
+    endpoint did not cause, such as a limit of ours.
+    """
+
+    def __init__(
+        self,
+        status: SourceStatus,
+        detail: str,
+        *,
+        http: int = 0,
+        body: str = '',
+        retryable: bool = False,
+        retry_after: float | None = None,
+        is_ours: bool = False,
+    ) -> None:
+        """Keep the facts; `detail` is cut to MAX_DETAIL characters."""
+        detail = ' '.join(detail.split())[:MAX_DETAIL]
+        super().__init__(detail)
+        self.status = status
+        self.detail = detail
+        self.http = http
+        self.body = body
+        self.retryable = retryable
+        self.retry_after = retry_after
+        self.is_ours = is_ours
 
 
 @dataclass(frozen=True)
 class RetryPolicy:
-    """Up to `max_retries` more tries, 0.5 * 2^n seconds apart, with jitter and a cap."""
+    """Up to `max_retries` retries, 0.5 * 2^n seconds apart, with jitter and a cap."""
 
     max_retries: int = 2
 
     def delay(self, failure: EndpointFailure, attempt: int) -> float | None:
-        """Return how long to wait before the next try after `attempt` tries failed, or None."""
+        """Return the seconds to wait after `attempt` failed tries, None to give up."""
         if not failure.retryable or attempt > self.max_retries:
             return None
         if failure.retry_after is not None:
             return failure.retry_after
         backoff = min(MAX_DELAY_S, FIRST_DELAY_S * 2.0 ** (attempt - 1))
-        # Jitter keeps many robots from asking in step; it guards nothing.
+        # Jitter keeps a fleet of robots from retrying at the same moments; it protects no secret.
         return backoff * random.uniform(0.75, 1.25)  # noqa: S311
 
 
 def is_retryable(http: int, body: str) -> bool:
-    """Tell whether an HTTP error may pass: not where the account has no quota left."""
+    """Return whether an HTTP error may pass by itself; an account without quota does not."""
     if 'insufficient_quota' in body:
         return False
     return http in RETRYABLE_HTTP or http >= 500
 
 
 def retry_after(headers: Mapping[str, str]) -> float | None:
-    """Return the seconds a Retry-After header asks for, given as seconds or as a date."""
+    """Return the seconds that a Retry-After header (in seconds or as a date) asks to wait."""
     value = {name.lower(): text for name, text in headers.items()}.get('retry-after', '')
     try:
         seconds = float(value)
@@ -51,3 +95,120 @@ def retry_after(headers: Mapping[str, str]) -> float | None:
         except (ValueError, TypeError, OverflowError):
             return None
     return max(0.0, seconds) if math.isfinite(seconds) else None
+
+
+class CircuitBreaker:
+    """Stops requests to an endpoint that keeps failing.
+
+    It opens for COOLDOWN_S after THRESHOLD failures in a row, for as long as Retry-After says
+    after a REFUSED, and for good after an AUTH failure: new parameters make a new source with a
+    new breaker. Thread-safe.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Start closed; `clock` returns seconds."""
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._failures = 0
+        self._open_until = -math.inf
+        self._last = EndpointFailure(SourceStatus.ERROR, '')
+
+    def check(self) -> None:
+        """Raise the failure that opened the breaker, while it is open."""
+        with self._lock:
+            left = self._open_until - self._clock()
+            last = self._last
+        if left <= 0:
+            return
+        wait = 'until the parameters change' if math.isinf(left) else f'for another {left:.0f} s'
+        raise EndpointFailure(last.status, f'not asked {wait}, after: {last.detail}')
+
+    def record_success(self) -> None:
+        """Reset the count of failures in a row."""
+        with self._lock:
+            self._failures = 0
+
+    def record_failure(self, failure: EndpointFailure) -> None:
+        """Count a failure, and open the breaker if its kind or the count calls for it."""
+        if failure.is_ours:
+            return
+        with self._lock:
+            self._last = failure
+            if failure.status is SourceStatus.AUTH:
+                self._open_until = math.inf
+            elif failure.status is SourceStatus.REFUSED:
+                wait = COOLDOWN_S if failure.retry_after is None else failure.retry_after
+                self._open_until = self._clock() + min(MAX_COOLDOWN_S, wait)
+            elif failure.status in _COUNTED:
+                self._failures += 1
+                if self._failures >= THRESHOLD:
+                    self._open_until = self._clock() + COOLDOWN_S
+
+
+class CallBudget:
+    """Limits requests over the last hour and tokens over the last day; 0 means no limit.
+
+    The counts live as long as the process. Thread-safe.
+    """
+
+    def __init__(
+        self,
+        max_calls_per_hour: int = 0,
+        max_tokens_per_day: int = 0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Start with nothing used; `clock` returns seconds."""
+        self._max_calls = max_calls_per_hour
+        self._max_tokens = max_tokens_per_day
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._calls: deque[float] = deque()
+        self._tokens: deque[tuple[float, int]] = deque()
+        self.total_calls = 0
+        self.total_tokens = 0
+
+    def admit(self) -> None:
+        """Count one request. Raises EndpointFailure REFUSED where a limit does not allow it."""
+        with self._lock:
+            now = self._clock()
+            self._drop_old(now)
+            used = sum(tokens for _, tokens in self._tokens)
+            refusal = ''
+            if 0 < self._max_calls <= len(self._calls):
+                wait = HOUR_S - (now - self._calls[0])
+                refusal = f'max_calls_per_hour: {self._max_calls} are made; next in {wait:.0f} s'
+            elif 0 < self._max_tokens <= used:
+                wait = DAY_S - (now - self._tokens[0][0])
+                refusal = f'max_tokens_per_day: {self._max_tokens} are used; next in {wait:.0f} s'
+            if refusal:
+                raise EndpointFailure(SourceStatus.REFUSED, refusal, is_ours=True)
+            if self._max_calls:
+                self._calls.append(now)
+            self.total_calls += 1
+
+    def spend(self, tokens: int) -> None:
+        """Count the tokens of an answer."""
+        with self._lock:
+            self.total_tokens += tokens
+            if self._max_tokens:
+                self._tokens.append((self._clock(), tokens))
+
+    def values(self) -> dict[str, int | None]:
+        """Return what was used since the start, and what is left now (None: no limit)."""
+        with self._lock:
+            self._drop_old(self._clock())
+            used = sum(tokens for _, tokens in self._tokens)
+            return {
+                'calls_made': self.total_calls,
+                'calls_left': max(0, self._max_calls - len(self._calls))
+                if self._max_calls
+                else None,
+                'tokens_used': self.total_tokens,
+                'tokens_left': max(0, self._max_tokens - used) if self._max_tokens else None,
+            }
+
+    def _drop_old(self, now: float) -> None:
+        while self._calls and now - self._calls[0] >= HOUR_S:
+            self._calls.popleft()
+        while self._tokens and now - self._tokens[0][0] >= DAY_S:
+            self._tokens.popleft()

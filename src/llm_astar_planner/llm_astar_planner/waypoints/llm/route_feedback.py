@@ -1,4 +1,4 @@
-"""Tell a model what is wrong with its route, so that it can answer better."""
+"""Find what is wrong with a model's route, and tell the model, so that it can correct it."""
 
 from __future__ import annotations
 
@@ -7,33 +7,50 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 
-from llm_astar_planner.waypoints.prompts.lattice import Cell, Lattice, Waypoint
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.waypoints.prompts.map_description import Lattice
+from llm_astar_planner.waypoints.source import Waypoint
 
-MAX_FAULTS_TOLD = 8
+MAX_FAULTS_NAMED = 8
+ASK_FOR_A_LIST = (
+    'That holds no list of points. Reply with the route alone, in the form '
+    '"Generated Path: [[x1, y1], [x2, y2], ...]".'
+)
 
 
 class Fault(NamedTuple):
-    """A point off the map or on an obstacle, or a straight way that meets one, in cells."""
+    """A point off the map or on a blocked cell, or a straight segment that meets one, in cells."""
 
     kind: str  # 'off the map', 'occupied', 'collides'
     point: Waypoint
-    to: Waypoint | None = None  # where the way leads
-    at: Cell | None = None  # the first occupied cell on it
+    to: Waypoint | None = None  # where the segment ends
+    at: Cell | None = None  # the first blocked cell on it
+
+    def sentence(self, lattice: Lattice) -> str:
+        """Describe the fault in the coordinates of a lattice."""
+        point = point_name(self.point, lattice)
+        if self.to is None or self.at is None:
+            where = 'lies on a barrier' if self.kind == 'occupied' else 'lies off the map'
+            return f'- The point {point} {where}.'
+        return (
+            f'- The straight way from {point} to {point_name(self.to, lattice)} '
+            f'meets a barrier at {point_name(self.at, lattice)}.'
+        )
 
 
 def find_faults(
-    grid_map: GridMap, start: Cell, goal: Cell, waypoints: Sequence[Waypoint]
+    costmap: Costmap, start: Cell, goal: Cell, waypoints: Sequence[Waypoint]
 ) -> list[Fault]:
-    """Check waypoints in grid coordinates, and the straight ways from start to goal over them."""
-    blocked = grid_map.blocked()
+    """Check waypoints in grid coordinates, and the straight segments from start to goal."""
+    blocked = costmap.blocked
     faults: list[Fault] = []
     good: list[Waypoint] = [(float(start[0]), float(start[1]))]
     for point in waypoints:
         cell = round(point[0]), round(point[1])
-        if not grid_map.contains(cell):
+        if not costmap.contains(cell):
             faults.append(Fault('off the map', point))
         elif blocked[cell[1], cell[0]]:
             faults.append(Fault('occupied', point))
@@ -42,46 +59,30 @@ def find_faults(
     if good[-1] != goal:
         good.append((float(goal[0]), float(goal[1])))
     for point, to in pairwise(good):
-        at = _first_blocked(blocked, point, to)
+        at = first_blocked_cell(blocked, point, to)
         if at is not None:
             faults.append(Fault('collides', point, to, at))
     return faults
 
 
 def follow_up(faults: Sequence[Fault], lattice: Lattice) -> str:
-    """Say what is wrong, in the coordinates the model was asked in, and ask again."""
-    lines = [_sentence(fault, lattice) for fault in faults[:MAX_FAULTS_TOLD]]
-    if len(faults) > MAX_FAULTS_TOLD:
-        lines.append(f'- and {len(faults) - MAX_FAULTS_TOLD} more like these.')
+    """Return the message that names the faults, in the prompt's coordinates, and asks again."""
+    lines = [fault.sentence(lattice) for fault in faults[:MAX_FAULTS_NAMED]]
+    if len(faults) > MAX_FAULTS_NAMED:
+        lines.append(f'- and {len(faults) - MAX_FAULTS_NAMED} more like these.')
     return (
         'This route does not work:\n' + '\n'.join(lines) + '\nCorrect it. End the reply with '
         'the whole new route in the form "Generated Path: [[x1, y1], [x2, y2], ...]".'
     )
 
 
-ASK_FOR_A_LIST = (
-    'That holds no list of points. Reply with the route alone, in the form '
-    '"Generated Path: [[x1, y1], [x2, y2], ...]".'
-)
-
-
-def _sentence(fault: Fault, lattice: Lattice) -> str:
-    point = _named(fault.point, lattice)
-    if fault.to is None or fault.at is None:
-        where = 'lies on a barrier' if fault.kind == 'occupied' else 'lies off the map'
-        return f'- The point {point} {where}.'
-    return (
-        f'- The straight way from {point} to {_named(fault.to, lattice)} '
-        f'meets a barrier at {_named(fault.at, lattice)}.'
-    )
-
-
-def _named(point: Waypoint, lattice: Lattice) -> str:
+def point_name(point: Waypoint, lattice: Lattice) -> str:
+    """Return a point of the grid as a prompt writes it."""
     return str(list(lattice.to_lattice((round(point[0]), round(point[1])))))
 
 
-def _first_blocked(blocked: NDArray[np.bool_], a: Waypoint, b: Waypoint) -> Cell | None:
-    """Return the first occupied cell (x, y) that the straight way from a to b meets."""
+def first_blocked_cell(blocked: NDArray[np.bool_], a: Waypoint, b: Waypoint) -> Cell | None:
+    """Return the first blocked cell (x, y) on the straight segment from a to b, None if free."""
     steps = int(2 * max(abs(b[0] - a[0]), abs(b[1] - a[1]))) + 1
     x = np.rint(np.linspace(a[0], b[0], steps + 1)).astype(int)
     y = np.rint(np.linspace(a[1], b[1], steps + 1)).astype(int)

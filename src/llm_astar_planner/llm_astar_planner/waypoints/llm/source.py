@@ -1,73 +1,83 @@
-"""Waypoints from a language model behind an OpenAI-compatible endpoint."""
+"""The source that asks a language model behind an OpenAI-compatible endpoint."""
 
 from __future__ import annotations
 
 import contextlib
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
-from llm_astar_planner.waypoints.instruction_outcome import FOLLOWED
-from llm_astar_planner.waypoints.llm.answer import Answer, read_answer
 from llm_astar_planner.waypoints.llm.client import ChatClient
-from llm_astar_planner.waypoints.llm.completion import Completion
-from llm_astar_planner.waypoints.llm.failure import EndpointFailure
-from llm_astar_planner.waypoints.llm.protocol import is_context_too_long
+from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_long
+from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.llm.route_feedback import (
     ASK_FOR_A_LIST,
     Fault,
     find_faults,
     follow_up,
 )
-from llm_astar_planner.waypoints.prompts.instruction import wish_section
-from llm_astar_planner.waypoints.prompts.json_schema import ask_for_json, path_schema
-from llm_astar_planner.waypoints.prompts.lattice import Lattice
+from llm_astar_planner.waypoints.prompts.instruction import instruction_section
 from llm_astar_planner.waypoints.prompts.map_description import (
     Description,
+    Lattice,
     describe,
     describe_coarser,
 )
-from llm_astar_planner.waypoints.prompts.message import Message
-from llm_astar_planner.waypoints.prompts.template import Template
-from llm_astar_planner.waypoints.sample_key import SampleResolver
+from llm_astar_planner.waypoints.prompts.reply_parser import ReplyStatus, parse_reply
+from llm_astar_planner.waypoints.prompts.template import Template, ask_for_json, path_schema
 from llm_astar_planner.waypoints.source import (
+    FOLLOWED,
+    Message,
     SourceStatus,
     Waypoint,
     WaypointQuery,
     WaypointReply,
 )
+from llm_astar_planner.waypoints.transcript import SampleResolver
 
-# How much of an answer is shown to the model again when it is asked to repair it.
+# How much of an answer is quoted to the model when it is asked to correct it.
 MAX_QUOTED_CHARS = 4000
 
 
-@dataclass
-class _Talk:
-    """One question as it goes: what was said, what it cost, the best answer so far."""
+class Answer(NamedTuple):
+    """The points a model wrote, in the coordinates of its prompt, or why there are none."""
 
-    query: WaypointQuery
-    deadline: float
-    started: float = field(default_factory=time.monotonic)
-    lattice: Lattice = field(default_factory=Lattice)
-    messages: tuple[Message, ...] = ()
-    text: str = ''
-    answer: Answer = field(default_factory=lambda: read_answer(''))
-    waypoints: tuple[Waypoint, ...] = ()
-    prompt_tokens: int = 0
-    completion_tokens: int = 0
-    last_seconds: float = 0.0
+    waypoints: tuple[Waypoint, ...]
+    status: SourceStatus
+    detail: str
 
-    def has_time(self) -> bool:
-        """Tell whether an answer as slow as the last one would still come in time."""
-        return time.monotonic() + self.last_seconds < self.deadline
+
+def read_answer(text: str) -> Answer:
+    """Parse a model's text: OK with points, NO_WAYPOINTS for an empty list, else MALFORMED."""
+    parsed = parse_reply(text)
+    if parsed.status is ReplyStatus.FOUND:
+        return Answer(parsed.waypoints, SourceStatus.OK, '')
+    if parsed.status is ReplyStatus.EMPTY_LIST:
+        return Answer((), SourceStatus.NO_WAYPOINTS, 'the model answered with an empty list')
+    if not text.strip():
+        return Answer((), SourceStatus.MALFORMED, 'the reply is empty')
+    return Answer((), SourceStatus.MALFORMED, 'no list of points in the reply')
+
+
+def answer_of(completion: Completion) -> Answer:
+    """Parse a completion; the detail says if the model refused or the reply was cut short."""
+    answer = read_answer(completion.text)
+    if answer.status is not SourceStatus.MALFORMED:
+        return answer
+    if completion.refusal:
+        return answer._replace(detail=f'the model refused: {completion.refusal[:200]}')
+    if completion.finish_reason == 'length':
+        return answer._replace(detail=f'{answer.detail}; it was cut short at max_output_tokens')
+    return answer
 
 
 class EndpointSource:
-    """Describes the map, asks the model, reads its reply, and asks again where that helps.
+    """Describes the map to a model, reads its reply, and asks again where that may help.
 
-    An unreadable reply is asked for once more; with `repair_rounds`, so are routes that collide.
+    A reply without a list of points is asked for once more. With `repair_rounds`, the model is
+    asked to correct a route that collides.
     """
 
     name = 'endpoint'
@@ -83,10 +93,10 @@ class EndpointSource:
         late_s: float = 0.0,
         dataset: Sequence[BarrierMap] | None = None,
     ) -> None:
-        """Take the client to ask by.
+        """Take the client that requests are made with.
 
-        A request under way when time is up goes on for `late_s` seconds, for callers that keep
-        a late answer. `dataset` makes prompts name its maps' own coordinates.
+        A request that is running when the time is up goes on for `late_s` seconds, for callers
+        that keep a late answer. `dataset` makes prompts use the coordinates of its maps.
         """
         self.client = client
         self.template = template
@@ -98,135 +108,152 @@ class EndpointSource:
 
     @property
     def label(self) -> str:
-        """Who answers: the model, or the host where the endpoint has but one."""
+        """Who answers: the model, or the host where no model is named."""
         return f'endpoint:{self.client.model or self.client.endpoint.host}'
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Ask the model; a failure is a reply with its status. Returns by the time limit."""
-        limit = min(self._timeout_s, query.time_limit)
-        talk = _Talk(query, time.monotonic() + limit)
+        deadline = time.monotonic() + min(self._timeout_s, query.time_limit)
+        conversation = Conversation(self.client, self.template, query, deadline, self._late_s)
         try:
-            self._ask(talk)
-            self._ask_for_a_list(talk)
+            self._ask(conversation, query)
         except EndpointFailure as failure:
-            return self._reply(talk, Answer((), failure.status, str(failure)))
-        self._repair(talk)
-        return self._reply(talk, talk.answer)
+            return conversation.reply(Answer((), failure.status, str(failure)), self.label)
+        conversation.ask_for_a_list()
+        conversation.repair(self._repair_rounds)
+        return conversation.reply(conversation.answer, self.label)
 
-    def _ask(self, talk: _Talk) -> None:
-        """Put the question, once more with a coarser map where it does not fit the context."""
-        query = talk.query
-        _, own = self._resolver.resolve(query)
+    def _ask(self, conversation: Conversation, query: WaypointQuery) -> None:
+        """Ask, and once more with a coarser map where the prompt does not fit the context."""
+        _, lattice = self._resolver.resolve(query)
         description = describe(
-            query.grid_map,
+            query.costmap,
             query.start,
             query.goal,
-            lattice=own,
+            lattice=lattice,
             max_tokens=self._max_prompt_tokens,
         )
         try:
-            self._put(talk, description)
+            conversation.ask(description)
         except EndpointFailure as failure:
             if not (failure.http == 413 or is_context_too_long(failure.body)):
                 raise
-            coarser = describe_coarser(description, query.grid_map, query.start, query.goal)
-            self._put(talk, coarser)
+            coarser = describe_coarser(description, query.costmap, query.start, query.goal)
+            conversation.ask(coarser)
 
-    def _put(self, talk: _Talk, description: Description) -> None:
-        talk.lattice = description.lattice
-        wish = talk.query.instruction
-        section = wish_section(wish, talk.query.grid_map, talk.lattice) if wish else ''
-        messages = self.template.render(description, section)
-        if self.client.dialect.response_format != 'text':
-            messages = ask_for_json(messages, thinks=self.template.thinks)
-        talk.messages = messages
-        self._say(talk, messages)
 
-    def _ask_for_a_list(self, talk: _Talk) -> None:
-        """Ask once more where the reply held no list; the failure of that changes nothing."""
-        if talk.answer.status is not SourceStatus.MALFORMED or not talk.has_time():
-            return
-        with contextlib.suppress(EndpointFailure):
-            self._say(talk, _followed_by(talk, ASK_FOR_A_LIST))
+class Conversation:
+    """One query to a model: the messages so far, what they cost, and the best answer."""
 
-    def _repair(self, talk: _Talk) -> None:
-        """Tell the model what collides, and keep the answer with the fewest faults."""
-        faults = self._faults(talk)
-        for _ in range(self._repair_rounds):
-            if not faults or talk.answer.status is not SourceStatus.OK or not talk.has_time():
+    def __init__(
+        self,
+        client: ChatClient,
+        template: Template,
+        query: WaypointQuery,
+        deadline: float,
+        late_s: float,
+    ) -> None:
+        """Start without messages; `deadline` is a time of time.monotonic."""
+        self.answer = read_answer('')
+        self._client = client
+        self._template = template
+        self._query = query
+        self._deadline = deadline
+        self._late_s = late_s
+        self._started = time.monotonic()
+        self._lattice = Lattice()
+        self._messages: tuple[Message, ...] = ()
+        self._text = ''
+        self._waypoints: tuple[Waypoint, ...] = ()
+        self._prompt_tokens = 0
+        self._completion_tokens = 0
+        self._last_seconds = 0.0
+
+    def ask(self, description: Description) -> None:
+        """Ask for a path on the described map. Raises EndpointFailure."""
+        self._lattice = description.lattice
+        instruction = self._query.instruction
+        section = (
+            instruction_section(instruction, self._query.grid_map, self._lattice)
+            if instruction
+            else ''
+        )
+        messages = self._template.render(description, section)
+        if self._client.dialect.response_format != 'text':
+            messages = ask_for_json(messages, thinks=self._template.thinks)
+        self._messages = messages
+        self._send(messages)
+
+    def ask_for_a_list(self) -> None:
+        """Ask once more where the reply held no list; a failure of that changes nothing."""
+        if self.answer.status is SourceStatus.MALFORMED and self._has_time():
+            with contextlib.suppress(EndpointFailure):
+                self._send(self._followed_by(ASK_FOR_A_LIST))
+
+    def repair(self, rounds: int) -> None:
+        """Tell the model what collides, up to `rounds` times; keep the route with least faults."""
+        faults = self._faults() if rounds else []
+        for _ in range(rounds):
+            if not faults or self.answer.status is not SourceStatus.OK or not self._has_time():
                 return
-            before = replace(talk)
+            before = self.answer, self._waypoints, self._text, self._messages
             try:
-                self._say(talk, _followed_by(talk, follow_up(faults, talk.lattice)))
+                self._send(self._followed_by(follow_up(faults, self._lattice)))
             except EndpointFailure:
                 return
-            new_faults = self._faults(talk)
-            if talk.answer.status is not SourceStatus.OK or len(new_faults) > len(faults):
-                talk.answer, talk.waypoints = before.answer, before.waypoints
-                talk.text, talk.messages = before.text, before.messages
+            new_faults = self._faults()
+            if self.answer.status is not SourceStatus.OK or len(new_faults) > len(faults):
+                self.answer, self._waypoints, self._text, self._messages = before
                 return
             faults = new_faults
 
-    def _faults(self, talk: _Talk) -> list[Fault]:
-        if not self._repair_rounds:
-            return []
-        query = talk.query
-        return find_faults(query.grid_map, query.start, query.goal, talk.waypoints)
-
-    def _say(self, talk: _Talk, messages: tuple[Message, ...]) -> None:
-        """Send the messages and read the answer into the talk. Raises EndpointFailure."""
-        asked = time.monotonic()
-        schema = path_schema(thinks=self.template.thinks)
-        completion = self.client.complete(messages, talk.deadline, schema, self._late_s)
-        talk.last_seconds = time.monotonic() - asked
-        talk.prompt_tokens += completion.prompt_tokens
-        talk.completion_tokens += completion.completion_tokens
-        talk.messages = messages
-        talk.text = completion.text
-        talk.answer = _answer(completion)
-        talk.waypoints = talk.lattice.to_cells(
-            talk.answer.waypoints, talk.query.grid_map, (talk.query.start, talk.query.goal)
-        )
-
-    def _reply(self, talk: _Talk, answer: Answer) -> WaypointReply:
+    def reply(self, answer: Answer, label: str) -> WaypointReply:
+        """Return the reply to the query, given the answer that counts."""
+        if answer.status is SourceStatus.OK:
+            instruction = FOLLOWED
+        elif answer.status is SourceStatus.NO_WAYPOINTS:
+            instruction = 'the model gave no waypoints'
+        else:
+            instruction = ''
         return WaypointReply(
-            waypoints=talk.waypoints if answer.status is SourceStatus.OK else (),
-            label=self.label,
+            waypoints=self._waypoints if answer.status is SourceStatus.OK else (),
+            label=label,
             status=answer.status,
             detail=answer.detail,
-            text=talk.text,
-            model=self.client.model,
-            prompt=self.template.name,
-            prompt_tokens=talk.prompt_tokens,
-            completion_tokens=talk.completion_tokens,
-            seconds=time.monotonic() - talk.started,
-            messages=talk.messages,
-            unit=talk.lattice.unit,
-            instruction=_outcome(talk.query, answer),
+            text=self._text,
+            model=self._client.model,
+            prompt=self._template.name,
+            prompt_tokens=self._prompt_tokens,
+            completion_tokens=self._completion_tokens,
+            seconds=time.monotonic() - self._started,
+            messages=self._messages,
+            unit=self._lattice.unit,
+            instruction=instruction if self._query.instruction else '',
         )
 
+    def _has_time(self) -> bool:
+        """Return whether an answer as slow as the last one would still come in time."""
+        return time.monotonic() + self._last_seconds < self._deadline
 
-def _outcome(query: WaypointQuery, answer: Answer) -> str:
-    """Say what became of the wish, '' where it is for others to say."""
-    if not query.instruction:
-        return ''
-    if answer.status is SourceStatus.NO_WAYPOINTS:
-        return 'the model gave no waypoints'
-    return FOLLOWED if answer.status is SourceStatus.OK else ''
+    def _faults(self) -> list[Fault]:
+        query = self._query
+        return find_faults(query.costmap, query.start, query.goal, self._waypoints)
 
+    def _followed_by(self, question: str) -> tuple[Message, ...]:
+        answer = self._text[-MAX_QUOTED_CHARS:].strip() or '(no answer)'
+        return (*self._messages, Message('assistant', answer), Message('user', question))
 
-def _answer(completion: Completion) -> Answer:
-    """Read a completion; say where it was refused or cut short."""
-    answer = read_answer(completion.text)
-    if answer.status is not SourceStatus.MALFORMED:
-        return answer
-    if completion.refusal:
-        return answer._replace(detail=f'the model refused: {completion.refusal[:200]}')
-    if completion.finish_reason == 'length':
-        return answer._replace(detail=f'{answer.detail}; it was cut short at max_output_tokens')
-    return answer
-
-
-def _followed_by(talk: _Talk, question: str) -> tuple[Message, ...]:
-    said = talk.text[-MAX_QUOTED_CHARS:].strip() or '(no answer)'
-    return (*talk.messages, Message('assistant', said), Message('user', question))
+    def _send(self, messages: tuple[Message, ...]) -> None:
+        """Send the messages and read the answer. Raises EndpointFailure."""
+        asked = time.monotonic()
+        schema = path_schema(thinks=self._template.thinks)
+        completion = self._client.complete(messages, self._deadline, schema, self._late_s)
+        self._last_seconds = time.monotonic() - asked
+        self._prompt_tokens += completion.prompt_tokens
+        self._completion_tokens += completion.completion_tokens
+        self._messages = messages
+        self._text = completion.text
+        self.answer = answer_of(completion)
+        self._waypoints = self._lattice.to_cells(
+            self.answer.waypoints, self._query.costmap, (self._query.start, self._query.goal)
+        )

@@ -1,1 +1,1 @@
-"""What the model is asked, and how its replies are read."""
+"""The prompts that a model is asked with, and the parser of its replies."""

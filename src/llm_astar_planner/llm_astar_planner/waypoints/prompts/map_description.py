@@ -1,9 +1,11 @@
-"""From a map to the words of a prompt: bounds, start, goal and a bounded list of barriers."""
+"""Describe a costmap in a prompt: bounds, start, goal and a bounded list of barriers."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_decomposition import (
@@ -12,24 +14,72 @@ from llm_astar_msgs_adapter.maps.barrier_decomposition import (
     decompose_barriers,
 )
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 
-from llm_astar_planner.waypoints.prompts.lattice import Cell, Lattice
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.waypoints.source import Waypoint
 
-# A lattice no finer than this is described point by point; demonstrations are 51 x 31.
+# A longer side is described on a coarser lattice; the demonstrations are 51 x 31.
 MAX_LATTICE_SIDE = 100
 MAX_BARRIERS = 60
 MIN_BARRIERS = 4
-# Digits and brackets: small tokenizers take a token for nearly every one of them.
+# For digits and brackets: small tokenizers use a token for nearly every one of them.
 CHARS_PER_TOKEN = 1.5
 # The planner drops points within this many cells of the edge, as the published code does.
 EDGE = 2
 
 
+class Lattice(NamedTuple):
+    """The coordinates of a prompt: cell (0, 0) is the point (x, y), one step is `unit` cells."""
+
+    x: int = 0
+    y: int = 0
+    unit: int = 1
+
+    def coarsened(self, unit: int) -> Lattice:
+        """Return the lattice with a step of `unit` cells; a coarse one starts at cell (0, 0)."""
+        return self if unit == self.unit else Lattice(0, 0, unit)
+
+    def to_lattice(self, cell: Cell) -> Cell:
+        """Return the lattice point whose block of cells holds `cell`."""
+        return cell[0] // self.unit + self.x, cell[1] // self.unit + self.y
+
+    def to_cells(
+        self, points: Sequence[Waypoint], costmap: Costmap, endpoints: Sequence[Cell] = ()
+    ) -> tuple[Waypoint, ...]:
+        """Convert a model's points to grid coordinates.
+
+        With a unit of one cell this is a shift. A point of a coarser lattice means a block of
+        cells: it becomes the one of `endpoints` (start and goal) that lies in the block, else the
+        block's free cell nearest to its centre.
+        """
+        if self.unit == 1:
+            return tuple((px - self.x, py - self.y) for px, py in points)
+        return tuple(self._cell_of_block(point, costmap, endpoints) for point in points)
+
+    def _cell_of_block(
+        self, point: Waypoint, costmap: Costmap, endpoints: Sequence[Cell]
+    ) -> Waypoint:
+        block = math.floor(point[0] + 0.5), math.floor(point[1] + 0.5)
+        for endpoint in endpoints:
+            if self.to_lattice(endpoint) == block:
+                return float(endpoint[0]), float(endpoint[1])
+        x0, y0 = ((value - low) * self.unit for value, low in zip(block, (self.x, self.y)))
+        centre = x0 + (self.unit - 1) // 2, y0 + (self.unit - 1) // 2
+        if not costmap.contains(centre):
+            return float(centre[0]), float(centre[1])
+        rows, columns = np.nonzero(~costmap.blocked[y0 : y0 + self.unit, x0 : x0 + self.unit])
+        if rows.size == 0:
+            return float(centre[0]), float(centre[1])
+        distance = np.hypot(columns + x0 - centre[0], rows + y0 - centre[1])
+        nearest = int(np.argmin(distance))
+        return float(columns[nearest] + x0), float(rows[nearest] + y0)
+
+
 @dataclass(frozen=True)
 class Description:
-    """What a prompt says of a map, in the coordinates of `lattice`."""
+    """What a prompt says about a map, in the coordinates of `lattice`."""
 
     lattice: Lattice
     start: Cell
@@ -40,12 +90,16 @@ class Description:
     vertical_barriers: tuple[Barrier, ...]
 
     def values(self) -> dict[str, str]:
-        """Return the text of each name a template may use."""
+        """Return the text for each placeholder of a template."""
+        horizontal, vertical = (
+            str([list(barrier) for barrier in barriers])
+            for barriers in (self.horizontal_barriers, self.vertical_barriers)
+        )
         return {
             'start': str(list(self.start)),
             'goal': str(list(self.goal)),
-            'horizontal_barriers': _listing(self.horizontal_barriers),
-            'vertical_barriers': _listing(self.vertical_barriers),
+            'horizontal_barriers': horizontal,
+            'vertical_barriers': vertical,
             'x_min': str(self.x_bounds[0]),
             'x_max': str(self.x_bounds[1]),
             'y_min': str(self.y_bounds[0]),
@@ -54,105 +108,92 @@ class Description:
 
 
 def describe(
-    grid_map: GridMap,
+    costmap: Costmap,
     start: Cell,
     goal: Cell,
     *,
     lattice: Lattice = Lattice(),  # noqa: B008 - an immutable tuple
     max_tokens: int = 1000,
 ) -> Description:
-    """Describe a map to a model by at most MAX_BARRIERS barriers in about `max_tokens` tokens.
+    """Describe a costmap by at most MAX_BARRIERS barriers in about `max_tokens` tokens.
 
-    A map up to MAX_LATTICE_SIDE cells a side, or one that straight barriers describe exactly,
-    keeps its own coordinates, shifted to `lattice`. A bigger one gets a lattice of several cells
-    a step.
+    A map with sides of up to MAX_LATTICE_SIDE cells, or one that straight barriers describe
+    exactly, keeps its coordinates, shifted to `lattice`. A bigger one gets a lattice with steps
+    of several cells.
     """
     budget = int(max_tokens * CHARS_PER_TOKEN)
-    # About what one barrier takes: brackets, commas, three numbers of a few digits.
+    # About 16 characters for a barrier: brackets, commas, three numbers of a few digits.
     limit = max(MIN_BARRIERS, min(MAX_BARRIERS, budget // 16))
-    exact = _exact_barriers(grid_map, limit)
-    if exact is not None:
-        return _described(exact, grid_map, start, goal, lattice, budget=budget)
-    unit = -(-max(grid_map.width, grid_map.height) // MAX_LATTICE_SIDE)
-    barriers = decompose_barriers(_coarsen(grid_map, unit), limit)
-    return _described(barriers, grid_map, start, goal, lattice.coarsened(unit), budget=budget)
+    barriers = exact_barriers(costmap.blocked, limit)
+    if barriers is None:
+        unit = -(-max(costmap.blocked.shape) // MAX_LATTICE_SIDE)
+        lattice = lattice.coarsened(unit)
+        # A block counts as blocked if a wall one cell thick could cross it; specks close no gap.
+        barriers = decompose_barriers(coarsen(costmap.blocked, unit, minimum=unit), limit)
+    return make_description(barriers, costmap, start, goal, lattice, budget=budget)
 
 
-def describe_coarser(fine: Description, grid_map: GridMap, start: Cell, goal: Cell) -> Description:
-    """Describe a map again by half as many barriers on a lattice twice as coarse."""
+def describe_coarser(fine: Description, costmap: Costmap, start: Cell, goal: Cell) -> Description:
+    """Describe a costmap again, by half as many barriers on a lattice twice as coarse."""
     count = len(fine.horizontal_barriers) + len(fine.vertical_barriers)
     lattice = fine.lattice.coarsened(2 * fine.lattice.unit)
     limit = max(1, count // 2)
-    barriers = decompose_barriers(_coarsen(grid_map, lattice.unit), limit)
-    return _described(barriers, grid_map, start, goal, lattice, budget=16 * limit)
+    walls = coarsen(costmap.blocked, lattice.unit, minimum=lattice.unit)
+    barriers = decompose_barriers(walls, limit)
+    return make_description(barriers, costmap, start, goal, lattice, budget=16 * limit)
 
 
-def _described(
+def make_description(
     barriers: BarrierMap,
-    grid_map: GridMap,
+    costmap: Costmap,
     start: Cell,
     goal: Cell,
     lattice: Lattice,
     *,
     budget: int,
 ) -> Description:
-    horizontal, vertical = _within(barriers, lattice, budget)
+    """Return the description; the shortest barriers are dropped until the text fits `budget`."""
+    horizontal = [(True, shift(b, lattice.y, lattice.x)) for b in barriers.horizontal_barriers]
+    vertical = [(False, shift(b, lattice.x, lattice.y)) for b in barriers.vertical_barriers]
+    kept = sorted(horizontal + vertical, key=lambda item: item[1].first - item[1].last)
+    while len(kept) > MIN_BARRIERS and sum(len(str(list(b))) + 2 for _, b in kept) > budget:
+        kept.pop()
+    height, width = costmap.blocked.shape
     return Description(
         lattice,
         lattice.to_lattice(start),
         lattice.to_lattice(goal),
-        _bounds(grid_map.width, lattice.unit, lattice.x),
-        _bounds(grid_map.height, lattice.unit, lattice.y),
-        horizontal,
-        vertical,
+        waypoint_bounds(width, lattice.unit, lattice.x),
+        waypoint_bounds(height, lattice.unit, lattice.y),
+        tuple(
+            barrier for is_horizontal, barrier in horizontal if (is_horizontal, barrier) in kept
+        ),
+        tuple(barrier for is_horizontal, barrier in vertical if (is_horizontal, barrier) in kept),
     )
 
 
-def _exact_barriers(grid_map: GridMap, limit: int) -> BarrierMap | None:
-    """Return the barriers of a map that `limit` of them block just as it does, or None."""
-    if max(grid_map.width, grid_map.height) > MAX_SIDE:
-        return None
-    barriers = decompose_barriers(grid_map.blocked(), limit)
-    inner = slice(1, -1)
-    told = barriers.to_grid().blocked()[inner, inner]
-    return barriers if np.array_equal(told, grid_map.blocked()[inner, inner]) else None
+def exact_barriers(blocked: NDArray[np.bool_], limit: int) -> BarrierMap | None:
+    """Return at most `limit` barriers that block exactly these cells, None if there are none.
 
-
-def _coarsen(grid_map: GridMap, unit: int) -> NDArray[np.bool_]:
-    """Return which blocks of unit x unit cells are blocked: bool [rows, columns].
-
-    A block is blocked where a wall of one cell could cross it: specks close no gap.
+    The outermost cells are not compared: a barrier map has walls there.
     """
-    return coarsen(grid_map.blocked(), unit, minimum=unit)
+    if max(blocked.shape) > MAX_SIDE:
+        return None
+    barriers = decompose_barriers(blocked, limit)
+    inner = slice(1, -1)
+    described = barriers.to_grid().blocked()[inner, inner]
+    return barriers if np.array_equal(described, blocked[inner, inner]) else None
 
 
-def _within(
-    barriers: BarrierMap, lattice: Lattice, budget: int
-) -> tuple[tuple[Barrier, ...], tuple[Barrier, ...]]:
-    """Shift the barriers to the lattice and drop the shortest until their text fits `budget`."""
-    horizontal = [(True, _shift(b, lattice.y, lattice.x)) for b in barriers.horizontal_barriers]
-    vertical = [(False, _shift(b, lattice.x, lattice.y)) for b in barriers.vertical_barriers]
-    kept = sorted(horizontal + vertical, key=lambda item: item[1].first - item[1].last)
-    while len(kept) > MIN_BARRIERS and sum(len(str(list(b))) + 2 for _, b in kept) > budget:
-        kept.pop()
-    return (
-        tuple(b for is_horizontal, b in horizontal if (is_horizontal, b) in kept),
-        tuple(b for is_horizontal, b in vertical if (is_horizontal, b) in kept),
-    )
-
-
-def _shift(barrier: Barrier, across: int, along: int) -> Barrier:
+def shift(barrier: Barrier, across: int, along: int) -> Barrier:
+    """Return a barrier moved `across` its line and `along` it."""
     return Barrier(barrier.line + across, barrier.first + along, barrier.last + along)
 
 
-def _bounds(side: int, unit: int, offset: int) -> tuple[int, int]:
-    """Return the first and last lattice line that a useful waypoint may lie on."""
+def waypoint_bounds(side: int, unit: int, offset: int) -> tuple[int, int]:
+    """Return the first and last lattice line on which the planner accepts a waypoint."""
     edge = EDGE if unit == 1 else 1
     last = -(-side // unit) - 1
     if last < 2 * edge:
         return offset, offset + last
     return offset + edge, offset + last - edge
-
-
-def _listing(barriers: Sequence[Barrier]) -> str:
-    return str([list(barrier) for barrier in barriers])

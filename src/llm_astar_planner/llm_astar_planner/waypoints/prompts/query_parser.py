@@ -1,4 +1,4 @@
-"""From a sentence to a question: the paper's parse step, with a model only where it needs one."""
+"""Parse a sentence that asks for a path (the paper's parse step), without a model if possible."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,
     BarrierMapError,
@@ -14,9 +15,9 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
     parse_barrier_map,
 )
 
-from llm_astar_planner.waypoints.prompts.message import Message
+from llm_astar_planner.waypoints.source import Message
 
-# Sends messages and the JSON schema of the answer to a model, and returns its text.
+# Sends messages and the JSON schema of the answer to a model, and returns the answer's text.
 Asker = Callable[[tuple[Message, ...], dict[str, Any]], str]
 
 MAX_QUERY_CHARS = 20000
@@ -38,7 +39,7 @@ _EXAMPLE = {
     'horizontal_barriers': [{'y': 10, 'x_start': 0, 'x_end': 25}],
     'vertical_barriers': [{'x': 25, 'y_start': 10, 'y_end': 22}],
 }
-_INSTRUCTION = f"""Turn the question about a path on a grid into one JSON object of this form:
+_REQUEST = f"""Turn the question about a path on a grid into one JSON object of this form:
 {json.dumps(_EXAMPLE)}
 "width" and "height" are the size of the grid, "start" and "goal" its points. A horizontal barrier
 lies on one line y from x_start to x_end, a vertical one on one line x from y_start to y_end; a
@@ -48,12 +49,12 @@ kind, its list is empty. Reply with the JSON object alone.
 Question: """
 
 
-class QueryError(ValueError):
-    """A sentence that could not be turned into a question; the message says why."""
+class QueryError(LlmAstarError, ValueError):
+    """A sentence cannot be parsed; the message says why."""
 
 
 class PathQuery(NamedTuple):
-    """A barrier map, and the two lattice points a path is asked between."""
+    """A barrier map, and the lattice points of start and goal."""
 
     barrier_map: BarrierMap
     start: Point
@@ -61,23 +62,23 @@ class PathQuery(NamedTuple):
 
 
 def parse_query(text: str, ask: Asker | None = None) -> PathQuery:
-    """Return the question in a sentence.
+    """Return the map, start and goal that a sentence describes.
 
-    A sentence of the dataset's own form needs no model; any other is put to `ask`.
-    Raises QueryError where there is none, or where its answer makes no sense.
+    A sentence in the dataset's own form needs no model; any other goes to `ask`.
+    Raises QueryError where there is no `ask`, or where its answer does not make sense.
     """
     if len(text) > MAX_QUERY_CHARS:
         raise QueryError(f'query: longer than {MAX_QUERY_CHARS} characters')
     match = _SENTENCE.fullmatch(text)
     if match is not None:
-        return _query(
+        return make_query(
             {
                 'width': int(match['width']),
                 'height': int(match['height']),
-                'start': _numbers(match['start']),
-                'goal': _numbers(match['goal']),
-                'horizontal_barriers': _triples(match['horizontal']),
-                'vertical_barriers': _triples(match['vertical']),
+                'start': integers(match['start']),
+                'goal': integers(match['goal']),
+                'horizontal_barriers': triples(match['horizontal']),
+                'vertical_barriers': triples(match['vertical']),
             }
         )
     if ask is None:
@@ -86,13 +87,12 @@ def parse_query(text: str, ask: Asker | None = None) -> PathQuery:
             'avoids horizontal barriers centered at [[y, x0, x1], ...] and vertical barriers at '
             '[[x, y0, y1], ...]."; free wording needs an endpoint'
         )
-    return _query(
-        _json_object(ask((Message('user', _INSTRUCTION + text.strip()),), query_schema()))
-    )
+    answer = ask((Message('user', _REQUEST + text.strip()),), query_schema())
+    return make_query(first_question(answer))
 
 
 def query_schema() -> dict[str, Any]:
-    """Return the JSON schema of a question, for endpoints that take one."""
+    """Return the JSON schema of the answer, for endpoints that take one."""
 
     def numbers(*names: str) -> dict[str, Any]:
         return {
@@ -118,22 +118,24 @@ def query_schema() -> dict[str, Any]:
     }
 
 
-def _query(data: dict[str, Any]) -> PathQuery:
+def make_query(data: dict[str, Any]) -> PathQuery:
     """Check the fields and build the map. Raises QueryError naming the field."""
     missing = [name for name in _EXAMPLE if name not in data]
     if missing:
         raise QueryError(f'query: {", ".join(missing)} not found in it')
     barriers = {
-        'horizontal_barriers': _barriers(data, 'horizontal_barriers', ('y', 'x_start', 'x_end')),
-        'vertical_barriers': _barriers(data, 'vertical_barriers', ('x', 'y_start', 'y_end')),
+        'horizontal_barriers': barrier_lists(
+            data, 'horizontal_barriers', ('y', 'x_start', 'x_end')
+        ),
+        'vertical_barriers': barrier_lists(data, 'vertical_barriers', ('x', 'y_start', 'y_end')),
     }
-    ends = [_values(data[name], ('x', 'y')) for name in ('start', 'goal')]
+    endpoints = [named_values(data[name], ('x', 'y')) for name in ('start', 'goal')]
     entry = {
         'id': 0,
         'range_x': [0, data['width']],
         'range_y': [0, data['height']],
         **barriers,
-        'start_goal': [ends],
+        'start_goal': [endpoints],
     }
     try:
         barrier_map = parse_barrier_map(entry, 'query')
@@ -143,19 +145,20 @@ def _query(data: dict[str, Any]) -> PathQuery:
     return PathQuery(barrier_map, sample.start, sample.goal)
 
 
-def _barriers(data: dict[str, Any], field: str, names: tuple[str, ...]) -> list[Any]:
+def barrier_lists(data: dict[str, Any], field: str, names: tuple[str, ...]) -> list[Any]:
+    """Return the barriers of a field as lists. Raises QueryError where it is no list."""
     if not isinstance(data[field], list):
         raise QueryError(f'query: {field}: a list is expected')
-    return [_in_order(_values(value, names)) for value in data[field]]
+    return [in_order(named_values(value, names)) for value in data[field]]
 
 
-def _values(value: Any, names: tuple[str, ...]) -> Any:  # noqa: ANN401 - any JSON value
-    """Return the named numbers of an object as a list; leave anything else to the map's check."""
+def named_values(value: Any, names: tuple[str, ...]) -> Any:  # noqa: ANN401 - any JSON value
+    """Return the named values of an object as a list; anything else as it is."""
     return [value.get(name) for name in names] if isinstance(value, dict) else value
 
 
-def _in_order(barrier: Any) -> Any:  # noqa: ANN401 - any JSON value
-    """Swap the ends of a barrier that was told from high to low."""
+def in_order(barrier: Any) -> Any:  # noqa: ANN401 - any JSON value
+    """Return a barrier with its lower end first; anything else as it is."""
     try:
         line, first, last = barrier
         return [line, min(first, last), max(first, last)]
@@ -163,8 +166,8 @@ def _in_order(barrier: Any) -> Any:  # noqa: ANN401 - any JSON value
         return barrier
 
 
-def _json_object(text: str) -> dict[str, Any]:
-    """Return the first JSON object in a reply that looks like a question."""
+def first_question(text: str) -> dict[str, Any]:
+    """Return the first JSON object in a reply that has a start. Raises QueryError."""
     decoder = json.JSONDecoder()
     for match in list(re.finditer(r'\{', text))[:50]:
         try:
@@ -176,10 +179,12 @@ def _json_object(text: str) -> dict[str, Any]:
     raise QueryError('query: the model gave no JSON object that describes it')
 
 
-def _numbers(text: str) -> list[int]:
+def integers(text: str) -> list[int]:
+    """Return every integer in a text."""
     return [int(value) for value in re.findall(r'-?\d+', text)]
 
 
-def _triples(text: str) -> list[list[int]]:
-    values = _numbers(text)
+def triples(text: str) -> list[list[int]]:
+    """Return every three integers of a text as a list."""
+    values = integers(text)
     return [values[i : i + 3] for i in range(0, len(values), 3)]

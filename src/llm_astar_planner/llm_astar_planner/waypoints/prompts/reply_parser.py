@@ -1,7 +1,7 @@
-"""Read the list of points out of what a model wrote, in whatever shape it wrote it.
+"""Parse the list of points in a model's reply, in any of the forms that models use.
 
 Nothing is evaluated: numbers are recognised as text, everything else is skipped. The last list
-of points is the answer, since models draft, quote and think before they conclude.
+of points is the answer, because models draft, quote and think before they conclude.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, NamedTuple
 
+from llm_astar_planner.waypoints.source import Waypoint
+
 MAX_WAYPOINTS = 64
 MAX_REPLY_CHARS = 65536
-
-Waypoint = tuple[float, float]
 
 _NUMBER = r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?'
 # The smallest bracket groups: [5, 5], (5, 5), [10, 0, 25], [], {"x": 5, "y": 5}.
@@ -29,7 +29,7 @@ _PAIR = re.compile(
 _OBJECT_X = re.compile(rf'["\']?\bx["\']?\s*[:=]\s*["\']?({_NUMBER})', re.IGNORECASE)
 _OBJECT_Y = re.compile(rf'["\']?\by["\']?\s*[:=]\s*["\']?({_NUMBER})', re.IGNORECASE)
 # What may stand between two points of one list: punctuation, arrows, numbering, comments. No
-# text matches in two ways, or it would be tried in exponentially many.
+# text matches in two ways, because backtracking would then take exponential time.
 _BETWEEN = re.compile(
     r'(?:[\s,;|>*\-\u2022\u2013\u2014\u2192=]|\d+[.)]|(?:#|//)[^\n]*(?:\n|\Z)|\b(?:to|then|and)\b)*',
     re.IGNORECASE,
@@ -44,31 +44,31 @@ _FULL_WIDTH = str.maketrans(
     {'\uff0c': ',', '\uff08': '(', '\uff09': ')', '\uff1a': ':', '\u2212': '-'}
 )
 _MAX_DEPTH = 12
-# No map reaches there, and more could not be counted in cells.
+# Farther than any map reaches, and still exact as a count of cells.
 _FARTHEST = 1e12
 
 
 class ReplyStatus(str, Enum):
-    """What a reply held."""
+    """What a reply contains."""
 
     FOUND = 'found'
-    EMPTY_LIST = 'empty-list'  # it answered that no waypoint is needed
+    EMPTY_LIST = 'empty-list'  # the answer is that no waypoint is needed
     NO_LIST = 'no-list'
 
 
 @dataclass(frozen=True)
 class ParsedReply:
-    """The points of a reply, in the coordinates the model was asked in, in its order, unjudged.
+    """The points of a reply, in its order and in the coordinates of the prompt, not yet checked.
 
-    At most MAX_WAYPOINTS of them, all finite.
+    There are at most MAX_WAYPOINTS, all finite.
     """
 
     waypoints: tuple[Waypoint, ...] = ()
     status: ReplyStatus = ReplyStatus.NO_LIST
 
 
-class _Item(NamedTuple):
-    """A bracket group: its place, its point if it is one, and what else it may be."""
+class BracketGroup(NamedTuple):
+    """A pair of brackets or braces in the text, and the point in it if it holds one."""
 
     start: int
     end: int
@@ -77,20 +77,21 @@ class _Item(NamedTuple):
     is_empty: bool = False
 
 
-class _Run(NamedTuple):
-    """Bracket groups with nothing but separators between them."""
+class GroupRun(NamedTuple):
+    """Consecutive bracket groups with nothing but separators between them."""
 
-    items: list[_Item]
+    items: list[BracketGroup]
     is_nested: bool
     is_labelled: bool
 
     @property
     def waypoints(self) -> list[Waypoint]:
+        """The points of the groups that hold one."""
         return [item.point for item in self.items if item.point is not None]
 
     @property
     def is_barrier_list(self) -> bool:
-        """Three numbers each are an echo of the barriers, unless they are called the path."""
+        """Whether it repeats the barriers: three numbers each, and not called the path."""
         return not self.is_labelled and all(item.is_triple for item in self.items)
 
 
@@ -102,16 +103,17 @@ def parse_reply(text: str) -> ParsedReply:
     text = text[-MAX_REPLY_CHARS:].translate(_FULL_WIDTH)
     _, closed, answer = text.rpartition('</think>')
     if closed:
-        parsed = _parse(answer)
+        parsed = parse_text(answer)
         if parsed.status is not ReplyStatus.NO_LIST:
             return parsed
-    return _parse(text)
+    return parse_text(text)
 
 
-def _parse(text: str) -> ParsedReply:
-    found = _from_json(text)
+def parse_text(text: str) -> ParsedReply:
+    """Parse a reply, or the part of it that follows the thoughts."""
+    found = points_in_json(text)
     if found is None:
-        found = _from_runs(text)
+        found = points_in_text(text)
     if found is None:
         return ParsedReply()
     if not found:
@@ -119,10 +121,10 @@ def _parse(text: str) -> ParsedReply:
     return ParsedReply(tuple(found[:MAX_WAYPOINTS]), ReplyStatus.FOUND)
 
 
-def _from_runs(text: str) -> list[Waypoint] | None:
-    """Return the points of the last list, else the selected points, else the last bare run."""
-    items = _items(text)
-    runs = _runs(text, items)
+def points_in_text(text: str) -> list[Waypoint] | None:
+    """Return the last list of points, else the selected points, else the last bare run."""
+    items = [bracket_group(match) for match in _ITEM.finditer(text)]
+    runs = group_runs(text, items)
     for run in reversed(runs):
         if (run.is_nested or run.is_labelled) and not run.is_barrier_list:
             if run.waypoints:
@@ -142,56 +144,58 @@ def _from_runs(text: str) -> list[Waypoint] | None:
     return None
 
 
-def _items(text: str) -> list[_Item]:
-    return [_item(match) for match in _ITEM.finditer(text)]
-
-
-def _item(match: re.Match[str]) -> _Item:
+def bracket_group(match: re.Match[str]) -> BracketGroup:
+    """Return the bracket group of a match, with its point if it holds one."""
     start, end, group = match.start(), match.end(), match.group()
     if group[0] == '{':
         x, y = _OBJECT_X.search(group), _OBJECT_Y.search(group)
-        return _Item(start, end, _point(x.group(1), y.group(1)) if x and y else None)
+        return BracketGroup(start, end, make_point(x.group(1), y.group(1)) if x and y else None)
     pair = _PAIR.fullmatch(group)
     if pair:
-        return _Item(start, end, _point(pair.group(1), pair.group(2)), pair.group(3) is not None)
-    return _Item(start, end, None, is_empty=not group[1:-1].strip())
+        return BracketGroup(
+            start, end, make_point(pair.group(1), pair.group(2)), pair.group(3) is not None
+        )
+    return BracketGroup(start, end, None, is_empty=not group[1:-1].strip())
 
 
-def _runs(text: str, items: list[_Item]) -> list[_Run]:
-    runs: list[_Run] = []
-    group: list[_Item] = []
+def group_runs(text: str, items: list[BracketGroup]) -> list[GroupRun]:
+    """Split the bracket groups where other text stands between them."""
+    runs: list[GroupRun] = []
+    group: list[BracketGroup] = []
     for item in items:
         if group and not _BETWEEN.fullmatch(text, group[-1].end, item.start):
-            runs.append(_run(text, group))
+            runs.append(make_run(text, group))
             group = []
         group.append(item)
     if group:
-        runs.append(_run(text, group))
+        runs.append(make_run(text, group))
     return runs
 
 
-def _run(text: str, items: list[_Item]) -> _Run:
+def make_run(text: str, items: list[BracketGroup]) -> GroupRun:
+    """Return a run, and whether an outer bracket or a label such as `Path:` precedes it."""
     before = text[max(0, items[0].start - 80) : items[0].start]
     outside = before.rstrip().rstrip('[({').rstrip()
     is_nested = outside != before.rstrip()
-    # The label is looked for before the outer brackets: `Path: [[5, 5]]`, `Path: [5, 5] -> ...`.
-    return _Run(items, is_nested, bool(_PATH_LABEL.search(outside + ' ')))
+    # The label stands before the outer brackets: `Path: [[5, 5]]`, `Path: [5, 5] -> ...`.
+    return GroupRun(items, is_nested, bool(_PATH_LABEL.search(outside + ' ')))
 
 
-def _from_json(text: str) -> list[Waypoint] | None:
-    """Return the points where the reply, its last fence or its outer braces are real JSON."""
-    for candidate in _json_candidates(text):
+def points_in_json(text: str) -> list[Waypoint] | None:
+    """Return the last list of points where the reply or its last fenced block is valid JSON."""
+    for candidate in json_candidates(text):
         try:
             value = json.loads(candidate)
         except (ValueError, RecursionError):
             continue
-        lists = list(_point_lists(value, labelled=True, depth=0))
+        lists = list(point_lists(value, labelled=True, depth=0))
         if lists:
             return lists[-1]
     return None
 
 
-def _json_candidates(text: str) -> Iterator[str]:
+def json_candidates(text: str) -> Iterator[str]:
+    """Yield the parts of a reply that may be JSON: the whole, or its last fenced block."""
     stripped = text.strip()
     if stripped[:1] in ('[', '{'):
         yield stripped
@@ -199,20 +203,20 @@ def _json_candidates(text: str) -> Iterator[str]:
     fences = _FENCE.findall(text)
     if fences:
         if text.rpartition('```')[2].strip():
-            return  # words after the fence may hold the conclusion
+            return  # the text after the block may hold the conclusion
         yield fences[-1].strip()
 
 
-def _point_lists(value: Any, *, labelled: bool, depth: int) -> Iterator[list[Waypoint]]:  # noqa: ANN401 - any JSON value
+def point_lists(value: Any, *, labelled: bool, depth: int) -> Iterator[list[Waypoint]]:  # noqa: ANN401 - any JSON value
     """Yield each list of points in a JSON value; an empty list where a path is expected."""
     if depth > _MAX_DEPTH:
         return
     if isinstance(value, dict):
         for key, item in value.items():
             is_path = any(word in str(key).lower() for word in _PATH_KEYS)
-            yield from _point_lists(item, labelled=is_path, depth=depth + 1)
+            yield from point_lists(item, labelled=is_path, depth=depth + 1)
     elif isinstance(value, list):
-        waypoints = [point for item in value if (point := _json_point(item)) is not None]
+        waypoints = [point for item in value if (point := json_point(item)) is not None]
         triples = all(isinstance(item, list) and len(item) == 3 for item in value)
         if waypoints and (labelled or not triples):
             yield waypoints
@@ -220,24 +224,25 @@ def _point_lists(value: Any, *, labelled: bool, depth: int) -> Iterator[list[Way
             yield []
         else:
             for item in value:
-                yield from _point_lists(item, labelled=False, depth=depth + 1)
+                yield from point_lists(item, labelled=False, depth=depth + 1)
 
 
-def _json_point(value: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
+def json_point(value: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
+    """Return the point that a JSON value is, None where it is something else."""
     if isinstance(value, dict):
         if 'x' in value and 'y' in value:
-            return _point(value['x'], value['y'])
-        # One level and no deeper: {"point": [5, 5], "reason": "..."}.
-        held = [_json_point(item) for item in value.values() if isinstance(item, list)]
+            return make_point(value['x'], value['y'])
+        # One level deep and no deeper: {"point": [5, 5], "reason": "..."}.
+        held = [json_point(item) for item in value.values() if isinstance(item, list)]
         points = [point for point in held if point is not None]
         return points[0] if len(points) == 1 else None
     if isinstance(value, list) and len(value) in (2, 3):
-        return _point(value[0], value[1])
+        return make_point(value[0], value[1])
     return None
 
 
-def _point(x: Any, y: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
-    """Return a point of two numbers that some map may have, written as numbers or as text."""
+def make_point(x: Any, y: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
+    """Return the point of two numbers, written as numbers or as text; None if out of range."""
     if not all(isinstance(value, (int, float, str)) for value in (x, y)):
         return None
     if isinstance(x, bool) or isinstance(y, bool):

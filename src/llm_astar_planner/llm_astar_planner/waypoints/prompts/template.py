@@ -1,4 +1,7 @@
-"""Prompt templates: text files with a few names in braces, shipped ones or the user's own."""
+"""Prompt templates: text files with placeholders in braces, shipped ones or the user's own.
+
+For structured output, a prompt also says which JSON is expected; the schema is sent along.
+"""
 
 from __future__ import annotations
 
@@ -6,31 +9,44 @@ import hashlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+from llm_astar_msgs_adapter.errors import LlmAstarError
 
 from llm_astar_planner.waypoints.prompts.map_description import Description
-from llm_astar_planner.waypoints.prompts.message import Message
+from llm_astar_planner.waypoints.source import Message
 
 TEMPLATES = ('few_shot', 'cot', 'repe')
 NEEDED = ('start', 'goal', 'horizontal_barriers', 'vertical_barriers')
 NAMES = (*NEEDED, 'x_min', 'x_max', 'y_min', 'y_max')
 MAX_TEMPLATE_CHARS = 65536
 _PLACEHOLDER = re.compile(r'\{(' + '|'.join(NAMES) + r')\}')
+_POINT: dict[str, Any] = {
+    'type': 'object',
+    'properties': {'x': {'type': 'number'}, 'y': {'type': 'number'}},
+    'required': ['x', 'y'],
+    'additionalProperties': False,
+}
+_JSON_REQUEST = (
+    'Write the whole reply as one JSON object: {thought}"path": [{{"x": 5, "y": 5}}, ...]}}, '
+    'with the points of the generated path in order, and nothing around it.'
+)
 
 
-class TemplateError(ValueError):
-    """A prompt template that cannot be used; the message names it and what is wrong."""
+class TemplateError(LlmAstarError, ValueError):
+    """A prompt template cannot be used; the message names it and what is wrong."""
 
 
 @dataclass(frozen=True)
 class Template:
-    """The text of a prompt with the names of NAMES in braces; other braces stay as they are."""
+    """The text of a prompt with placeholders, the NAMES in braces; other braces stay."""
 
     name: str
     text: str
 
     @property
     def digest(self) -> str:
-        """Twelve hex digits that name the text."""
+        """Twelve hex digits of the text's SHA-256."""
         return hashlib.sha256(self.text.encode()).hexdigest()[:12]
 
     @property
@@ -39,7 +55,7 @@ class Template:
         return 'thought' in self.text.lower()
 
     def render(self, description: Description, addition: str = '') -> tuple[Message, ...]:
-        """Return the messages that ask about a described map, with an addition put after it."""
+        """Return the messages that ask for a path on a described map, then the addition."""
         values = description.values()
         text = _PLACEHOLDER.sub(lambda match: values[match.group(1)], self.text).strip()
         return (Message('user', f'{text}\n\n{addition}' if addition else text),)
@@ -53,9 +69,9 @@ def template_path(name: str) -> Path:
 
 
 def load_template(prompt: str) -> Template:
-    """Load a shipped template by name or a user's by its path; the file's stem is its name.
+    """Load a shipped template by name, or a user's by its path; the file's stem is its name.
 
-    Raises TemplateError where there is none, or where it leaves a needed name out.
+    Raises TemplateError where there is none, or where a needed placeholder is missing.
     """
     if prompt in TEMPLATES:
         path = template_path(prompt)
@@ -76,3 +92,22 @@ def load_template(prompt: str) -> Template:
         names = ', '.join('{' + name + '}' for name in missing)
         raise TemplateError(f'prompt: {path}: does not use {names}')
     return Template(path.stem, text)
+
+
+def path_schema(*, thinks: bool) -> dict[str, Any]:
+    """Return the JSON schema of a path, after a `thought` where the prompt asks for one."""
+    properties: dict[str, Any] = {'thought': {'type': 'string'}} if thinks else {}
+    properties['path'] = {'type': 'array', 'items': _POINT}
+    return {
+        'type': 'object',
+        'properties': properties,
+        'required': list(properties),
+        'additionalProperties': False,
+    }
+
+
+def ask_for_json(messages: tuple[Message, ...], *, thinks: bool) -> tuple[Message, ...]:
+    """Return the messages; the last one now says which JSON is expected."""
+    *before, last = messages
+    request = _JSON_REQUEST.format(thought='{"thought": "...", ' if thinks else '{')
+    return (*before, Message(last.role, f'{last.content}\n\n{request}'))

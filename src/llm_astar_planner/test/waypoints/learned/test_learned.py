@@ -16,15 +16,8 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.search.visibility import walls_of
 from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.learned.decoding import (
-    MOST_HOPS,
-    best_route,
-    draw_routes,
-    usable_nodes,
-)
 from llm_astar_planner.waypoints.learned.features import GOAL, featurise, place_nodes
 from llm_astar_planner.waypoints.learned.network import (
     WEIGHTS_FILE,
@@ -33,7 +26,14 @@ from llm_astar_planner.waypoints.learned.network import (
     packaged_weights,
     read_weights,
 )
-from llm_astar_planner.waypoints.learned.source import MAPS_KEPT, EmbeddedSource
+from llm_astar_planner.waypoints.learned.source import (
+    MAPS_KEPT,
+    MAX_HOPS,
+    EmbeddedSource,
+    draw_routes,
+    shortest_in_sight,
+    usable_nodes,
+)
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 
 ROOT = Path(__file__).parents[5]
@@ -63,7 +63,7 @@ def points_of(query, reply):
 
 def badness(query, reply):
     points = points_of(query, reply)
-    hit = int((~walls_of(query.grid_map).clear(points[:-1], points[1:])).sum())
+    hit = int((~query.costmap.line_of_sight.clear(points[:-1], points[1:])).sum())
     return hit, 0.0 if hit else float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 
@@ -140,16 +140,16 @@ def test_any_logits_make_routes_that_end_at_the_goal_and_visit_nothing_twice():
         assert len(set(routes)) == len(routes)
         for route in routes:
             assert (route[0], route[-1]) == (0, GOAL)
-            assert len(set(route)) == len(route) <= MOST_HOPS + 2
+            assert len(set(route)) == len(route) <= MAX_HOPS + 2
     alone = draw_routes(logits, np.arange(count) < 2, 8, random)
     assert alone == [(0, GOAL)]
 
 
 def test_of_several_routes_the_shortest_in_sight_is_best():
-    walls = walls_of(barrier_grid(horizontal=[(10, 0, 25)]))
+    sight = Costmap(barrier_grid(horizontal=[(10, 0, 25)])).line_of_sight
     cells = np.array([[5, 5], [5, 15], [26, 10], [40, 10], [10, 8]], np.int32)
-    assert best_route([(0, 1), (0, 3, 1), (0, 2, 1)], cells, walls) == (0, 2, 1)
-    assert best_route([(0, 1), (0, 4, 1)], cells, walls) is None
+    assert shortest_in_sight([(0, 1), (0, 3, 1), (0, 2, 1)], cells, sight) == (0, 2, 1)
+    assert shortest_in_sight([(0, 1), (0, 4, 1)], cells, sight) is None
 
 
 def test_several_routes_of_which_none_is_in_sight_are_no_waypoints():
@@ -212,7 +212,7 @@ def test_it_says_what_it_is_and_which_weights():
 
 
 def test_the_weights_fit_into_ten_megabytes_and_a_broken_file_is_named():
-    folder = ROOT / 'src/llm_astar_planner/llm_astar_planner/waypoint_source'
+    folder = ROOT / 'src/llm_astar_planner/llm_astar_planner/waypoints/learned'
     data = (folder / WEIGHTS_FILE).read_bytes()
     assert len(data) < 10e6
     assert os.path.getsize(folder / WEIGHTS_FILE) == len(data)

@@ -236,7 +236,7 @@ def test_refused_and_tls_then_the_breaker(chat_server):
         assert reply.status is SourceStatus.UNREACHABLE
         assert 'not asked for another' in reply.detail
         assert client_of(source).budget.total_calls == calls
-        assert 'UNREACHABLE' in client_of(source).state()
+        assert 'UNREACHABLE' in client_of(source).problem()
 
 
 @pytest.fixture
@@ -367,7 +367,7 @@ def test_what_an_endpoint_does_not_take_is_remembered(chat_server):
 
 def test_a_prompt_too_long_is_made_coarser(chat_server):
     barriers = tuple(Barrier(y, 3, 3 + y) for y in range(2, 29, 2))
-    query = replace(QUERY, grid_map=BarrierMap(0, (0, 51), (0, 31), barriers).to_grid())
+    query = replace(QUERY, costmap=Costmap(BarrierMap(0, (0, 51), (0, 31), barriers).to_grid()))
     chat_server.script = [
         chat_server.error(400, 'too big', 'context_length_exceeded'),
         chat_server.completion('Generated Path: [[2, 2], [13, 4], [10, 10]]'),
@@ -455,7 +455,12 @@ def test_a_key_shows_up_nowhere(chat_server, monkeypatch, tmp_path, caplog, capf
             settings = {'api_key_env': 'ROBOT_KEY', 'record': str(record), 'max_retries': 0}
             source = source_for(chat_server, **settings)
             reply = source.waypoints(QUERY)
-            seen += [repr(reply), repr(source), repr(client_of(source)), client_of(source).state()]
+            seen += [
+                repr(reply),
+                repr(source),
+                repr(client_of(source)),
+                str(client_of(source).problem()),
+            ]
             seen += [json.dumps(SourceSettings(**settings).__dict__), record.read_text()]
     assert chat_server.headers[0]['Authorization'] == f'Bearer {KEY}'
     captured = capfd.readouterr()
@@ -481,7 +486,7 @@ def test_a_key_in_what_is_no_http_shows_up_nowhere(chat_server, monkeypatch, bef
     reply = source.waypoints(QUERY)
     assert reply.status is SourceStatus.UNREACHABLE
     assert 'illegal' in reply.detail
-    assert KEY[:12] not in repr(reply) + client_of(source).state()
+    assert KEY[:12] not in repr(reply) + str(client_of(source).problem())
 
 
 @pytest.mark.parametrize('field', ['content', 'refusal'])

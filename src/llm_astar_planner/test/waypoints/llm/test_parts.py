@@ -8,16 +8,24 @@ from email.utils import formatdate
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.config import SettingsError, SourceSettings
 from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.llm.breaker import COOLDOWN_S, THRESHOLD, CircuitBreaker
 from llm_astar_planner.waypoints.llm.credentials import Endpoint
-from llm_astar_planner.waypoints.llm.failure import MAX_DETAIL, EndpointFailure
-from llm_astar_planner.waypoints.llm.limits import CallBudget
 from llm_astar_planner.waypoints.llm.protocol import Dialect, is_context_too_long
-from llm_astar_planner.waypoints.llm.resilience import RetryPolicy, is_retryable, retry_after
-from llm_astar_planner.waypoints.llm.route_feedback import MAX_FAULTS_TOLD, find_faults, follow_up
-from llm_astar_planner.waypoints.prompts.lattice import Lattice
+from llm_astar_planner.waypoints.llm.resilience import (
+    COOLDOWN_S,
+    MAX_DETAIL,
+    THRESHOLD,
+    CallBudget,
+    CircuitBreaker,
+    EndpointFailure,
+    RetryPolicy,
+    is_retryable,
+    retry_after,
+)
+from llm_astar_planner.waypoints.llm.route_feedback import MAX_FAULTS_NAMED, find_faults, follow_up
+from llm_astar_planner.waypoints.prompts.map_description import Lattice
 from llm_astar_planner.waypoints.replay import ReplayError
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 from llm_astar_planner.waypoints.transcript import TranscriptError
@@ -75,16 +83,16 @@ def test_the_breaker_opens_after_failures_in_a_row_and_closes_again():
     clock = Clock()
     breaker = CircuitBreaker(clock)
     for _ in range(THRESHOLD - 1):
-        breaker.fail(failure())
-    breaker.succeed()
+        breaker.record_failure(failure())
+    breaker.record_success()
     for _ in range(THRESHOLD - 1):
-        breaker.fail(failure())
+        breaker.record_failure(failure())
     assert not is_open(breaker)
-    breaker.fail(failure(SourceStatus.TIMEOUT))
+    breaker.record_failure(failure(SourceStatus.TIMEOUT))
     assert is_open(breaker)
     clock.now += COOLDOWN_S + 1
     assert not is_open(breaker)
-    breaker.fail(failure())
+    breaker.record_failure(failure())
     assert is_open(breaker)
 
 
@@ -101,7 +109,7 @@ def test_the_breaker_heeds_what_the_failure_means():
         clock = Clock()
         breaker = CircuitBreaker(clock)
         for _ in range(5):
-            breaker.fail(failure(status, **facts))
+            breaker.record_failure(failure(status, **facts))
         clock.now += min(seconds, 1e6) - 1
         assert is_open(breaker) == (seconds > 0)
         clock.now += 2
@@ -115,14 +123,20 @@ def test_a_long_detail_is_cut():
 def test_budget_windows_slide():
     clock = Clock()
     budget = CallBudget(2, 100, clock)
-    assert [bool(budget.admit()) for _ in range(3)] == [False, False, True]
+    budget.admit()
+    budget.admit()
+    with pytest.raises(EndpointFailure, match='max_calls_per_hour: 2 are made; next in 3600 s'):
+        budget.admit()
     clock.now += 3600
-    assert budget.admit() == ''
+    budget.admit()
     budget.spend(100)
     clock.now += 3600
-    assert budget.admit().startswith('max_tokens_per_day: 100 are used; next in 82800 s')
+    with pytest.raises(EndpointFailure) as refused:
+        budget.admit()
+    assert str(refused.value) == 'max_tokens_per_day: 100 are used; next in 82800 s'
+    assert refused.value.status is SourceStatus.REFUSED
     clock.now += 82800
-    assert budget.admit() == ''
+    budget.admit()
     assert budget.values() == {
         'calls_made': 4,
         'calls_left': 1,
@@ -131,7 +145,9 @@ def test_budget_windows_slide():
     }
     unlimited = CallBudget()
     unlimited.spend(10**9)
-    assert all(unlimited.admit() == '' for _ in range(1000))
+    for _ in range(1000):
+        unlimited.admit()
+    assert unlimited.total_calls == 1000
     assert (unlimited.values()['calls_left'], unlimited.values()['tokens_left']) == (None, None)
 
 
@@ -204,17 +220,17 @@ def test_openai_gets_its_own_key_by_default(monkeypatch):
 def test_faults_of_a_route():
     cells = np.zeros((30, 50), dtype=np.int8)
     cells[10, 0:26] = 100
-    grid_map = GridMap(cells)
-    assert find_faults(grid_map, (5, 5), (30, 20), [(28.0, 9.0)]) == []
-    assert find_faults(grid_map, (5, 5), (5, 5), []) == []
-    faults = find_faults(grid_map, (5, 5), (5, 20), [(5.0, 10.0), (-1.0, 3.0), (1e9, 0.0)])
+    costmap = Costmap(GridMap(cells))
+    assert find_faults(costmap, (5, 5), (30, 20), [(28.0, 9.0)]) == []
+    assert find_faults(costmap, (5, 5), (5, 5), []) == []
+    faults = find_faults(costmap, (5, 5), (5, 20), [(5.0, 10.0), (-1.0, 3.0), (1e9, 0.0)])
     assert [fault.kind for fault in faults] == [
         'occupied', 'off the map', 'off the map', 'collides',
     ]  # fmt: skip
     told = follow_up(faults, Lattice(unit=5))
     assert 'The straight way from [1, 1] to [1, 4] meets a barrier at [1, 2].' in told
     many = follow_up(faults * 5, Lattice())
-    assert many.count('\n- ') == MAX_FAULTS_TOLD + 1
+    assert many.count('\n- ') == MAX_FAULTS_NAMED + 1
     assert 'and 12 more like these' in many
 
 

@@ -78,7 +78,7 @@ def test_the_second_question_comes_from_the_cache(chat_server):
     assert second.detail == 'from the cache'
     assert (second.prompt_tokens, second.completion_tokens, second.seconds) == (0, 0, 0.0)
     source.waypoints(replace(QUERY, goal=(21, 20)))
-    source.waypoints(replace(QUERY, grid_map=MAP.to_grid(resolution=0.5)))
+    source.waypoints(replace(QUERY, costmap=Costmap(MAP.to_grid(resolution=0.5))))
     assert len(chat_server.requests) == 3
 
 
@@ -122,7 +122,7 @@ def test_exchanges_are_recorded_and_replayed(chat_server, tmp_path):
 def test_a_dataset_keys_the_record(chat_server, tmp_path):
     record = tmp_path / 't.jsonl'
     source = source_for(chat_server, [MAP], record=str(record))
-    source.waypoints(replace(QUERY, grid_map=MAP.to_grid(0.05)))
+    source.waypoints(replace(QUERY, costmap=Costmap(MAP.to_grid(0.05))))
     assert read_transcript(record)[0].sample == SampleKey(0, 0, 1)
 
 
@@ -198,6 +198,6 @@ def test_state_and_counts(chat_server):
     source = source_for(chat_server)
     source.waypoints(QUERY)
     client = client_of(source)
-    assert client.state() == ''
+    assert client.problem() is None
     assert (client.budget.total_calls, client.budget.total_tokens) == (1, 120)
     assert client_of(make_source(SourceSettings(source='none'))) is None
