@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import median
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, load_barrier_maps
-from llm_astar_planner.benchmark.analysis.summary import CaseSummary, summarise
+from llm_astar_planner.benchmark.analysis.summary import VariantSummary, summarise
 from llm_astar_planner.benchmark.datasets.generate import MapRules, generate
 from llm_astar_planner.benchmark.datasets.samples import (
     ProblemMap,
@@ -23,15 +23,14 @@ from llm_astar_planner.benchmark.datasets.samples import (
     select_samples,
 )
 from llm_astar_planner.benchmark.report.markdown import markdown_table
+from llm_astar_planner.benchmark.results import WAYPOINTS_ONLY
 from llm_astar_planner.benchmark.runner.engine import (
-    LLM_ONLY,
-    Asker,
-    Settings,
-    plan_cases,
-    plan_tasks,
+    SearchSettings,
+    list_variants,
+    make_tasks,
     run_task,
 )
-from llm_astar_planner.benchmark.runner.sources import GRID_ABLATIONS, embedded_askers
+from llm_astar_planner.benchmark.runner.sources import GRID_ABLATIONS, SourceSpec, embedded_sources
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.baselines import ablation_sources
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply, WaypointSource
@@ -103,9 +102,9 @@ class _Timed:
 class Figures:
     """What was found on one kind of map; all by source, `none` among them."""
 
-    alone: Mapping[str, CaseSummary]
-    paper: Mapping[str, CaseSummary]
-    guided: Mapping[str, CaseSummary]
+    alone: Mapping[str, VariantSummary]
+    paper: Mapping[str, VariantSummary]
+    guided: Mapping[str, VariantSummary]
     milliseconds: Mapping[str, float]
 
 
@@ -113,25 +112,27 @@ def figures(name: str, maps: Sequence[ProblemMap], scale: int = 1) -> Figures:
     """Run every source on one kind of map."""
     ablations = ablation_sources()
     chosen = ('straight', 'oracle') if isinstance(maps[0], BarrierMap) else GRID_ABLATIONS
-    beside = [*embedded_askers(), *(Asker(ablations[item], item) for item in chosen)]
+    beside = [*embedded_sources(), *(SourceSpec(ablations[item], item) for item in chosen)]
     timed = {item.name: _Timed(item.source) for item in beside if item.source}
-    askers = [Asker(), *(Asker(source, called) for called, source in timed.items())]
-    cases = plan_cases((LLM_ONLY, 'llm_astar', 'guided'), askers)
+    sources = [SourceSpec(), *(SourceSpec(source, called) for called, source in timed.items())]
+    variants = list_variants((WAYPOINTS_ONLY, 'llm_astar', 'guided'), sources)
     samples = [(sample, scale) for sample in select_samples(maps, name)]
     rows = []
-    for task in tqdm(plan_tasks(samples, cases, askers, Settings()), desc=name, leave=False):
+    for task in tqdm(
+        make_tasks(samples, variants, sources, SearchSettings()), desc=name, leave=False
+    ):
         rows += [replace(outcome.row, scale=1) for outcome in run_task(task)]
     summaries = summarise(rows)
 
-    def of(method: str) -> dict[str, CaseSummary]:
-        return {item.case.source: item for item in summaries if item.case.method == method}
+    def of(method: str) -> dict[str, VariantSummary]:
+        return {item.variant.source: item for item in summaries if item.variant.method == method}
 
     cpu = {called: 1000 * median(source.seconds) for called, source in timed.items()}
-    return Figures(of(LLM_ONLY), of('llm_astar'), of('guided'), cpu)
+    return Figures(of(WAYPOINTS_ONLY), of('llm_astar'), of('guided'), cpu)
 
 
 def _kind_row(name: str, found: Figures) -> tuple[str, ...]:
-    greedy, best = (asker.name for asker in embedded_askers())
+    greedy, best = (spec.name for spec in embedded_sources())
     guided = found.guided[best]
     return (
         name,
@@ -147,7 +148,9 @@ def _kind_row(name: str, found: Figures) -> tuple[str, ...]:
 
 
 def _joined(
-    of: Mapping[str, CaseSummary], sources: Sequence[str], figure: Callable[[CaseSummary], float]
+    of: Mapping[str, VariantSummary],
+    sources: Sequence[str],
+    figure: Callable[[VariantSummary], float],
 ) -> str:
     return ' / '.join(f'{100 * figure(of[item]):.1f}' if item in of else '-' for item in sources)
 

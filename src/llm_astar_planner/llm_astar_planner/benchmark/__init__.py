@@ -1,1 +1,1 @@
-"""Replaying samples: datasets, metrics, statistics and reports."""
+"""Benchmarks: datasets, runs over samples, analysis and reports."""

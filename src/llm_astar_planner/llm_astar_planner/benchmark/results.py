@@ -1,8 +1,7 @@
-"""The results folder: rows as they come, and what is known about the run.
+"""The results folder of a run: one CSV row per sample and variant, and the run's metadata.
 
-`results.csv` has a row a sample and case, failures included. A row is on disk before the next
-sample is waited for, so an interrupted run loses none; `--resume` goes on behind the last whole
-one.
+Rows are appended to `results.csv` as samples finish, failures included, so an interrupted run
+keeps every finished row. `--resume` continues after the last complete one.
 """
 
 from __future__ import annotations
@@ -19,35 +18,42 @@ import platform
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from numpy.typing import NDArray
 
 import llm_astar_planner
 from llm_astar_planner.waypoints.source import SourceStatus
 
-# The parameters that decide rows, whatever else a run is made with.
-DECIDING = (
+# The method that takes the waypoints themselves as the path, called `llm_only` up to 0.1.0.
+WAYPOINTS_ONLY = 'waypoints_only'
+METHOD_ALIASES = {'llm_only': WAYPOINTS_ONLY}
+# A run is resumed only with equal values of these parameters: they change the rows.
+COMPARED_PARAMETERS = (
     'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
     'start_tolerance', 'paper_corners', 'requests', 'plan_window', 'topics',
 )  # fmt: skip
-# What a source said of a row that asking again would not change.
-_ANSWERED = frozenset(status.value for status in (
+# Source statuses that a second query would not change.
+FINAL_STATUSES = frozenset(status.value for status in (
     SourceStatus.OK, SourceStatus.NONE, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED,
 ))  # fmt: skip
-# The maps of the rows, kept beside them so that a folder can be reported on by itself.
+# The maps of the rows, stored in the folder so that a report needs no dataset.
 MAPS_FILE = 'maps.json'
 
-
-# A long path is a long field: one through a maze has more turning points than csv reads unasked.
+# The turning points of a path through a maze exceed csv's default limit of 131072 characters.
 csv.field_size_limit(2**31 - 1)
 
 
-class ResultsError(RuntimeError):
-    """A results folder that cannot be used or written; the message names the file."""
+class ResultsError(LlmAstarError, RuntimeError):
+    """A results folder cannot be read, written or resumed; the message names the file."""
 
 
-class Case(NamedTuple):
-    """What was run: a method and whose waypoints it was given."""
+class Variant(NamedTuple):
+    """What is compared: a method with a waypoint source, its prompt and its model."""
 
     method: str
     source: str = 'none'
@@ -55,29 +61,31 @@ class Case(NamedTuple):
     model: str = ''
 
     def __str__(self) -> str:
-        """Write it as method/source/prompt/model without the empty parts."""
+        """Return method/source/prompt/model without the empty parts."""
         return '/'.join(part for part in self if part)
 
 
-# What no two rows of a run share: map, pair, scale and case.
-RowKey = tuple[int, int, int, Case]
+# Map id, pair index, scale and variant: unique within a run.
+RowKey = tuple[int, int, int, Variant]
 
 
 @dataclass(frozen=True)
 class Row:
-    """One sample under one case, a line of results.csv.
+    """One sample planned with one variant: a line of results.csv, whose columns are the fields.
 
-    `code` is the name of the result code. `operation`, `storage` and `length` (cells) are NaN
-    where the case has none. `waypoints` and `path` (its turning points) are cells `x,y` joined by
-    `;`, `verdicts` belong to the waypoints. `seconds_round_trip` is what a call through the live
-    graph took, NaN without one. `first_operation` are the expansions up to the first path, and
-    `ratio` what the path is proven within, NaN where the method proves nothing. `clearance` and
-    `unknown_length` are metres, `turns` changes of direction.
+    `code` is the name of the result code. `operation` (expansions), `storage` and `length` (cells)
+    are NaN where the variant has none. `waypoints` and `path` (its turning points) are cells
+    `x,y` joined by `;`, and `verdicts` are the statuses of the waypoints.
+    `seconds_round_trip` is the time of a call through the running graph, NaN without a graph.
+    `first_operation` counts the expansions up to the first path. `ratio` is the suboptimality
+    bound that was proven, NaN where the method proves none. `clearance` and `unknown_length` are
+    in metres, `turns` counts changes of direction.
 
-    Of a bag: its name, the number of the request in it, when it was made (seconds since 1970) and
-    the digest of the map of then. `recorded_*` is what the robot's own stack made of it: a result
-    code and waypoints where it was a planner of ours, the length (cells) and turning points of
-    its path, and what is wrong with that path on this map; empty where nothing was recorded.
+    For a request from a bag: the bag's name, the index of the request in it, its time (seconds
+    since 1970) and the digest of the map at that time. `recorded_*` is the result of the planner
+    that was running on the robot: its result code and waypoints where it was this planner, length
+    (cells) and turning points of its path, and why that path is invalid on this map. They are
+    empty where nothing was recorded.
     """
 
     map: int
@@ -117,14 +125,14 @@ class Row:
     recorded_path: str = ''
 
     @property
-    def case(self) -> Case:
-        """The case the row belongs to."""
-        return Case(self.method, self.source, self.prompt, self.model)
+    def variant(self) -> Variant:
+        """The variant that was run."""
+        return Variant(self.method, self.source, self.prompt, self.model)
 
     @property
     def key(self) -> RowKey:
-        """What no two rows of a run share: map, pair, scale and case."""
-        return self.map, self.pair, self.scale, self.case
+        """Map, pair, scale and variant, unique within a run."""
+        return self.map, self.pair, self.scale, self.variant
 
     @property
     def found(self) -> bool:
@@ -133,92 +141,83 @@ class Row:
 
     @property
     def answered(self) -> bool:
-        """Whether the source answered, if only to no use, or none was to be asked."""
-        return self.source_status in _ANSWERED
+        """Whether the source answered, usefully or not, or no source was asked."""
+        return self.source_status in FINAL_STATUSES
 
 
-FIELDS = {field.name: str(field.type) for field in dataclasses.fields(Row)}
+COLUMNS = {field.name: str(field.type) for field in dataclasses.fields(Row)}
 
 
 class ResultsFolder:
-    """A folder of results, new or gone on with."""
+    """The results folder of one run, new or resumed."""
 
     def __init__(self, path: str | Path) -> None:
-        """Name the folder; nothing is touched yet."""
+        """Set the paths; nothing is read or written yet."""
         self.path = Path(path)
         self.results = self.path / 'results.csv'
         self.transcript = self.path / 'transcript.jsonl'
 
-    def refuse_old(self) -> None:
-        """Raise ResultsError where there are results already."""
+    def require_new(self) -> None:
+        """Raise ResultsError where the folder already has a results.csv."""
         if self.results.exists():
-            message = f'{self.results}: exists; go on with --resume or name another --out'
+            message = f'{self.results}: exists; continue with --resume or name another --out'
             raise ResultsError(message)
 
     def start(self) -> None:
-        """Begin a new results.csv. Raises ResultsError where there is one already."""
-        self.refuse_old()
-        self._write('results.csv', _csv_line(list(FIELDS)))
+        """Create an empty results.csv. Raises ResultsError where one exists."""
+        self.require_new()
+        self.rewrite([])
 
     def append(self, rows: Iterable[Row]) -> None:
-        """Write rows to disk. Raises ResultsError, say on a full disk; earlier rows are kept."""
-        text = ''.join(_csv_line([_text(value) for value in _values(row)]) for row in rows)
+        """Append rows to results.csv.
+
+        Raises ResultsError, for example on a full disk; the rows written before are kept.
+        """
+        text = format_csv([format_row(row) for row in rows])
         try:
             with self.results.open('a', encoding='utf-8', newline='') as file:
                 file.write(text)
         except OSError as error:
             message = (
-                f'{self.results}: {error.strerror or error}; the rows before are kept, '
-                'make room and go on with --resume'
+                f'{self.results}: {error.strerror or error}; the rows before are kept: '
+                'free some space and continue with --resume'
             )
             raise ResultsError(message) from None
 
     def read(self) -> list[Row]:
-        """Read every whole row in order of samples; figures then do not hang on who came first.
+        """Read all complete rows, sorted by map, pair and scale.
 
-        A row that a crash cut short is left out, and of rows with one key, which two runs at a
-        time leave, all but the last. Raises ResultsError.
+        A last row that was cut short by a crash is skipped. Of rows with the same key, which two
+        simultaneous runs leave behind, the last one counts. Raises ResultsError.
         """
-        text = _read(self.results)
-        whole = text[: text.rfind('\n') + 1]
-        reader = csv.DictReader(io.StringIO(whole))
-        if list(reader.fieldnames or []) != list(FIELDS):
-            message = f'{self.results}: its columns are not those of version {_own_version()}'
+        text = read_text(self.results)
+        complete = text[: text.rfind('\n') + 1]
+        reader = csv.DictReader(io.StringIO(complete))
+        if list(reader.fieldnames or []) != list(COLUMNS):
+            message = (
+                f'{self.results}: its columns are not those of version '
+                f'{llm_astar_planner.__version__}'
+            )
             raise ResultsError(message)
         try:
-            rows = {row.key: row for row in map(_row, reader)}
+            rows = {row.key: row for row in map(parse_row, reader)}
         except (csv.Error, ValueError) as error:
             message = f'{self.results}: line {reader.line_num}: {error}'
             raise ResultsError(message) from None
         return sorted(rows.values(), key=lambda row: row.key[:3])
 
     def rewrite(self, rows: Iterable[Row]) -> None:
-        """Replace results.csv by these rows, in one step."""
-        lines = [list(FIELDS), *([_text(value) for value in _values(row)] for row in rows)]
-        self._write('results.csv', ''.join(_csv_line(line) for line in lines))
+        """Replace results.csv atomically by these rows."""
+        lines = [list(COLUMNS), *(format_row(row) for row in rows)]
+        self.write_text('results.csv', format_csv(lines))
 
     def write_json(self, name: str, values: Mapping[str, Any]) -> None:
-        """Write a JSON file into the folder; what is not a number becomes null."""
-        text = json.dumps(_finite(values), indent=1, allow_nan=False, default=str)
-        self._write(name, text + '\n')
+        """Write a JSON file into the folder; NaN and infinities become null."""
+        text = json.dumps(without_nan(values), indent=1, allow_nan=False, default=str)
+        self.write_text(name, text + '\n')
 
     def write_text(self, name: str, text: str) -> Path:
-        """Write a text file into the folder and return its path."""
-        return self._write(name, text)
-
-    def read_json(self, name: str) -> dict[str, Any]:
-        """Read a JSON object of the folder. Raises ResultsError."""
-        try:
-            values = json.loads(_read(self.path / name))
-        except ValueError as error:
-            message = f'{self.path / name}: not JSON: {error}'
-            raise ResultsError(message) from None
-        if not isinstance(values, dict):
-            message = f'{self.path / name}: a JSON object is expected'
-            raise ResultsError(message)
-        return values
-
-    def _write(self, name: str, text: str) -> Path:
+        """Write a file atomically into the folder and return its path. Raises ResultsError."""
         path = self.path / name
         draft = path.with_name(f'.{name}.draft')
         try:
@@ -232,34 +231,52 @@ class ResultsFolder:
             raise ResultsError(message) from None
         return path
 
+    def read_json(self, name: str) -> dict[str, Any]:
+        """Read a JSON object from the folder. Raises ResultsError."""
+        path = self.path / name
+        try:
+            values = json.loads(read_text(path))
+        except ValueError as error:
+            raise ResultsError(f'{path}: not JSON: {error}') from None
+        if not isinstance(values, dict):
+            raise ResultsError(f'{path}: a JSON object is expected')
+        return values
+
 
 def describe_run(
     datasets: Sequence[str | Path],
     parameters: Mapping[str, Any],
     files: Sequence[str | Path] = (),
 ) -> dict[str, Any]:
-    """Return the metadata of a run: versions, parameters, digests of its data, machine.
+    """Return the metadata of a run: version, parameters, digests of its input, machine.
 
-    A dataset may be a folder. `files` are what else decides the rows, such as transcripts and
-    prompts. Raises OSError.
+    A dataset may be a folder. `files` are other inputs that the rows depend on, such as
+    transcripts and prompts. Raises OSError.
     """
     return {
-        'version': _own_version(),
+        'version': llm_astar_planner.__version__,
         'parameters': dict(parameters),
         'dataset': {
             'file': ', '.join(Path(dataset).name for dataset in datasets),
-            'sha256': _digest(*datasets),
+            'sha256': digest_files(*datasets),
         },
-        'files': {Path(file).name: _digest(file) for file in files},
+        'files': {Path(file).name: digest_files(file) for file in files},
         'machine': describe_machine(),
-        'packages': {name: _version(name) for name in ('numpy', 'numba', 'scipy', 'shapely')},
+        'packages': {
+            name: package_version(name) for name in ('numpy', 'numba', 'scipy', 'shapely')
+        },
     }
 
 
 def describe_machine() -> dict[str, Any]:
-    """Say what machine this is: processor, cores, memory in GiB, system, Python."""
+    """Return processor, cores, memory in GiB, operating system and Python version."""
+    try:
+        lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
+    except OSError:
+        lines = []
+    models = (line.partition(':')[2].strip() for line in lines if line.startswith('model name'))
     return {
-        'processor': _processor(),
+        'processor': next(models, platform.processor() or 'unknown'),
         'cores': os.cpu_count(),
         'memory_gib': round(os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 2**30, 1),
         'system': f'{platform.system()} {platform.machine()}',
@@ -267,49 +284,56 @@ def describe_machine() -> dict[str, Any]:
     }
 
 
-def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Say in what two runs differ that makes their rows no longer one set of results."""
-    changed = [] if before.get('version') == now['version'] else ['version']
+def run_differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Return what differs between two runs' metadata and forbids mixing their rows."""
+    changed = []
+    if before.get('version') != now['version']:
+        changed.append(f'version ({before.get("version")} before, {now["version"]} now)')
     if before.get('dataset', {}).get('sha256') != now['dataset']['sha256']:
         changed.append('dataset')
     old = before.get('parameters', {})
     return changed + [
         f'{name} ({old.get(name)} before)'
-        for name in DECIDING
+        for name in COMPARED_PARAMETERS
         if old.get(name) != now['parameters'].get(name)
     ]
 
 
-def _values(row: Row) -> list[Any]:
-    return [getattr(row, name) for name in FIELDS]
+def format_row(row: Row) -> list[str]:
+    """Return the cells of a CSV line; NaN is an empty cell."""
+    values = [getattr(row, name) for name in COLUMNS]
+    return [
+        ('' if math.isnan(value) else repr(round(value, 9)))
+        if isinstance(value, float)
+        else str(value)
+        for value in values
+    ]
 
 
-def _text(value: object) -> str:
-    if isinstance(value, float):
-        return '' if math.isnan(value) else repr(round(value, 9))
-    return str(value)
-
-
-def _csv_line(values: Sequence[str]) -> str:
+def format_csv(lines: Iterable[Sequence[str]]) -> str:
+    """Return lines of cells as CSV text."""
     buffer = io.StringIO()
-    csv.writer(buffer, lineterminator='\n').writerow(values)
+    csv.writer(buffer, lineterminator='\n').writerows(lines)
     return buffer.getvalue()
 
 
-def _row(record: Mapping[str, str]) -> Row:
-    if None in record or None in record.values():  # where it holds more or fewer
-        message = f'{len(FIELDS)} values are expected'
+def parse_row(record: Mapping[str, str]) -> Row:
+    """Read a CSV record, with the method names of older versions. Raises ValueError."""
+    if None in record or None in record.values():  # more or fewer cells than columns
+        message = f'{len(COLUMNS)} values are expected'
         raise ValueError(message)
     values: dict[str, Any] = dict(record)
-    for name, kind in FIELDS.items():
+    for name, kind in COLUMNS.items():
         if kind == 'int':
             values[name] = int(record[name])
         elif kind == 'float':
             values[name] = float(record[name]) if record[name] else math.nan
+    values['method'] = METHOD_ALIASES.get(record['method'], record['method'])
     return Row(**values)
 
 
-def _read(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """Read a UTF-8 text file. Raises ResultsError."""
     try:
         return path.read_text(encoding='utf-8')
     except (OSError, UnicodeDecodeError) as error:
@@ -317,51 +341,66 @@ def _read(path: Path) -> str:
         raise ResultsError(message) from None
 
 
-def _finite(value: Any) -> Any:  # noqa: ANN401 - any JSON value
-    """Replace NaN and infinities, which JSON has not, by None."""
+def without_nan(value: Any) -> Any:  # noqa: ANN401 - any JSON value
+    """Replace NaN and infinities, which JSON cannot hold, by None."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
+        return {str(key): without_nan(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
+        return [without_nan(item) for item in value]
     return value
 
 
-def _digest(*paths: str | Path) -> str:
-    """Return the SHA-256 of files one after the other, of folders' files by their names.
+def digest_files(*paths: str | Path) -> str:
+    """Return the SHA-256 of the concatenated files; a folder counts as its files by name.
 
-    Less what SQLite keeps beside a bag for its locks, which reading changes.
+    SQLite's `-shm` files are skipped, because reading a bag changes them.
     """
     digest = hashlib.sha256()
     for path in map(Path, paths):
         for file in sorted(path.iterdir()) if path.is_dir() else [path]:
             if file.is_file() and not file.name.endswith('-shm'):
-                _add_file(digest, file)
+                with file.open('rb') as stream:
+                    while block := stream.read(1 << 20):
+                        digest.update(block)
     return digest.hexdigest()
 
 
-def _add_file(digest: hashlib._Hash, path: Path) -> None:
-    with path.open('rb') as file:
-        while block := file.read(1 << 20):
-            digest.update(block)
-
-
-def _own_version() -> str:
-    return llm_astar_planner.__version__
-
-
-def _version(package: str) -> str:
+def package_version(package: str) -> str:
+    """Return the installed version of a package, or `missing`."""
     try:
         return version(package)
     except PackageNotFoundError:
         return 'missing'
 
 
-def _processor() -> str:
-    try:
-        lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
-    except OSError:
-        lines = []
-    names = (line.partition(':')[2].strip() for line in lines if line.startswith('model name'))
-    return next(names, platform.processor() or 'unknown')
+def parse_points(text: str) -> tuple[tuple[float, float], ...]:
+    """Read the points of a row, `x,y` joined by `;`. Raises ValueError."""
+    points = (item.split(',') for item in text.split(';') if item)
+    return tuple((float(x), float(y)) for x, y in points)
+
+
+def format_points(points: Iterable[Iterable[float]]) -> str:
+    """Write points as rows store them; `parse_points` is the inverse."""
+    return ';'.join(','.join(f'{value:g}' for value in point) for point in points)
+
+
+def turning_points(path: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the first, the last and every cell of a path [n, 2] at which it turns."""
+    if len(path) < 3:
+        return path
+    steps = np.diff(path, axis=0)
+    turns = np.any(steps[1:] != steps[:-1], axis=1)
+    return np.asarray(path[np.concatenate([[True], turns, [True]])])
+
+
+def cells_along(points: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Return the cells [m, 2] along a polyline through points [n, 2], in steps of one cell."""
+    corners = np.rint(points).astype(np.int32)
+    segments = [corners[:1]]
+    for begin, end in pairwise(corners):
+        steps = int(np.abs(end - begin).max())
+        parts = np.arange(1, steps + 1)[:, None] / max(steps, 1)
+        segments.append(np.rint(begin + parts * (end - begin)).astype(np.int32))
+    return np.concatenate(segments)

@@ -1,4 +1,4 @@
-"""`llm-astar bench`: methods with and without waypoints over a dataset, with the truth beside."""
+"""`llm-astar bench`: runs methods with and without waypoints over a dataset."""
 
 from __future__ import annotations
 
@@ -17,19 +17,28 @@ from llm_astar_planner.benchmark.datasets.samples import (
     save_kept_maps,
     select_samples,
 )
-from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsError, ResultsFolder
-from llm_astar_planner.benchmark.runner.config import Sweep, begin, carry_out
-from llm_astar_planner.benchmark.runner.engine import LLM_ONLY, Settings
+from llm_astar_planner.benchmark.results import (
+    MAPS_FILE,
+    WAYPOINTS_ONLY,
+    ResultsError,
+    ResultsFolder,
+)
+from llm_astar_planner.benchmark.runner.config import BenchmarkConfig, run_into_folder, start_run
+from llm_astar_planner.benchmark.runner.engine import SearchSettings
 from llm_astar_planner.benchmark.runner.progress import progress
-from llm_astar_planner.benchmark.runner.sources import GRID_ABLATIONS, check_grid_run, make_askers
+from llm_astar_planner.benchmark.runner.sources import (
+    GRID_ABLATIONS,
+    check_grid_options,
+    make_source_specs,
+)
 from llm_astar_planner.cli.run_options import (
     BAD_INPUT,
     INCOMPLETE,
     INTERRUPTED,
     OK,
-    add_cases,
     add_running,
-    check_cases,
+    add_variants,
+    check_variants,
     close_run,
     complain,
     count,
@@ -44,18 +53,18 @@ from llm_astar_planner.waypoints.baselines import ablation_sources
 
 EPILOG = """\
 examples:
-  llm-astar bench                                 every method and ablation, no key needed
+  llm-astar bench                                 every method and baseline, no key needed
   llm-astar bench --source replay --transcript replies.jsonl --out out/replies
   llm-astar bench --source endpoint --model gpt-4o-mini --prompt few_shot,cot --limit 50
-  llm-astar bench --scales 1-10 --limit 100       with the growth of work over the scale
+  llm-astar bench --scales 1-10 --limit 100       also how work grows with the scale
   llm-astar bench --dataset x.map.scen --methods exact_astar,astar    a MovingAI benchmark
   llm-astar bench --fail-under llm_astar/oracle:operation=60 --fail-under llm_astar:valid=100
 
-A grid dataset is planned on without cutting corners, as MovingAI does. Lengths that a .scen file
-publishes are held against those of exact_astar and astar.
+On a grid dataset paths may not cut corners, as in MovingAI's benchmarks. The optimal lengths in a
+.scen file are compared with those of exact_astar and astar.
 
-exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 incomplete or off a published
-length, 130 interrupted
+exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 incomplete, or a length differs from
+the optimal one in the dataset, 130 interrupted
 """
 
 
@@ -63,14 +72,14 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     """Add the sub-command `bench`."""
     parser = subparsers.add_parser(
         'bench',
-        description='Replay start-goal samples with every method and source of waypoints, and '
+        description='Plan the samples of a dataset with every method and waypoint source, and '
         'write a results folder: rows, summary, report.md, report.html, pictures.',
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(run=run, command='bench')
     _add_samples(parser.add_argument_group('samples'))
-    add_cases(parser.add_argument_group('cases'))
+    add_variants(parser.add_argument_group('methods and sources'))
     add_running(parser.add_argument_group('running'), 'out/bench')
 
 
@@ -79,15 +88,16 @@ def _add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
         '--dataset',
         default='samples_1000.json',
         metavar='FILE',
-        help='barrier-map JSON, a path or a name in maps/ (default: %(default)s); or a grid: '
-        "MovingAI's x.map.scen beside its map, or a map_server yaml, on which pairs are drawn",
+        help='barrier-map JSON, a path or a name in maps/ (default: %(default)s); or a '
+        "grid: MovingAI's x.map.scen in the folder of its map, or a map_server yaml, on which "
+        'pairs are drawn',
     )
     group.add_argument('--maps', metavar='RANGES', help='map ids, such as 50-99 or 0-9,12')
     group.add_argument(
         '--limit',
         type=count,
         metavar='N',
-        help='draw N of the samples; on a yaml map so many new ones (100)',
+        help='draw N of the samples; on a yaml map N new pairs (100)',
     )
     group.add_argument(
         '--scales', default='1', metavar='RANGES', help='scales of the maps, such as 1-10 (1)'
@@ -97,62 +107,66 @@ def _add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
         type=count,
         default=10,
         metavar='N',
-        help='samples drawn to compare scales on (10)',
+        help='number of samples that are run at every scale (10)',
     )
-    group.add_argument('--seed', type=seed, default=0, metavar='N', help='of every draw (0)')
+    group.add_argument(
+        '--seed', type=seed, default=0, metavar='N', help='seed of everything drawn at random (0)'
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark; return its exit code. Raises ValueError on bad input."""
-    check_cases(args)
+    check_variants(args)
     dataset = find_file(args.dataset, 'maps')
     maps = load_maps(dataset, args.limit, args.seed)
-    sweep = _sweep(args, dataset, maps)
-    _say_which_ablations(args, maps)
+    config = benchmark_config(args, dataset, maps)
+    if omits_baselines(args, maps):
+        names = ' and '.join(GRID_ABLATIONS)
+        message = f'on a grid only the baselines {names} are run; name others with --source'
+        complain(args, message, OK)
     folder = ResultsFolder(args.out)
     try:
-        tasks, metadata = begin(folder, sweep, _parameters(args, maps), resume=args.resume)
-        _save_maps(folder, sweep, maps)
+        tasks, metadata = start_run(folder, config, run_parameters(args, maps), resume=args.resume)
+        save_maps(folder, config, maps)
     except ResultsError as error:
         return complain(args, str(error), BAD_INPUT)
     code = OK
     try:
         with (
-            make_executor(args, sweep.askers) as (executor, at_once),
+            make_executor(args, config.sources) as (executor, max_pending),
             progress(len(tasks)) as step,
         ):
-            metadata['parameters']['jobs'] = args.dask or at_once // 2
-            carry_out(folder, tasks, executor, at_once, metadata=metadata, step=lambda *_: step())
+            metadata['parameters']['jobs'] = args.dask or max_pending // 2
+            run_into_folder(
+                folder, tasks, executor, max_pending, metadata=metadata, step=lambda *_: step()
+            )
     except KeyboardInterrupt:
-        left = 'the rows so far are kept; go on with --resume'
-        code = complain(args, f'interrupted: {left}', INTERRUPTED)
+        message = 'interrupted: the rows so far are kept; continue with --resume'
+        code = complain(args, message, INTERRUPTED)
     except ResultsError as error:
         return complain(args, str(error), INCOMPLETE)
     return close_run(args, folder, metadata, code)
 
 
-def _say_which_ablations(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> None:
-    """Say that a grid is run without the ablations that take long there."""
-    guided = set(args.methods) & {*WAYPOINT_METHODS, LLM_ONLY}
-    if (
-        isinstance(maps[0], GridProblem)
-        and guided
-        and not set(args.source) & ablation_sources().keys()
-    ):
-        names = ' and '.join(GRID_ABLATIONS)
-        only = f'on a grid, {names} are the only ablations; name others with --source'
-        complain(args, only, OK)
+def omits_baselines(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> bool:
+    """Tell whether a grid is run without the baselines that are slow there."""
+    uses_waypoints = bool(set(args.methods) & {*WAYPOINT_METHODS, WAYPOINTS_ONLY})
+    named = set(args.source) & ablation_sources().keys()
+    return isinstance(maps[0], GridProblem) and uses_waypoints and not named
 
 
-def _sweep(args: argparse.Namespace, dataset: Path, maps: Sequence[ProblemMap]) -> Sweep:
+def benchmark_config(
+    args: argparse.Namespace, dataset: Path, maps: Sequence[ProblemMap]
+) -> BenchmarkConfig:
+    """Return what the options ask for. Raises ValueError."""
     scales = parse_ranges(args.scales, '--scales')
     if scales[0] < 1:
-        message = f'--scales {args.scales}: a map is scaled by 1 or more'
+        message = f'--scales {args.scales}: the smallest scale is 1'
         raise ValueError(message)
     grids = [item for item in maps if isinstance(item, GridProblem)]
     for problem in grids:
-        check_grid_run(problem, scales, args.source)
-    askers = make_askers(
+        check_grid_options(problem, scales, args.source)
+    sources = make_source_specs(
         args.source,
         args.prompt,
         args.model,
@@ -161,12 +175,12 @@ def _sweep(args: argparse.Namespace, dataset: Path, maps: Sequence[ProblemMap]) 
         seed=args.seed,
         default=GRID_ABLATIONS if grids else None,
     )
-    return Sweep(
+    return BenchmarkConfig(
         dataset,
         select_samples(maps, str(dataset), args.maps, args.limit, args.seed),
         args.methods,
-        askers,
-        Settings(args.heuristic, args.weight, args.time_limit, args.max_suboptimality),
+        sources,
+        SearchSettings(args.heuristic, args.weight, args.time_limit, args.max_suboptimality),
         scales,
         args.scale_samples,
         args.seed,
@@ -174,21 +188,22 @@ def _sweep(args: argparse.Namespace, dataset: Path, maps: Sequence[ProblemMap]) 
     )
 
 
-def _parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict[str, Any]:
+def run_parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict[str, Any]:
+    """Return the parameters for the metadata of the run."""
     names = (
         'maps', 'limit', 'scales', 'scale_samples', 'seed', 'methods', 'source', 'prompt', 'model',
         'base_url', 'repair_rounds', 'heuristic', 'weight', 'time_limit', 'max_suboptimality',
         'price', 'jobs',
     )  # fmt: skip
     parameters = {name: getattr(args, name) for name in names}
-    # The dataset's own digest is that of a file that only names the grid.
+    # The dataset file only names the grid, so its digest says nothing about the cells.
     grids = [item.digest for item in maps if isinstance(item, GridProblem)]
     return parameters | ({'grid': grids[0]} if grids else {})
 
 
-def _save_maps(folder: ResultsFolder, sweep: Sweep, maps: Sequence[ProblemMap]) -> None:
-    """Keep the maps with the rows, so that a folder can be reported on by itself."""
-    ids = {sample.barrier_map.id for sample in sweep.samples}
+def save_maps(folder: ResultsFolder, config: BenchmarkConfig, maps: Sequence[ProblemMap]) -> None:
+    """Store the maps in the folder, so that a report needs no dataset. Raises ResultsError."""
+    ids = {sample.barrier_map.id for sample in config.samples}
     try:
         save_kept_maps([item for item in maps if item.id in ids], folder.path / MAPS_FILE)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""`llm-astar dataset`: make barrier-map datasets, check them, make bags of them."""
+"""`llm-astar dataset`: generates barrier-map datasets, checks them, converts them to bags."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import save_barrier_maps
 
 from llm_astar_planner.benchmark.datasets.generate import GenerationError, MapRules, generate
 from llm_astar_planner.benchmark.datasets.samples import load_samples
-from llm_astar_planner.benchmark.datasets.validate import check_file
+from llm_astar_planner.benchmark.datasets.validate import validate_file
 from llm_astar_planner.resources import find_file
 
 OK, BAD_INPUT = 0, 2
@@ -22,13 +22,17 @@ OK, BAD_INPUT = 0, 2
 def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the sub-command `dataset` with `generate`, `check` and `to-bag`."""
     parser = subparsers.add_parser(
-        'dataset', description='Make, check or convert datasets of samples.'
+        'dataset', description='Generate, check or convert datasets of samples.'
     )
     actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
-    make = actions.add_parser('generate', help='make a dataset, the same one for the same seed')
-    make.add_argument('--seed', type=int, default=0, help='what the maps are drawn from (0)')
+    make = actions.add_parser(
+        'generate', help='generate a dataset; the same seed gives the same one'
+    )
+    make.add_argument('--seed', type=int, default=0, help='seed of the maps (0)')
     make.add_argument('--maps', type=int, default=100, metavar='N', help='number of maps (100)')
-    make.add_argument('--pairs', type=int, default=10, metavar='N', help='pairs a map (10)')
+    make.add_argument(
+        '--pairs', type=int, default=10, metavar='N', help='start-goal pairs per map (10)'
+    )
     make.add_argument(
         '--size', type=int, nargs=2, default=(50, 30), metavar=('W', 'H'),
         help='largest coordinates (50 30)',
@@ -38,18 +42,18 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     make.set_defaults(run=run)
     check = actions.add_parser('check', help='validate a dataset file')
     check.add_argument('file', metavar='FILE')
-    check.add_argument('--json', action='store_true', help='print the findings as JSON')
+    check.add_argument('--json', action='store_true', help='print the problems found as JSON')
     check.set_defaults(run=run)
     bag = actions.add_parser(
         'to-bag',
-        help='make a bag of the samples: maps and requests, as if a robot had recorded them',
+        help='write the samples as a bag of maps and requests, as a robot would record them',
     )
     bag.add_argument(
         '--dataset', required=True, metavar='FILE',
-        help='a dataset as bench reads it, or a name in maps/',
+        help='a dataset that bench reads, or the name of one in maps/',
     )  # fmt: skip
     bag.add_argument('--maps', metavar='IDS', help='which maps, such as 50-59 (default: all)')
-    bag.add_argument('--out', required=True, metavar='DIR', help='the bag, a new folder')
+    bag.add_argument('--out', required=True, metavar='DIR', help='the folder of the new bag')
     bag.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap')
     bag.set_defaults(run=run)
 
@@ -59,33 +63,35 @@ def run(args: argparse.Namespace) -> int:
     return ACTIONS[args.action](args)
 
 
-def _generate(args: argparse.Namespace) -> int:
+def generate_dataset(args: argparse.Namespace) -> int:
+    """Generate a dataset. Raises GenerationError."""
     if args.maps < 1 or args.pairs < 1:
-        raise GenerationError('--maps and --pairs: 1 is the least')
+        raise GenerationError('--maps and --pairs: the minimum is 1')
     rules = MapRules(size=tuple(args.size), pairs=args.pairs)
     maps = list(generate(args.seed, args.maps, rules))
     save_barrier_maps(maps, args.out)
     print(f'{args.out}: {len(maps)} maps, {len(maps) * args.pairs} samples, seed {args.seed}')
     if args.pictures:
-        # Drawing is the only thing here that needs matplotlib.
+        # Only drawing needs matplotlib.
         from llm_astar_planner.benchmark.report.figures import save_map_pictures  # noqa: PLC0415
 
         print(f'{args.pictures}: {len(save_map_pictures(maps, args.pictures))} pictures')
     return OK
 
 
-def _check(args: argparse.Namespace) -> int:
-    summary, findings = check_file(args.file)
-    errors = sum(finding.error for finding in findings)
+def check_dataset(args: argparse.Namespace) -> int:
+    """Print the problems of a dataset; return 2 where it has errors."""
+    summary, problems = validate_file(args.file)
+    errors = sum(problem.error for problem in problems)
     if args.json:
-        found = [finding._asdict() for finding in findings]
+        found = [problem._asdict() for problem in problems]
         print(json.dumps({**summary._asdict(), 'errors': errors, 'findings': found}))
         return BAD_INPUT if errors else OK
-    for finding in findings:
-        print(finding)
+    for problem in problems:
+        print(problem)
     print(
         f'{Path(args.file)}: {summary.maps} maps, {summary.samples} samples, '
-        f'{errors} errors, {len(findings) - errors} notes'
+        f'{errors} errors, {len(problems) - errors} notes'
     )
     if summary.detours:
         low, middle, high = np.percentile(summary.detours, (0, 50, 100))
@@ -93,8 +99,9 @@ def _check(args: argparse.Namespace) -> int:
     return BAD_INPUT if errors else OK
 
 
-def _to_bag(args: argparse.Namespace) -> int:
-    # Only what makes bags needs the library of bags.
+def write_bag(args: argparse.Namespace) -> int:
+    """Write a dataset as a bag."""
+    # Only this needs the library that writes bags.
     from llm_astar_planner.benchmark.bags.sample_bag import write_sample_bag  # noqa: PLC0415
 
     samples = load_samples(find_file(args.dataset, 'maps'), args.maps)
@@ -103,4 +110,4 @@ def _to_bag(args: argparse.Namespace) -> int:
     return OK
 
 
-ACTIONS = {'generate': _generate, 'check': _check, 'to-bag': _to_bag}
+ACTIONS = {'generate': generate_dataset, 'check': check_dataset, 'to-bag': write_bag}

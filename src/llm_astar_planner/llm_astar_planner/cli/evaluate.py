@@ -27,10 +27,14 @@ from llm_astar_planner.benchmark.results import (
     ResultsFolder,
     describe_run,
 )
-from llm_astar_planner.benchmark.runner.config import carry_out, open_folder
-from llm_astar_planner.benchmark.runner.engine import Asker, Outcome, Settings, Task
+from llm_astar_planner.benchmark.runner.config import open_folder, run_into_folder
+from llm_astar_planner.benchmark.runner.engine import Outcome, SearchSettings, Task
 from llm_astar_planner.benchmark.runner.progress import progress
-from llm_astar_planner.benchmark.runner.sources import GRID_ABLATIONS, make_askers
+from llm_astar_planner.benchmark.runner.sources import (
+    GRID_ABLATIONS,
+    SourceSpec,
+    make_source_specs,
+)
 from llm_astar_planner.cli.evaluate_options import (
     RULES,
     SEARCH_OPTIONS,
@@ -44,9 +48,9 @@ from llm_astar_planner.cli.run_options import (
     INCOMPLETE,
     INTERRUPTED,
     OK,
-    add_cases,
     add_running,
-    check_cases,
+    add_variants,
+    check_variants,
     close_run,
     complain,
     deciding_files,
@@ -86,7 +90,7 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     parser.set_defaults(run=run, command='evaluate', seed=0)
     parser.add_argument('bags', nargs='+', metavar='BAG', help='a folder, or an mcap or db3 file')
     add_input(parser.add_argument_group('input'))
-    add_cases(parser.add_argument_group('cases'))
+    add_variants(parser.add_argument_group('methods and sources'))
     add_rules(parser.add_argument_group('rules, by the names of the parameters of planner_node'))
     add_running(parser.add_argument_group('running'), 'out/evaluate')
     names = ('methods', *SEARCH_OPTIONS.values())
@@ -99,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         return _list(args, wanted)
     options = rules_given(args)
-    check_cases(args)
+    check_variants(args)
     plans = ResultsBag(args.results_bag) if args.results_bag else None
     folder = ResultsFolder(args.out)
     with open_bags(args.bags) as (bags, unopened):
@@ -116,7 +120,7 @@ def run(args: argparse.Namespace) -> int:
         bag_run = BagRun(sweep)
         try:
             tasks = bag_run.tasks(done)
-            code = _plan(args, folder, metadata, tasks, askers=sweep.askers, plans=plans)
+            code = _plan(args, folder, metadata, tasks, sources=sweep.sources, plans=plans)
         except (ResultsError, BagWriteError) as error:
             return complain(args, str(error), INCOMPLETE)
         problems = [unopened, *(bag.problems for bag in bags)]
@@ -131,20 +135,20 @@ def _plan(
     metadata: dict[str, Any],
     tasks: Iterator[Task],
     *,
-    askers: Sequence[Asker],
+    sources: Sequence[SourceSpec],
     plans: ResultsBag | None,
 ) -> int:
     """Run tasks into the folder; return 130 where that was interrupted.
 
     Raises ResultsError or BagWriteError where the disk takes no more.
     """
-    running = make_executor(args, askers)
+    running = make_executor(args, sources)
     try:
         with running as (executor, at_once), _watching(plans) as step:
             metadata['parameters']['jobs'] = args.dask or at_once // 2
             # Big maps wait in the queue, so it is no longer than it must be.
             few = max(1, at_once // 2)
-            carry_out(folder, tasks, executor, few, metadata=metadata, step=step)
+            run_into_folder(folder, tasks, executor, few, metadata=metadata, step=step)
     except KeyboardInterrupt:
         left = 'the rows so far are kept; go on with --resume'
         return complain(args, f'interrupted: {left}', INTERRUPTED)
@@ -169,7 +173,7 @@ def _show(bag: ResultsBag, task: Task, outcomes: list[Outcome]) -> None:
     grid_map = task.sample.barrier_map.to_grid()
     for row, plan in outcomes:
         if plan is not None and task.occasion is not None:
-            source = '/'.join(part for part in row.case[1:] if part)
+            source = '/'.join(part for part in row.variant[1:] if part)
             points = grid_map.grid_to_world(plan.path)
             report = replace(plan_report(plan, grid_map), seconds_source=row.seconds_source)
             bag.add(row.method, source, grid_map, task.occasion.time, points=points, report=report)
@@ -218,7 +222,7 @@ def _take_exchanges(
     if args.resume and folder.results.exists() and transcript.exists():
         return transcript
     if not args.resume:
-        folder.refuse_old()
+        folder.require_new()
     if not write_exchanges(bags, wanted, transcript):
         message = (
             '--source replay: the bags hold no exchanges with a model (on ~/exchange of '
@@ -236,7 +240,7 @@ def _sweep(
     options: dict[str, Any],
 ) -> BagSweep:
     asked = defaults(RULES) | options
-    settings = Settings(
+    settings = SearchSettings(
         args.heuristic,
         args.weight,
         args.time_limit,
@@ -250,17 +254,17 @@ def _sweep(
         bags,
         replace(wanted, base_frame=asked['robot_base_frame']),
         args.methods,
-        _askers(args, bags),
+        _sources(args, bags),
         settings,
         args.plan_window,
         listed,
     )
 
 
-def _askers(args: argparse.Namespace, bags: Sequence[Bag]) -> list[Asker]:
-    """Make the askers; all ablations come along only where every map's barriers are known."""
+def _sources(args: argparse.Namespace, bags: Sequence[Bag]) -> list[SourceSpec]:
+    """Make the sources; all ablations come along only where every map's barriers are known."""
     default = None if all(BARRIER_MAP in bag.topics for bag in bags) else GRID_ABLATIONS
-    return make_askers(
+    return make_source_specs(
         args.source,
         args.prompt,
         args.model,
@@ -278,7 +282,7 @@ def _parameters(args: argparse.Namespace, sweep: BagSweep) -> dict[str, Any]:
     )  # fmt: skip
     settings, wanted = sweep.settings, sweep.wanted
     return {name: getattr(args, name) for name in names} | {
-        'rules': None if settings.rules is None else asdict(settings.rules),
+        'rules': None if settings.costmap is None else asdict(settings.costmap),
         'tolerance': settings.tolerance,
         'start_tolerance': settings.start_tolerance,
         'paper_corners': settings.paper_corners,

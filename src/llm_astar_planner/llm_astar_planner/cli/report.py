@@ -1,4 +1,4 @@
-"""`llm-astar report`: write a results folder's reports anew, or its section of a README."""
+"""`llm-astar report`: rewrites the reports of a results folder, or a section of a README."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from llm_astar_planner.benchmark.analysis.summary import contrasts, summarise
+from llm_astar_planner.benchmark.analysis.summary import compare_with_none, summarise
 from llm_astar_planner.benchmark.datasets.samples import load_kept_maps
-from llm_astar_planner.benchmark.report.markdown import results_section
-from llm_astar_planner.benchmark.report.readme import replace_section
+from llm_astar_planner.benchmark.report.markdown import replace_section, results_section
 from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsError, ResultsFolder
 
 
@@ -17,15 +16,17 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     """Add the sub-command `report`."""
     parser = subparsers.add_parser(
         'report',
-        description='Write summary, figures and reports of a results folder anew from its rows; '
-        'with --readme only replace the results section of a README.',
+        description='Rewrite summary, figures and reports of a results folder from its rows, or, '
+        'with --readme, only replace the results section of a README.',
     )
     parser.set_defaults(run=run)
-    parser.add_argument('folder', metavar='DIR', help='what `llm-astar bench --out` wrote')
+    parser.add_argument(
+        'folder', metavar='DIR', help='a folder written by `llm-astar bench --out`'
+    )
     parser.add_argument(
         '--readme', metavar='FILE',
-        help='put finding, table and provenance between its lines <!-- results:begin --> and '
-        '<!-- results:end -->',
+        help='put finding, table and provenance between the lines <!-- results:begin --> and '
+        '<!-- results:end --> of FILE',
     )  # fmt: skip
 
 
@@ -36,14 +37,16 @@ def run(args: argparse.Namespace) -> int:
         metadata = folder.read_json('metadata.json')
         if args.readme:
             rows, seed = folder.read(), int(metadata['parameters'].get('seed', 0))
-            section = results_section(summarise(rows, seed), contrasts(rows, seed), metadata)
+            section = results_section(
+                summarise(rows, seed), compare_with_none(rows, seed), metadata
+            )
             replace_section(Path(args.readme), section)
             print(args.readme)
             return 0
-        # Drawing takes most of a second to import, and a README section needs none.
-        from llm_astar_planner.benchmark.report.write import publish  # noqa: PLC0415
+        # Importing matplotlib takes most of a second, and a README section needs no figures.
+        from llm_astar_planner.benchmark.report.write import write_report  # noqa: PLC0415
 
-        summary = publish(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
+        summary = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
     except (ResultsError, KeyError) as error:
         message = f'{args.folder}: {error} is missing' if isinstance(error, KeyError) else error
         raise ValueError(message) from None

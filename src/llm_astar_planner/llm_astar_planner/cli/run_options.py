@@ -1,4 +1,4 @@
-"""What the commands that run methods over samples share: cases, running, closing."""
+"""The options and the last steps that `bench` and `evaluate` share."""
 
 from __future__ import annotations
 
@@ -13,17 +13,30 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_planner.benchmark.analysis.summary import summarise
-from llm_astar_planner.benchmark.analysis.thresholds import Threshold, missed, parse_threshold
+from llm_astar_planner.benchmark.analysis.thresholds import (
+    Threshold,
+    missed_thresholds,
+    parse_threshold,
+)
 from llm_astar_planner.benchmark.datasets.reference_lengths import (
-    compare_published,
-    published_lengths,
+    compare_with_reference,
+    reference_lengths,
 )
 from llm_astar_planner.benchmark.datasets.samples import load_kept_maps
-from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsError, ResultsFolder
+from llm_astar_planner.benchmark.results import (
+    MAPS_FILE,
+    METHOD_ALIASES,
+    ResultsError,
+    ResultsFolder,
+)
 from llm_astar_planner.benchmark.runner.cluster import connect
-from llm_astar_planner.benchmark.runner.config import unanswered
-from llm_astar_planner.benchmark.runner.engine import ALL_METHODS, Asker
-from llm_astar_planner.benchmark.runner.sources import GRID_ABLATIONS, embedded_askers
+from llm_astar_planner.benchmark.runner.config import describe_unanswered
+from llm_astar_planner.benchmark.runner.engine import ALL_METHODS
+from llm_astar_planner.benchmark.runner.sources import (
+    GRID_ABLATIONS,
+    SourceSpec,
+    embedded_sources,
+)
 from llm_astar_planner.cli.parameter_flags import add_endpoint_arguments
 from llm_astar_planner.search.paper import HEURISTICS
 from llm_astar_planner.waypoints.baselines import ablation_sources
@@ -31,16 +44,16 @@ from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceSettings
 from llm_astar_planner.waypoints.factory import SOURCES
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
 
-# Requests in flight unless --jobs says.
+# Simultaneous requests to a live endpoint, unless --jobs says otherwise.
 LIVE_JOBS = 8
 OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 
 
-def add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add what to run: methods, sources, prompts, models."""
+def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options that choose methods, sources, prompts and models."""
     group.add_argument(
         '--methods',
-        type=names,
+        type=method_names,
         default=list(ALL_METHODS),
         metavar='NAMES',
         help=f'of {", ".join(ALL_METHODS)} (default: all)',
@@ -50,65 +63,72 @@ def add_cases(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
         type=names,
         default=[],
         metavar='NAMES',
-        help=f'of {", ".join(SOURCES)} (default: embedded, and the ablations, which also go '
-        f'beside every other source; on a grid {" and ".join(GRID_ABLATIONS)} alone: the others '
-        'need a visibility graph, slow there and refused on large maps)',
+        help=f'of {", ".join(SOURCES)} (default: embedded and all baselines; the baselines are '
+        f'also added to every other source; on a grid only {" and ".join(GRID_ABLATIONS)}, '
+        'because the others need a visibility graph, which is slow there and refused on large '
+        'maps)',
     )
     group.add_argument(
         '--prompt', type=names, default=[], metavar='NAMES',
-        help=f"for endpoint and replay: of {', '.join(TEMPLATES)}, or templates' paths",
+        help=f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates',
     )  # fmt: skip
     group.add_argument(
         '--model', type=names, default=[], metavar='NAMES', help='for endpoint and replay'
     )
     add_endpoint_arguments(group)
     group.add_argument('--heuristic', default='euclidean', choices=tuple(HEURISTICS))
-    group.add_argument('--weight', type=float, default=2.0, metavar='W', help="weighted A*'s (2)")
+    group.add_argument(
+        '--weight', type=float, default=2.0, metavar='W', help='weight of weighted A* (2)'
+    )
     group.add_argument(
         '--max-suboptimality',
         type=bound,
         metavar='W',
-        help='have guided prove its paths within W, 1 or more; 0: take its first path (0)',
+        help='let guided search until its path is proven within W (1 or more) of the shortest; '
+        '0: take the first path (0)',
     )
     group.add_argument(
         '--price',
         type=float,
         nargs=2,
         metavar=('IN', 'OUT'),
-        help='what a million tokens cost, for the cost column',
+        help='price of a million tokens, for the cost column',
     )
 
 
 def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add how to run, and where to: into `out` by default."""
+    """Add the options for running and output; `out` is the default folder."""
     group.add_argument('--out', default=out, metavar='DIR', help='(default: %(default)s)')
-    group.add_argument('--resume', action='store_true', help='go on with an interrupted run')
+    group.add_argument('--resume', action='store_true', help='continue an interrupted run')
     group.add_argument(
         '--jobs',
         type=count,
         metavar='N',
-        help='samples at once, so requests in flight too (default: 1, or 8 with a live source)',
+        help='samples planned in parallel, and so also the number of simultaneous requests '
+        '(default: 1, or 8 with a live source)',
     )
-    group.add_argument('--time-limit', type=float, default=60.0, metavar='SECONDS', help='(60)')
-    group.add_argument('--dask', metavar='ADDRESS', help='spread over this Dask cluster')
+    group.add_argument(
+        '--time-limit', type=float, default=60.0, metavar='SECONDS', help='per plan (60)'
+    )
+    group.add_argument('--dask', metavar='ADDRESS', help='scheduler of a Dask cluster to run on')
     group.add_argument(
         '--fail-under',
         type=threshold,
         action='append',
         default=[],
         metavar='LIMIT',
-        help='CASE:METRIC=LIMIT in percent: exit 1 where a ratio is above or a share below it',
+        help='VARIANT:METRIC=LIMIT in percent; exit 1 if a ratio is above it or a share below',
     )
     group.add_argument('--json', action='store_true', help='print the summary as JSON')
 
 
-def check_cases(args: argparse.Namespace) -> None:
-    """Raise ValueError on what argparse could not know to be wrong."""
+def check_variants(args: argparse.Namespace) -> None:
+    """Raise ValueError on values that argparse cannot check."""
     known = {'methods': ALL_METHODS, 'source': tuple(SOURCES)}
     for option, names in known.items():
         for name in getattr(args, option):
             if name not in names:
-                message = f'--{option} {name!r} is unknown; there is {", ".join(names)}'
+                message = f'--{option} {name!r} is unknown; available are {", ".join(names)}'
                 raise ValueError(message)
     if not args.weight >= 1.0:
         message = f'--weight {args.weight} is not 1 or more'
@@ -119,7 +139,7 @@ def check_cases(args: argparse.Namespace) -> None:
 
 
 def live_settings(args: argparse.Namespace) -> SourceSettings:
-    """Return the settings of the sources that are asked live, by the options given."""
+    """Return the settings of live sources from the options."""
     return SourceSettings(
         base_url=args.base_url,
         api_key_env=args.api_key_env,
@@ -127,14 +147,14 @@ def live_settings(args: argparse.Namespace) -> SourceSettings:
         timeout_s=args.time_limit,
         repair_rounds=args.repair_rounds,
         max_concurrent=args.jobs or LIVE_JOBS,
-        # The samples bound the calls.
+        # The number of samples already bounds the calls.
         max_calls_per_hour=0,
         record=str(ResultsFolder(args.out).transcript),
     )
 
 
 def deciding_files(args: argparse.Namespace) -> list[Path]:
-    """Return the transcript and the prompts, which decide rows as the dataset does."""
+    """Return the transcript and the prompt files, which change the rows as the dataset does."""
     files = [Path(args.transcript)] if args.transcript else []
     if 'endpoint' in args.source:
         prompts = args.prompt or [DEFAULT_PROMPT]
@@ -144,35 +164,35 @@ def deciding_files(args: argparse.Namespace) -> list[Path]:
 
 @contextmanager
 def make_executor(
-    args: argparse.Namespace, askers: Sequence[Asker]
+    args: argparse.Namespace, sources: Sequence[SourceSpec]
 ) -> Iterator[tuple[Executor, int]]:
-    """Yield what runs the tasks and how many are handed to it at once."""
+    """Yield the executor for the tasks, and how many of them to submit at a time."""
     if args.dask:
-        with connect(args.dask, askers) as cluster:
+        with connect(args.dask, sources) as cluster:
             yield cluster
         return
-    local = {'none', 'replay', *ablation_sources(), *(asker.name for asker in embedded_askers())}
-    jobs = args.jobs or (1 if all(asker.name in local for asker in askers) else LIVE_JOBS)
+    local = {'none', 'replay', *ablation_sources(), *(spec.name for spec in embedded_sources())}
+    jobs = args.jobs or (1 if all(spec.name in local for spec in sources) else LIVE_JOBS)
     executor = ThreadPoolExecutor(jobs)
     try:
         yield executor, 2 * jobs
     finally:
-        # What is in flight may take long to answer, and nobody waits for it any more.
+        # Requests that are still in flight may take long, and nothing needs their answers now.
         executor.shutdown(wait=False, cancel_futures=True)
 
 
 def close_run(
     args: argparse.Namespace, folder: ResultsFolder, metadata: dict[str, Any], code: int
 ) -> int:
-    """Write what is read of a run, print it, and settle the exit code."""
-    # Drawing takes most of a second to import, and bad usage should not wait for it.
+    """Write the reports of a run, print the table, and return the exit code."""
+    # Importing matplotlib takes most of a second, which bad usage should not wait for.
     from llm_astar_planner.benchmark.report.markdown import text_report  # noqa: PLC0415
-    from llm_astar_planner.benchmark.report.write import publish  # noqa: PLC0415
+    from llm_astar_planner.benchmark.report.write import write_report  # noqa: PLC0415
 
     maps = load_kept_maps(folder.path / MAPS_FILE)
     try:
         folder.write_json('metadata.json', metadata)
-        summary = publish(folder, metadata, maps)
+        summary = write_report(folder, metadata, maps)
         rows = folder.read()
     except ResultsError as error:
         return complain(args, str(error), INCOMPLETE)
@@ -181,31 +201,41 @@ def close_run(
         f'{len(rows)} rows in {metadata["seconds"]:.1f} s: {folder.path}/report.html',
         file=sys.stderr,
     )
-    for line in unanswered(rows):
+    for line in describe_unanswered(rows):
         code = complain(args, line, code or INCOMPLETE)
-    for agreement in compare_published(rows, published_lengths(maps), args.heuristic):
+    for agreement in compare_with_reference(rows, reference_lengths(maps), args.heuristic):
         code = complain(args, str(agreement), code or (INCOMPLETE if agreement.first else OK))
-    for line in missed(summarise(rows, args.seed), args.fail_under):
+    for line in missed_thresholds(summarise(rows, args.seed), args.fail_under):
         code = complain(args, line, code or MISSED)
     return code
 
 
 def complain(args: argparse.Namespace, message: str, code: int) -> int:
-    """Say something on stderr under the command's name; return the exit code it leads to."""
+    """Write a message with the command's name to stderr; return `code`."""
     sys.stderr.write(f'llm-astar {args.command}: {message}\n')
     return code
 
 
 def names(text: str) -> list[str]:
-    """Read names with commas between them, one at least."""
+    """Parse one or more names, separated by commas."""
     found = [name for name in text.split(',') if name]
     if not found:
-        raise argparse.ArgumentTypeError('names are expected, with commas between them')
+        raise argparse.ArgumentTypeError('names are expected, separated by commas')
+    return found
+
+
+def method_names(text: str) -> list[str]:
+    """Parse names of methods; warn about an old name and return the new one."""
+    found = []
+    for name in names(text):
+        if name in METHOD_ALIASES:
+            sys.stderr.write(f'warning: method {name} is now called {METHOD_ALIASES[name]}\n')
+        found.append(METHOD_ALIASES.get(name, name))
     return found
 
 
 def threshold(text: str) -> Threshold:
-    """Read CASE:METRIC=LIMIT."""
+    """Parse VARIANT:METRIC=LIMIT."""
     try:
         return parse_threshold(text)
     except ValueError as error:
@@ -213,31 +243,32 @@ def threshold(text: str) -> Threshold:
 
 
 def count(text: str) -> int:
-    """Read a whole number, 1 or more."""
-    return _whole(text, 1)
+    """Parse a whole number, 1 or more."""
+    return whole_number(text, 1)
 
 
 def seed(text: str) -> int:
-    """Read a whole number, 0 or more."""
-    return _whole(text, 0)
+    """Parse a whole number, 0 or more."""
+    return whole_number(text, 0)
 
 
 def bound(text: str) -> float | None:
-    """Read a factor, 1 or more; 0 for none."""
+    """Parse a factor, 1 or more; 0 gives None."""
     try:
         factor = float(text)
     except ValueError:
         factor = math.nan
     if factor and not factor >= 1.0:
-        raise argparse.ArgumentTypeError(f'{text!r} is neither 0 nor a number from 1')
+        raise argparse.ArgumentTypeError(f'{text!r} is neither 0 nor a number of at least 1')
     return factor or None
 
 
-def _whole(text: str, least: int) -> int:
+def whole_number(text: str, least: int) -> int:
+    """Parse a whole number of at least `least`."""
     try:
         number = int(text)
     except ValueError:
         number = least - 1
     if number < least:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number from {least}')
+        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number of at least {least}')
     return number

@@ -69,8 +69,12 @@ def test_the_whole_table_without_a_key(dataset, out, capsys):
         rows = list(csv.DictReader(file))
     cases = {(row['method'], row['source']) for row in rows}
     assert len(rows) == len(cases) * (40 + 10)
-    assert {('llm_astar', 'random'), ('llm_only', 'oracle'), ('weighted_astar', 'none')} < cases
-    assert {('llm_only', 'embedded'), ('guided', 'embedded-best-of-8')} < cases
+    assert {
+        ('llm_astar', 'random'),
+        ('waypoints_only', 'oracle'),
+        ('weighted_astar', 'none'),
+    } < cases
+    assert {('waypoints_only', 'embedded'), ('guided', 'embedded-best-of-8')} < cases
     metadata = json.loads((out / 'metadata.json').read_text())
     assert metadata['parameters']['jobs'] == 1
     assert metadata['seconds'] > 0
@@ -102,7 +106,7 @@ def test_a_replay_is_named_by_its_model_and_ablations_stand_beside(
     model = cases['llm_astar/replay/few_shot/parrot']
     assert (model['prompt_tokens'], model['completion_tokens']) == (70, 50)
     assert model['cost'] == pytest.approx(170e-6)
-    assert {'llm_astar/oracle', 'llm_only/replay/few_shot/parrot'} < set(cases)
+    assert {'llm_astar/oracle', 'waypoints_only/replay/few_shot/parrot'} < set(cases)
     assert 'parrot' in summary['headline']
     digests = json.loads((out / 'metadata.json').read_text())['files']
     assert digests == {'replies.jsonl': hashlib.sha256(transcript.read_bytes()).hexdigest()}
@@ -182,7 +186,7 @@ def test_ctrl_c_keeps_what_there_is_and_resume_finishes(
 
     monkeypatch.setattr(cli_bench.ResultsFolder, 'append', interrupted)
     assert llm_astar(*words) == 130
-    assert 'go on with --resume' in capsys.readouterr().err
+    assert 'continue with --resume' in capsys.readouterr().err
     assert (out / 'report.md').is_file()
     monkeypatch.undo()
     assert llm_astar(*words, '--resume') == 0
@@ -204,14 +208,14 @@ def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
     assert llm_astar(*words) == 0
     rows = (out / 'results.csv').read_bytes()
     assert llm_astar(*words) == 2
-    assert 'go on with --resume or name another --out' in capsys.readouterr().err
+    assert 'continue with --resume or name another --out' in capsys.readouterr().err
     assert (out / 'results.csv').read_bytes() == rows
 
 
 @pytest.mark.parametrize(
     ('words', 'part'),
     [
-        (('--methods', 'dijkstra'), "--methods 'dijkstra' is unknown; there is guided"),
+        (('--methods', 'dijkstra'), "--methods 'dijkstra' is unknown; available are guided"),
         (('--source', 'tea_leaves'), "--source 'tea_leaves' is unknown"),
         (('--source', 'replay'), 'transcript'),
         (('--source', 'endpoint'), '--model'),

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from llm_astar_planner.benchmark.analysis.trace import distance, trace
-from llm_astar_planner.benchmark.report.animation import save_animation
 from llm_astar_planner.benchmark.report.figures import (
     SHOWCASE,
-    SHOWCASE_ENDS,
+    SHOWCASE_ENDPOINTS,
     SHOWCASE_WAYPOINTS,
     cell_image,
+    save_animation,
 )
 from llm_astar_planner.cli import main as cli
 from llm_astar_planner.visualization.figures import Picture, draw
@@ -44,9 +44,11 @@ def test_bad_usage_is_one_line(words, part, capsys, monkeypatch, tmp_path):
 
 def test_an_animation_ends_with_both_searches_done(tmp_path):
     blocked = SHOWCASE.to_grid().blocked()
-    plain = trace(blocked, *SHOWCASE_ENDS)
+    plain = trace(blocked, *SHOWCASE_ENDPOINTS)
     path = tmp_path / 'a.gif'
-    save_animation(path, blocked, [('A*', plain, ()), ('again', plain, [(2, 8)])], SHOWCASE_ENDS)
+    save_animation(
+        path, blocked, [('A*', plain, ()), ('again', plain, [(2, 8)])], SHOWCASE_ENDPOINTS
+    )
     with Image.open(path) as image:
         assert 10 < image.n_frames <= 60
         image.seek(image.n_frames - 1)
@@ -55,12 +57,12 @@ def test_an_animation_ends_with_both_searches_done(tmp_path):
 
 def test_the_showcase_shows_what_its_caption_says():
     blocked = SHOWCASE.to_grid().blocked()
-    goals = [*SHOWCASE_WAYPOINTS, SHOWCASE_ENDS[1]]
-    guided = trace(blocked, *SHOWCASE_ENDS, goals, 'chebyshev')
-    plain = trace(blocked, *SHOWCASE_ENDS, (), 'chebyshev')
+    goals = [*SHOWCASE_WAYPOINTS, SHOWCASE_ENDPOINTS[1]]
+    guided = trace(blocked, *SHOWCASE_ENDPOINTS, goals, 'chebyshev')
+    plain = trace(blocked, *SHOWCASE_ENDPOINTS, (), 'chebyshev')
     assert len(guided.switches) == len(SHOWCASE_WAYPOINTS)
     assert len(guided.order) < len(plain.order)
-    assert guided.path[-1] == plain.path[-1] == SHOWCASE_ENDS[1]
+    assert guided.path[-1] == plain.path[-1] == SHOWCASE_ENDPOINTS[1]
 
 
 def test_obstacles_lie_over_what_was_expanded():

@@ -23,8 +23,8 @@ from llm_astar_msgs_adapter.bags.reading import Bag
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barrier_maps
 from llm_astar_planner.benchmark.bags.tasks import Numbers
 from llm_astar_planner.benchmark.datasets.generate import MapRules, generate
-from llm_astar_planner.benchmark.report import write as publish
-from llm_astar_planner.benchmark.report.figures import compare_figure
+from llm_astar_planner.benchmark.report import write as report_writer
+from llm_astar_planner.benchmark.report.figures import comparison_figure
 from llm_astar_planner.cli.main import main
 from rosbags.highlevel import AnyReader
 
@@ -85,7 +85,7 @@ def drive(tmp_path):
 def test_a_datasets_bag_gives_the_figures_of_the_benchmark_row_for_row(tmp_path):
     dataset = tmp_path / 'maps.json'
     save_barrier_maps(list(generate(9, 2, MapRules(pairs=4))), dataset)
-    methods = ('--methods', 'exact_astar,llm_only,llm_astar,guided')
+    methods = ('--methods', 'exact_astar,waypoints_only,llm_astar,guided')
     assert llm_astar('bench', '--dataset', dataset, '--out', tmp_path / 'bench', *methods) == 0
     for storage in ('mcap', 'sqlite3'):
         bag, out = tmp_path / f'{storage}_bag', tmp_path / f'{storage}_out'
@@ -219,7 +219,7 @@ def test_an_interrupted_run_goes_on_where_it_was(drive, out, capsys):
     lines = (out / 'results.csv').read_text().splitlines(keepends=True)
     (out / 'results.csv').write_text(''.join(lines[:3]) + lines[3][:10])
     assert llm_astar('evaluate', drive, *CASES, '--out', out) == 2
-    assert 'go on with --resume' in capsys.readouterr().err
+    assert 'continue with --resume' in capsys.readouterr().err
     assert llm_astar('evaluate', drive, *CASES, '--out', out, '--resume') == 0
     assert len(rows_in(out)) == len(whole)
     changed = ('--resume', '--robot-radius', '1')
@@ -288,9 +288,9 @@ def test_a_request_is_drawn_by_the_rules_it_was_planned_by(tmp_path, out, monkey
 
     def figure(grid_map, plans, *rest):
         drawn.extend(plans)
-        return compare_figure(grid_map, plans, *rest)
+        return comparison_figure(grid_map, plans, *rest)
 
-    monkeypatch.setattr(publish, 'compare_figure', figure)
+    monkeypatch.setattr(report_writer, 'comparison_figure', figure)
     dataset, bag = tmp_path / 'maps.json', tmp_path / 'bag'
     save_barrier_maps(list(generate(9, 1, MapRules(pairs=5))), dataset)
     assert llm_astar('dataset', 'to-bag', '--dataset', dataset, '--out', bag) == 0
@@ -298,11 +298,11 @@ def test_a_request_is_drawn_by_the_rules_it_was_planned_by(tmp_path, out, monkey
     assert llm_astar('evaluate', bag, *options) == 0
     rows = rows_in(out)
     assert [
-        any(float(row['operation']) == plan.operation for row in rows if row['method'] == method)
+        any(float(row['operation']) == plan.expansions for row in rows if row['method'] == method)
         for method, plan in zip(('astar', 'llm_astar'), drawn, strict=True)
     ] == [True, True]
     assert llm_astar('evaluate', bag, *options, '--resume', '--no-corner-cutting') == 2
-    assert 'paper_corners (True before) differ' in capsys.readouterr().err
+    assert 'these differ: paper_corners (True before)' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -328,7 +328,7 @@ def test_a_list_that_changed_since_is_not_gone_on_with(tmp_path, out, capsys):
     assert llm_astar(*words, '--resume') == 0
     goals.write_text('start_x,start_y,goal_x,goal_y\n3,2,8,2\n')
     assert llm_astar(*words, '--resume') == 2
-    assert 'dataset differ' in capsys.readouterr().err
+    assert 'these differ: dataset' in capsys.readouterr().err
 
 
 def test_results_in_the_way_keep_their_exchanges(drive, out):

@@ -1,1 +1,1 @@
-"""Metrics, statistics and summaries of results."""
+"""Statistics and summaries of results."""

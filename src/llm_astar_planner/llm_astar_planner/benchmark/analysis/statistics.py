@@ -1,7 +1,8 @@
-"""Confidence intervals by bootstrap over maps.
+"""Statistics of one metric: spread, shares, and confidence intervals by bootstrap over maps.
 
-The samples of one map share its barriers and are not independent, so whole maps are drawn, with
-replacement, as many as there are; the interval is the middle 95 % of the means of the draws.
+The samples of one map share its barriers, so they are not independent. The bootstrap therefore
+draws whole maps with replacement, as many as there are, and the interval is the middle 95 % of
+the means of the draws.
 """
 
 from __future__ import annotations
@@ -9,31 +10,43 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 DRAWS = 2000
 LEVEL = 0.95
+# Lengths that differ by less than this share count as equal.
+LENGTH_TOLERANCE = 1e-9
 
 
 class Interval(NamedTuple):
-    """An estimate with the ends of its confidence interval."""
+    """An estimate with the limits of its confidence interval."""
 
     value: float
     low: float
     high: float
 
 
-NOTHING = Interval(float('nan'), float('nan'), float('nan'))
+class Spread(NamedTuple):
+    """Mean, median, 95th percentile and maximum of some values; NaN where there are none."""
+
+    mean: float
+    median: float
+    p95: float
+    worst: float
+
+
+UNKNOWN = Interval(float('nan'), float('nan'), float('nan'))
+NO_SPREAD = Spread(*[float('nan')] * 4)
 
 
 def mean_interval(values: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interval:
-    """Return the mean of `values` [n] with its interval; `groups` [n] names each value's map.
+    """Return the mean of `values` [n] with its interval; `groups` [n] is the map of each value.
 
-    One map says nothing of others: its interval is NaN, unless it has values that are all alike.
+    Values of a single map give no interval (NaN), unless there are several and all are equal.
     """
     numbers = np.asarray(values, dtype=float)
     if numbers.size == 0:
-        return NOTHING
+        return UNKNOWN
     _, group = np.unique(np.asarray(groups), return_inverse=True)
     sums, counts = np.bincount(group, weights=numbers), np.bincount(group)
     if len(sums) == 1 and (len(numbers) == 1 or np.ptp(numbers) > 0):
@@ -47,6 +60,27 @@ def mean_interval(values: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interv
 
 
 def ratio_interval(ratios: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interval:
-    """Return (r_1 r_2 ... r_n)^(1/n) of `ratios` [n], all above 0, with its interval."""
+    """Return the geometric mean (r_1 r_2 ... r_n)^(1/n) of `ratios` [n] > 0 with its interval."""
     logs = mean_interval(np.log(np.asarray(ratios, dtype=float)), groups, seed)
     return Interval(*(float(value) for value in np.exp(logs)))
+
+
+def spread(values: ArrayLike) -> Spread:
+    """Return mean = sum(v) / n, median, p95 (linear between ranks) and worst = max(v)."""
+    array = np.asarray(values, dtype=float)
+    if array.size == 0:
+        return NO_SPREAD
+    median, p95 = np.percentile(array, (50, 95))
+    return Spread(float(array.mean()), float(median), float(p95), float(array.max()))
+
+
+def share(flags: ArrayLike) -> float:
+    """Return the share of flags that are set; of found paths this is the valid path ratio."""
+    array = np.asarray(flags, dtype=bool)
+    return float(array.mean()) if array.size else float('nan')
+
+
+def is_optimal(lengths: ArrayLike, best: ArrayLike) -> NDArray[np.bool_]:
+    """Tell which lengths are at most those of A* (`best`), up to rounding."""
+    found, reference = np.asarray(lengths, dtype=float), np.asarray(best, dtype=float)
+    return np.asarray(found <= reference * (1.0 + LENGTH_TOLERANCE))

@@ -1,7 +1,7 @@
-"""The order in which a search expands, for animations and for checking the compiled searches.
+"""Records the order in which a search expands cells, for animations and for tests.
 
-A plain rewriting of the paper's A* and LLM-A*, kept apart from the compiled kernels: slower by a
-thousand times, and a witness that what the pictures show is what was counted.
+This is a second implementation of the paper's A* and LLM-A* that shares no code with the compiled
+kernels. It is a thousand times slower, and tests compare the two expansion by expansion.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from numpy.typing import NDArray
 from llm_astar_planner.search.result import Cell
 
 Point = tuple[float, float]
-_NEIGHBOURS = ((-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1))
+NEIGHBOURS = ((-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1))
 
 
 @dataclass
 class Trace:
-    """A search in order: cells popped, `switches` (pops so far at each new target), the path.
+    """One search: the cells in `order` of expansion, the target `switches`, and the path.
 
-    `path` is empty where the search found none.
+    `switches` holds the number of expansions before each new target. `path` is empty where the
+    search found none.
     """
 
     order: list[Cell] = field(default_factory=list)
@@ -39,25 +40,26 @@ def trace(
     targets: Sequence[Point] = (),
     heuristic: str = 'euclidean',
 ) -> Trace:
-    """Search `blocked` [height, width] as the paper does, corners cut.
+    """Search `blocked` [height, width] by the paper's rules, which allow cutting corners.
 
-    `targets` is the paper's target list after its start; none makes it A*.
+    `targets` is the paper's target list without the start; without targets this is A*.
     """
-    return _Search(blocked, start, goal, targets, heuristic).run()
+    return TracedSearch(blocked, start, goal, targets, heuristic).run()
 
 
 def distance(heuristic: str, a: Point, b: Point) -> float:
-    """Return the distance of two points on an empty map. Raises ValueError for an unknown name."""
+    """Return the heuristic distance of two points. Raises ValueError for an unknown heuristic."""
     dx, dy = abs(a[0] - b[0]), abs(a[1] - b[1])
     if heuristic == 'euclidean':
         return math.sqrt(dx * dx + dy * dy)
     if heuristic == 'chebyshev':
         return max(dx, dy)
-    message = f'heuristic {heuristic!r} is not traced'
-    raise ValueError(message)
+    raise ValueError(f'heuristic {heuristic!r} cannot be traced')
 
 
-class _Search:
+class TracedSearch:
+    """One search that records its expansions."""
+
     def __init__(
         self,
         blocked: NDArray[np.bool_],
@@ -66,52 +68,56 @@ class _Search:
         targets: Sequence[Point],
         heuristic: str,
     ) -> None:
+        """Put the start into the open list."""
         self.blocked, self.start, self.goal = blocked, start, goal
         self.targets, self.heuristic = list(targets), heuristic
         self.index = 0
         self.g: dict[Cell, float] = {start: 0.0}
         self.parent: dict[Cell, Cell] = {start: start}
-        self.open = [(self._key(start), start)]
+        self.open = [(self.priority(start), start)]
         self.closed: set[Cell] = set()
         self.trace = Trace()
 
     def run(self) -> Trace:
+        """Search until the goal is expanded or no cell is left."""
         while self.open:
             _, cell = heapq.heappop(self.open)
             self.trace.order.append(cell)
             self.closed.add(cell)
             if cell == self.goal:
-                self.trace.path = self._path()
+                self.trace.path = self.path_to_start()
                 break
-            for dx, dy in _NEIGHBOURS:
-                self._reach(cell, (cell[0] + dx, cell[1] + dy))
+            for dx, dy in NEIGHBOURS:
+                self.consider(cell, (cell[0] + dx, cell[1] + dy))
         return self.trace
 
-    def _reach(self, cell: Cell, neighbour: Cell) -> None:
-        """Consider one neighbour; the target switches before it is known to be free."""
+    def consider(self, cell: Cell, neighbour: Cell) -> None:
+        """Try to reach a neighbour from `cell`.
+
+        The target switches even where the neighbour is blocked, as in the published code.
+        """
         if self.targets and neighbour == self.targets[self.index] and neighbour != self.goal:
             self.index += 1
             self.trace.switches.append(len(self.trace.order))
-            self.open = [(self._key(entry), entry) for _, entry in self.open]
+            self.open = [(self.priority(entry), entry) for _, entry in self.open]
             heapq.heapify(self.open)
-        if neighbour in self.closed or self._is_blocked(cell) or self._is_blocked(neighbour):
+        if neighbour in self.closed or self.blocked[cell[::-1]] or self.blocked[neighbour[::-1]]:
             return
         g = self.g[cell] + math.hypot(neighbour[0] - cell[0], neighbour[1] - cell[1])
         if g < self.g.get(neighbour, math.inf):
             self.g[neighbour] = g
             self.parent[neighbour] = cell
-            heapq.heappush(self.open, (self._key(neighbour), neighbour))
+            heapq.heappush(self.open, (self.priority(neighbour), neighbour))
 
-    def _key(self, cell: Cell) -> float:
+    def priority(self, cell: Cell) -> float:
+        """Return f = g + h(goal) + h(target)."""
         estimate = distance(self.heuristic, cell, self.goal)
         if self.targets:
             estimate += distance(self.heuristic, cell, self.targets[self.index])
         return self.g[cell] + estimate
 
-    def _is_blocked(self, cell: Cell) -> bool:
-        return bool(self.blocked[cell[1], cell[0]])
-
-    def _path(self) -> list[Cell]:
+    def path_to_start(self) -> list[Cell]:
+        """Return the path, found by following the parents back from the goal."""
         path = [self.goal]
         while path[-1] != self.start:
             path.append(self.parent[path[-1]])

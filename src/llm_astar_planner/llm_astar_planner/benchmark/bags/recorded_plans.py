@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.benchmark.points import cells_along, format_points, turning_points
+from llm_astar_planner.benchmark.results import cells_along, format_points, turning_points
 from llm_astar_planner.planning.planner import Planner
 
 # Cells of a path beyond which it is no robot's, and not looked at cell by cell.

@@ -18,7 +18,8 @@ from llm_astar_planner.benchmark.bags.requests import RequestReader
 from llm_astar_planner.benchmark.bags.topics import Wanted
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, ProblemMap
 from llm_astar_planner.benchmark.results import RowKey
-from llm_astar_planner.benchmark.runner.engine import Asker, Settings, Task, plan_cases
+from llm_astar_planner.benchmark.runner.engine import SearchSettings, Task, list_variants
+from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.search.result import Cell
 
 # What a report may show: so many maps, cells of them all, and requests on each.
@@ -35,8 +36,8 @@ class BagSweep:
     bags: Sequence[Bag]
     wanted: Wanted
     methods: Sequence[str]
-    askers: Sequence[Asker]
-    settings: Settings
+    sources: Sequence[SourceSpec]
+    settings: SearchSettings
     window: float = 10.0
     listed: Sequence[ListedRequest] = ()
 
@@ -104,7 +105,7 @@ class BagRun:
     def __init__(self, sweep: BagSweep) -> None:
         """Take what to cover; nothing is read yet."""
         self._sweep = sweep
-        self._cases = plan_cases(sweep.methods, sweep.askers)
+        self._variants = list_variants(sweep.methods, sweep.sources)
         self._numbers = Numbers()
         self.kept = KeptMaps()
 
@@ -124,12 +125,12 @@ class BagRun:
                 bag.problems.leave_out(f'{place}: {error}', f'{bag.path}: requests left out')
                 continue
             left = tuple(
-                (case, index)
-                for case, index in self._cases
-                if (*task.sample.key, 1, case) not in done
+                (variant, index)
+                for variant, index in self._variants
+                if (*task.sample.key, 1, variant) not in done
             )
             if left:
-                yield replace(task, cases=left)
+                yield replace(task, variants=left)
 
     def _task(self, bag: Bag, request: BagRequest) -> Task:
         sweep = self._sweep
@@ -141,7 +142,7 @@ class BagRun:
             settings = replace(settings, tolerance=request.tolerance)
         self.kept.add(sample)
         return Task(
-            sample, 1, (), tuple(sweep.askers), settings, _occasion(bag, request), is_sample
+            sample, 1, (), tuple(sweep.sources), settings, _occasion(bag, request), is_sample
         )
 
     def _sample(

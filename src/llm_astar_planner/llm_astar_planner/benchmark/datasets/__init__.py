@@ -1,1 +1,1 @@
-"""Datasets: loaded, selected, generated, validated."""
+"""Loads, selects, generates and validates datasets."""

@@ -1,8 +1,8 @@
-"""Make a dataset by the recipe of the paper's appendix, seeded, with a stated rule of selection.
+"""Generates a dataset by the recipe of the paper's appendix, from a seed.
 
 A map gets one to four horizontal and one to four vertical barriers at random. Start and goal are
-free cells whose straight line is blocked and between which a path exists. The paper chose its
-maps by hand; here a map is kept when its barriers make the way long enough (`MapRules`).
+connected free cells whose straight line is blocked. The paper chose its maps by hand; here a map
+is kept if its barriers make the paths long enough (`MapRules`).
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Point, Sample
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -22,22 +23,23 @@ from llm_astar_planner.search.paper import SearchOptions, astar
 from llm_astar_planner.search.result import SearchStatus
 from llm_astar_planner.search.visibility import LineOfSightChecker
 
-# How often a random draw is repeated before the map is given up.
+# Random draws before a map is given up.
 TRIES = 2000
 
 
-class GenerationError(ValueError):
-    """A dataset that cannot be made as asked."""
+class GenerationError(LlmAstarError, ValueError):
+    """A dataset cannot be generated as asked."""
 
 
 @dataclass(frozen=True)
 class MapRules:
-    """What a generated map must be like.
+    """The rules that a generated map obeys; lengths are in cells.
 
-    `size` is the paper's: 50 x 30 spans the lattice points 0..50 and 0..30. Barriers are at least
-    `min_barrier` long and parallel ones `min_gap` apart. Start and goal are `min_distance` apart.
-    A map is interesting when at least `min_reachable` of its free cells hang together and its
-    pairs' shortest paths are on average at least `min_detour` times as long as on an empty map.
+    The default `size` is the paper's: 50 x 30 spans the lattice points 0..50 and 0..30. Barriers
+    are at least `min_barrier` long, parallel ones at least `min_gap` apart, start and goal at
+    least `min_distance` apart. A map is kept if at least the share `min_reachable` of its free
+    cells is connected and the shortest paths of its pairs are on average at least `min_detour`
+    times as long as on an empty map.
     """
 
     size: Point = (50, 30)
@@ -51,30 +53,31 @@ class MapRules:
 
 
 def generate(seed: int, maps: int = 100, rules: MapRules | None = None) -> Iterator[BarrierMap]:
-    """Yield `maps` maps with ids from 0; the first n of a seed do not depend on how many follow.
+    """Yield `maps` maps with ids from 0; the first n maps of a seed are always the same.
 
-    Raises GenerationError where the rules leave no map to be found.
+    Raises GenerationError where no map is found that obeys the rules.
     """
     rules = rules or MapRules()
     if min(rules.size) < 10:
-        raise GenerationError(f'size: {rules.size} is too small; 10 x 10 is the least')
+        raise GenerationError(f'size: {rules.size} is too small; the minimum is 10 x 10')
     for map_id in range(maps):
-        # random.Random keeps its sequence from one Python to the next.
+        # random.Random gives the same sequence in every version of Python.
         draw = random.Random(f'{seed}:{map_id}')  # noqa: S311 - no secret
-        yield _interesting_map(draw, map_id, rules)
+        yield draw_map(draw, map_id, rules)
 
 
 def detour(barrier_map: BarrierMap) -> float:
-    """Return the mean over the samples of shortest path / path on an empty map, both on cells.
+    """Return the mean over the samples of shortest path / shortest path on an empty map.
 
-    Infinite where a sample has no path; 1 where no barrier is in any way.
+    It is infinite where a sample has no path, and 1 where no barrier is in the way.
     """
-    blocked = barrier_map.to_grid().blocked()
-    ratios = [
-        _shortest(blocked, barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal))
-        / max(octile(sample.start, sample.goal), 1e-9)
-        for sample in barrier_map.samples
-    ]
+    blocked, options = barrier_map.to_grid().blocked(), SearchOptions(heuristic='octile')
+    ratios = []
+    for sample in barrier_map.samples:
+        start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
+        result = astar(blocked, start, goal, [], options)
+        length = result.length if result.status is SearchStatus.FOUND else math.inf
+        ratios.append(length / max(octile(sample.start, sample.goal), 1e-9))
     return float(np.mean(ratios)) if ratios else 1.0
 
 
@@ -85,7 +88,7 @@ def octile(start: Point, goal: Point) -> float:
 
 
 def query_sentence(barrier_map: BarrierMap, start: Point, goal: Point) -> str:
-    """Put a sample in the words of the paper's dataset."""
+    """Return the query of a sample, worded as in the paper's dataset."""
     (x_min, x_max), (y_min, y_max) = barrier_map.range_x, barrier_map.range_y
     horizontal = [list(barrier) for barrier in barrier_map.horizontal_barriers]
     vertical = [list(barrier) for barrier in barrier_map.vertical_barriers]
@@ -96,10 +99,11 @@ def query_sentence(barrier_map: BarrierMap, start: Point, goal: Point) -> str:
     )
 
 
-def _interesting_map(draw: random.Random, map_id: int, rules: MapRules) -> BarrierMap:
+def draw_map(draw: random.Random, map_id: int, rules: MapRules) -> BarrierMap:
+    """Draw maps until one obeys the rules. Raises GenerationError after TRIES maps."""
     for _ in range(TRIES):
-        empty = _barriers(draw, map_id, rules)
-        samples = _samples(draw, empty, rules)
+        empty = draw_barriers(draw, map_id, rules)
+        samples = draw_samples(draw, empty, rules)
         if len(samples) < rules.pairs:
             continue
         barrier_map = BarrierMap(
@@ -112,22 +116,21 @@ def _interesting_map(draw: random.Random, map_id: int, rules: MapRules) -> Barri
         )
         if detour(barrier_map) >= rules.min_detour:
             return barrier_map
-    message = f'map {map_id}: none of {TRIES} random maps fits {rules}'
-    raise GenerationError(message)
+    raise GenerationError(f'map {map_id}: none of {TRIES} random maps fits {rules}')
 
 
-def _barriers(draw: random.Random, map_id: int, rules: MapRules) -> BarrierMap:
+def draw_barriers(draw: random.Random, map_id: int, rules: MapRules) -> BarrierMap:
     """Draw a map without samples."""
     width, height = rules.size
-    horizontal = _parallel_barriers(draw, height, width, rules)
-    vertical = _parallel_barriers(draw, width, height, rules)
+    horizontal = draw_parallel_barriers(draw, height, width, rules)
+    vertical = draw_parallel_barriers(draw, width, height, rules)
     return BarrierMap(map_id, (0, width + 1), (0, height + 1), horizontal, vertical)
 
 
-def _parallel_barriers(
+def draw_parallel_barriers(
     draw: random.Random, across: int, along: int, rules: MapRules
 ) -> tuple[Barrier, ...]:
-    """Draw barriers on inner lines, none touching another."""
+    """Draw barriers on inner lines, at least `min_gap` apart."""
     wanted = draw.randint(1, rules.most_barriers)
     barriers: list[Barrier] = []
     lines: list[shapely.LineString] = []
@@ -144,37 +147,33 @@ def _parallel_barriers(
     return tuple(barriers)
 
 
-def _samples(
+def draw_samples(
     draw: random.Random, barrier_map: BarrierMap, rules: MapRules
 ) -> list[tuple[Point, Point]]:
-    """Draw start-goal pairs, fewer than asked where the map does not offer them."""
+    """Draw start-goal pairs; fewer than asked where the map has no more of them."""
     blocked = barrier_map.to_grid().blocked()
     labels, _ = ndimage.label(~blocked, structure=np.ones((3, 3)))
     sizes = np.bincount(labels[~blocked])
     if sizes.max() < rules.min_reachable * sizes.sum():
         return []
-    walls = LineOfSightChecker(blocked)
+    line_of_sight = LineOfSightChecker(blocked)
     pairs: list[tuple[Point, Point]] = []
     for _ in range(TRIES):
-        start, goal = _free_cell(draw, blocked), _free_cell(draw, blocked)
+        start, goal = draw_free_cell(draw, blocked), draw_free_cell(draw, blocked)
         solvable = labels[start[::-1]] == labels[goal[::-1]]
         apart = math.dist(start, goal) >= rules.min_distance
         if solvable and apart and (start, goal) not in pairs:
-            if not walls.clear([start], [goal])[0]:
+            if not line_of_sight.clear([start], [goal])[0]:
                 pairs.append((start, goal))
             if len(pairs) == rules.pairs:
                 break
     return pairs
 
 
-def _free_cell(draw: random.Random, blocked: NDArray[np.bool_]) -> Point:
+def draw_free_cell(draw: random.Random, blocked: NDArray[np.bool_]) -> Point:
+    """Draw a free cell (x, y)."""
     height, width = blocked.shape
     while True:
         x, y = draw.randrange(width), draw.randrange(height)
         if not blocked[y, x]:
             return x, y
-
-
-def _shortest(blocked: NDArray[np.bool_], start: Point, goal: Point) -> float:
-    result = astar(blocked, start, goal, [], SearchOptions(heuristic='octile'))
-    return result.length if result.status is SearchStatus.FOUND else math.inf

@@ -1,4 +1,4 @@
-"""Datasets whose maps are grids: MovingAI's `.map.scen`, map_server's yaml beside an image."""
+"""Loads datasets whose maps are grids: MovingAI's `.map.scen` and map_server's yaml."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from scipy import ndimage
 from llm_astar_planner.costmap.config import CostmapConfig
 
 SCENARIOS, YAML, BARE_MAP = ('.scen',), ('.yaml', '.yml'), ('.map',)
-# Pairs drawn on a map that comes without any, unless a limit is given.
+# Pairs drawn on a map that has none, unless a limit is given.
 DEFAULT_PAIRS = 100
-# MovingAI's: a diagonal needs both cells beside it free. Lengths alone count.
-GRID_RULES = CostmapConfig(corner_cutting=False, cost_multiplier=0.0)
+# MovingAI's rules: a diagonal move needs both adjacent cells free, and only lengths count.
+GRID_CONFIG = CostmapConfig(corner_cutting=False, cost_multiplier=0.0)
 
 
 def is_grid_dataset(path: str | Path) -> bool:
-    """Tell by its name whether a dataset is a grid and not barrier maps."""
+    """Tell by the file name whether a dataset is a grid instead of barrier maps."""
     return Path(path).suffix.lower() in (*SCENARIOS, *YAML, *BARE_MAP)
 
 
 def load_grid_problem(path: str | Path, pairs: int | None = None, seed: int = 0) -> GridProblem:
-    """Load a grid dataset as one map of id 0.
+    """Load a grid dataset as one map with id 0.
 
-    The samples of a `.scen` file are its rows in order. On a map_server yaml file `pairs` (100)
-    are drawn by `seed`. Raises GridProblemError, MovingAiError or MapServerError that names the
-    file and the field.
+    The samples of a `.scen` file are its rows in order. On a map_server yaml `pairs` samples
+    (default 100) are drawn with `seed`. Raises GridProblemError, MovingAiError or MapServerError,
+    which name the file and the field.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -40,7 +40,7 @@ def load_grid_problem(path: str | Path, pairs: int | None = None, seed: int = 0)
         grid_map = map_server.load_map(path)
         drawn = draw_pairs(grid_map, DEFAULT_PAIRS if pairs is None else pairs, seed)
         if not drawn:
-            raise GridProblemError(f'{path}: no two of its free cells are joined')
+            raise GridProblemError(f'{path}: no two of its free cells are connected')
         return GridProblem(0, grid_map, drawn)
     if suffix in BARE_MAP:
         message = f'{path}: a map has no start-goal pairs; name its scenario file, {path}.scen'
@@ -48,25 +48,25 @@ def load_grid_problem(path: str | Path, pairs: int | None = None, seed: int = 0)
     grid_map = movingai.load_map(movingai.map_of(path))
     scenarios = movingai.load_scenarios(path)
     for row, scenario in enumerate(scenarios):
-        _check(scenario, grid_map, f'{path}: row {row}')
+        check_scenario(scenario, grid_map, f'{path}: row {row}')
     samples = tuple(Sample(scenario.start, scenario.goal) for scenario in scenarios)
     lengths = tuple(scenario.optimal_length for scenario in scenarios)
     return GridProblem(0, grid_map, samples, lengths)
 
 
 def draw_pairs(grid_map: GridMap, count: int, seed: int) -> tuple[Sample, ...]:
-    """Draw start-goal pairs: known free cells, joined by known free cells, never the same cell.
+    """Draw start-goal pairs: different known free cells that known free cells connect.
 
-    The start is any such cell alike, the goal any other joined with it. A larger count begins
-    with the pairs of a smaller one. Empty where no two cells are joined.
+    The start is uniform over all such cells, the goal over the others connected with it. A larger
+    count begins with the pairs of a smaller one. Empty where no two cells are connected.
     """
-    free = ~grid_map.blocked(GRID_RULES.occupied_threshold, allow_unknown=False)
+    free = ~grid_map.blocked(GRID_CONFIG.occupied_threshold, allow_unknown=False)
     labels = ndimage.label(free)[0].ravel()
     sizes = np.bincount(labels)
     starts = np.flatnonzero(free.ravel() & (sizes[labels] > 1))
     if not len(starts):
         return ()
-    # The cells region by region, each region's up to its place in `ends`.
+    # The cells sorted by region; `ends` is where each region ends.
     cells, ends = np.argsort(labels, kind='stable'), np.cumsum(sizes)
     draw = random.Random(seed)  # noqa: S311 - no secret
     samples = []
@@ -75,16 +75,13 @@ def draw_pairs(grid_map: GridMap, count: int, seed: int) -> tuple[Sample, ...]:
         label = labels[start]
         while goal == start:
             goal = int(cells[draw.randrange(int(ends[label - 1]), int(ends[label]))])
-        samples.append(Sample(_cell(start, grid_map.width), _cell(goal, grid_map.width)))
+        (y, x), (goal_y, goal_x) = divmod(start, grid_map.width), divmod(goal, grid_map.width)
+        samples.append(Sample((x, y), (goal_x, goal_y)))
     return tuple(samples)
 
 
-def _cell(index: int, width: int) -> tuple[int, int]:
-    return index % width, index // width
-
-
-def _check(scenario: Scenario, grid_map: GridMap, where: str) -> None:
-    """Raise GridProblemError where a scenario is none on this map."""
+def check_scenario(scenario: Scenario, grid_map: GridMap, where: str) -> None:
+    """Raise GridProblemError where a scenario does not fit the map."""
     size, wanted = (grid_map.width, grid_map.height), (scenario.width, scenario.height)
     if size != wanted:
         raise GridProblemError(
@@ -92,5 +89,5 @@ def _check(scenario: Scenario, grid_map: GridMap, where: str) -> None:
             f'not {wanted[0]} x {wanted[1]}'
         )
     for name, (x, y) in (('start', scenario.start), ('goal', scenario.goal)):
-        if grid_map.cells[y, x] >= GRID_RULES.occupied_threshold:
+        if grid_map.cells[y, x] >= GRID_CONFIG.occupied_threshold:
             raise GridProblemError(f'{where}: {name}: ({x}, {y}) is blocked')

@@ -1,4 +1,4 @@
-"""Lengths found held against the optimal lengths that a dataset publishes."""
+"""Compares the lengths found with the optimal lengths that come with a dataset."""
 
 from __future__ import annotations
 
@@ -6,40 +6,43 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
-from llm_astar_planner.benchmark.results import Case, Row
+from llm_astar_planner.benchmark.results import Row, Variant
 from llm_astar_planner.search.paper import EXACT
 
-# Published lengths are printed with two digits or more.
-ABSOLUTE, RELATIVE = 0.005, 1e-6
-# With these A* never estimates more than is left to go.
+# Reference lengths are printed with at least two digits.
+ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE = 0.005, 1e-6
+# With these heuristics A* never overestimates the remaining length.
 ADMISSIBLE = frozenset({'euclidean', 'octile', 'chebyshev'})
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How many of a case's rows have the published length, and the first that has not."""
+    """How many rows of a variant have the reference length.
 
-    case: Case
+    `first` describes the first row that has not; it is empty where all agree.
+    """
+
+    variant: Variant
     rows: int
     agreeing: int
     first: str = ''
 
     def __str__(self) -> str:
-        """Say it in a line."""
+        """Return it as one line."""
         text = (
-            f'{self.case}: {self.agreeing} of {self.rows} rows agree with the published '
-            'optimal length'
+            f'{self.variant}: {self.agreeing} of {self.rows} rows agree with the optimal length '
+            'in the dataset'
         )
         return f'{text}; the first that does not: {self.first}' if self.first else text
 
 
-def agrees(length: float, published: float) -> bool:
-    """Tell whether a length is the published one, up to the digits it is printed with."""
-    return abs(length - published) <= ABSOLUTE + RELATIVE * length
+def agrees(length: float, reference: float) -> bool:
+    """Tell whether a length equals the reference, up to the printed digits."""
+    return abs(length - reference) <= ABSOLUTE_TOLERANCE + RELATIVE_TOLERANCE * length
 
 
-def published_lengths(maps: Iterable[ProblemMap]) -> dict[tuple[int, int], float]:
-    """Return the published lengths by map id and pair; barrier maps have none."""
+def reference_lengths(maps: Iterable[ProblemMap]) -> dict[tuple[int, int], float]:
+    """Return the reference lengths by map id and pair; barrier maps have none."""
     return {
         (item.id, pair): length
         for item in maps
@@ -48,31 +51,27 @@ def published_lengths(maps: Iterable[ProblemMap]) -> dict[tuple[int, int], float
     }
 
 
-def compare_published(
+def compare_with_reference(
     rows: Sequence[Row], lengths: Mapping[tuple[int, int], float], heuristic: str
 ) -> list[Agreement]:
-    """Hold the rows of the exact methods against the published lengths, case by case.
+    """Compare the rows of the exact methods with the reference lengths, variant by variant.
 
-    A row without a path does not agree. `astar` is exact with a heuristic that never overrates.
+    A row without a path does not agree. `astar` is exact only with an admissible heuristic.
     """
     exact = {EXACT, 'astar'} if heuristic in ADMISSIBLE else {EXACT}
-    held = [row for row in rows if row.method in exact and (row.map, row.pair) in lengths]
-    return [
-        _agreement(case, [row for row in held if row.case == case], lengths)
-        for case in dict.fromkeys(row.case for row in held)
-    ]
-
-
-def _agreement(
-    case: Case, rows: Sequence[Row], lengths: Mapping[tuple[int, int], float]
-) -> Agreement:
-    off = [
-        row for row in rows if not (row.found and agrees(row.length, lengths[row.map, row.pair]))
-    ]
-    first = ''
-    if off:
-        row = off[0]
-        found = f'length {row.length:.6f}' if row.found else row.code
-        published = lengths[row.map, row.pair]
-        first = f'map {row.map}, pair {row.pair}, {found}, published {published:g}'
-    return Agreement(case, len(rows), len(rows) - len(off), first)
+    compared: dict[Variant, list[Row]] = {}
+    for row in rows:
+        if row.method in exact and (row.map, row.pair) in lengths:
+            compared.setdefault(row.variant, []).append(row)
+    agreements = []
+    for variant, of_variant in compared.items():
+        off = [
+            f'map {row.map}, pair {row.pair}, '
+            f'{f"length {row.length:.6f}" if row.found else row.code}, '
+            f'in the dataset {lengths[row.map, row.pair]:g}'
+            for row in of_variant
+            if not (row.found and agrees(row.length, lengths[row.map, row.pair]))
+        ]
+        first = off[0] if off else ''
+        agreements.append(Agreement(variant, len(of_variant), len(of_variant) - len(off), first))
+    return agreements

@@ -1,4 +1,4 @@
-"""Check a dataset: what makes it unusable, and what makes it a poor benchmark."""
+"""Validates a dataset: what makes it unusable, and what makes it a poor benchmark."""
 
 from __future__ import annotations
 
@@ -15,82 +15,83 @@ from llm_astar_planner.benchmark.datasets.generate import detour, query_sentence
 from llm_astar_planner.search.visibility import LineOfSightChecker
 
 
-class Finding(NamedTuple):
-    """One thing found; an `error` keeps a sample from being planned, a note does not."""
+class DatasetProblem(NamedTuple):
+    """A problem of a dataset: an `error` makes a sample unplannable, a note does not."""
 
     error: bool
     where: str
     message: str
 
     def __str__(self) -> str:
-        """Write it as one line."""
+        """Return it as one line."""
         return f'{"error" if self.error else "note"}: {self.where}: {self.message}'
 
 
 class DatasetSummary(NamedTuple):
-    """What a dataset holds: sizes, and how far its barriers lengthen the ways, map by map."""
+    """The number of maps and samples, and the mean detour that the barriers of each map cause."""
 
     maps: int
     samples: int
     detours: tuple[float, ...]
 
 
-def check_file(path: str | Path) -> tuple[DatasetSummary, list[Finding]]:
-    """Load a dataset file and check every sample.
+def validate_file(path: str | Path) -> tuple[DatasetSummary, list[DatasetProblem]]:
+    """Load a dataset file and validate every sample.
 
-    Raises BarrierMapError, naming file, map and field, where it is malformed.
+    Raises BarrierMapError, which names file, map and field, where the file is malformed.
     """
     maps = load_barrier_maps(path)
-    return summarise(maps), list(check_maps(maps))
+    return summarise_dataset(maps), list(validate_maps(maps))
 
 
-def summarise(maps: Sequence[BarrierMap]) -> DatasetSummary:
-    """Count maps and samples and measure the detours."""
+def summarise_dataset(maps: Sequence[BarrierMap]) -> DatasetSummary:
+    """Count maps and samples; measure the detours on maps without errors."""
     samples = sum(len(barrier_map.samples) for barrier_map in maps)
-    solvable = [m for m in maps if m.samples and not any(f.error for f in _check_map(m))]
+    solvable = [m for m in maps if m.samples and not any(p.error for p in validate_maps([m]))]
     return DatasetSummary(len(maps), samples, tuple(detour(m) for m in solvable))
 
 
-def check_maps(maps: Sequence[BarrierMap]) -> Iterator[Finding]:
-    """Yield what is wrong or odd, map by map."""
+def validate_maps(maps: Sequence[BarrierMap]) -> Iterator[DatasetProblem]:
+    """Yield the problems of maps and of their samples."""
     for barrier_map in maps:
-        yield from _check_map(barrier_map)
+        where = f'map {barrier_map.id}'
+        if not barrier_map.samples:
+            yield DatasetProblem(False, where, 'has no samples')
+        blocked = barrier_map.to_grid().blocked()
+        labels, _ = ndimage.label(~blocked, structure=np.ones((3, 3)))
+        line_of_sight = LineOfSightChecker(blocked)
+        seen: set[tuple[object, object]] = set()
+        for pair, sample in enumerate(barrier_map.samples):
+            name = f'{where}, pair {pair}'
+            yield from validate_sample(name, barrier_map, sample, labels, line_of_sight)
+            if sample[:2] in seen:
+                yield DatasetProblem(False, name, 'repeats an earlier pair')
+            seen.add(sample[:2])
 
 
-def _check_map(barrier_map: BarrierMap) -> Iterator[Finding]:
-    where = f'map {barrier_map.id}'
-    if not barrier_map.samples:
-        yield Finding(False, where, 'has no samples')
-    blocked = barrier_map.to_grid().blocked()
-    labels, _ = ndimage.label(~blocked, structure=np.ones((3, 3)))
-    walls = LineOfSightChecker(blocked)
-    seen: set[tuple[object, object]] = set()
-    for pair, sample in enumerate(barrier_map.samples):
-        name = f'{where}, pair {pair}'
-        yield from _check_sample(name, barrier_map, sample, labels, walls)
-        if sample[:2] in seen:
-            yield Finding(False, name, 'repeats an earlier pair')
-        seen.add(sample[:2])
-
-
-def _check_sample(
+def validate_sample(
     where: str,
     barrier_map: BarrierMap,
     sample: Sample,
     labels: NDArray[np.int32],
-    walls: LineOfSightChecker,
-) -> Iterator[Finding]:
+    line_of_sight: LineOfSightChecker,
+) -> Iterator[DatasetProblem]:
+    """Yield the problems of one sample.
+
+    `labels` [height, width] numbers the connected free cells from 1; 0 is blocked.
+    """
     start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
     for name, (x, y) in (('start', start), ('goal', goal)):
         if labels[y, x] == 0:
-            yield Finding(True, where, f'{name} {(x, y)} lies on a barrier or on the outer wall')
+            message = f'{name} {(x, y)} lies on a barrier or on the outer wall'
+            yield DatasetProblem(True, where, message)
             return
     if labels[start[::-1]] != labels[goal[::-1]]:
-        yield Finding(True, where, f'no path leads from {start} to {goal}')
+        yield DatasetProblem(True, where, f'no path leads from {start} to {goal}')
     elif start == goal:
-        yield Finding(False, where, f'start and goal are both {start}')
-    elif walls.clear([start], [goal])[0]:
-        yield Finding(False, where, 'the straight line from start to goal is free')
+        yield DatasetProblem(False, where, f'start and goal are both {start}')
+    elif line_of_sight.clear([start], [goal])[0]:
+        yield DatasetProblem(False, where, 'the straight line from start to goal is free')
     expected = query_sentence(barrier_map, sample.start, sample.goal)
     if sample.query and sample.query != expected:
-        yield Finding(False, where, 'the query does not describe this map and pair')
+        yield DatasetProblem(False, where, 'the query does not describe this map and pair')

@@ -1,1 +1,1 @@
-"""Reports: Markdown, HTML, figures."""
+"""Writes reports: Markdown, HTML, figures."""

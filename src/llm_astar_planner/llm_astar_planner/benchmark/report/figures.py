@@ -1,4 +1,4 @@
-"""The benchmark's figures, drawn without pyplot so that they work headless and in threads."""
+"""The benchmark's figures and animations, drawn without pyplot: headless and thread-safe."""
 
 from __future__ import annotations
 
@@ -13,40 +13,46 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw
 
 from llm_astar_planner.benchmark.analysis.scalability import Growth
-from llm_astar_planner.benchmark.analysis.summary import CaseSummary, is_ablation
-from llm_astar_planner.benchmark.analysis.trace import trace
-from llm_astar_planner.benchmark.datasets.grids import GRID_RULES
-from llm_astar_planner.benchmark.report.sentences import label
-from llm_astar_planner.benchmark.results import Case
+from llm_astar_planner.benchmark.analysis.summary import VariantSummary, is_ablation
+from llm_astar_planner.benchmark.analysis.trace import Trace, trace
+from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
+from llm_astar_planner.benchmark.report.sentences import method_label
+from llm_astar_planner.benchmark.results import Variant
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.visualization.figures import OBSTACLE, draw, picture_of
 
 START, GOAL, PATH, STAR = '#1f77b4', '#2ca02c', '#d62728', '#ffb000'
-# The paper's colours: grey what LLM-A* explored, pink what A* did.
+# The paper's colours: grey for what LLM-A* expanded, pink for A*.
 GREY, PINK = '#b9bdc6', '#f7b6cb'
-# A small map after the paper's Figure 4, whose own map is not published: a pocket before the goal.
+# A small map in the manner of the paper's Figure 4, whose own map is not published: a pocket in
+# front of the goal.
 SHOWCASE = BarrierMap(
     0, (0, 11), (0, 11), (Barrier(3, 3, 7), Barrier(7, 3, 7)), (Barrier(7, 3, 7),)
 )
-SHOWCASE_ENDS: tuple[Cell, Cell] = (2, 5), (9, 5)
+SHOWCASE_ENDPOINTS: tuple[Cell, Cell] = (2, 5), (9, 5)
 SHOWCASE_WAYPOINTS: tuple[Cell, ...] = ((2, 8), (7, 8))
+# Of animations: frames, milliseconds per frame and of the last one; pixels between two searches
+# and of the headline.
+FRAMES, FRAME_MS, LAST_MS = 60, 80, 2500
+GAP, HEADING = 12, 18
 
 
-def walled(grid_map: GridMap, rules: CostmapConfig | None) -> GridMap:
-    """Return a map to be drawn: occupied where rules say so, a costmap's other cells free."""
-    threshold = (rules or GRID_RULES).occupied_threshold
+def drawable_map(grid_map: GridMap, costmap: CostmapConfig | None) -> GridMap:
+    """Return a map for drawing: lethal cells by the rules are occupied, other known ones free."""
+    threshold = (costmap or GRID_CONFIG).occupied_threshold
     cells = np.where(grid_map.cells >= threshold, OCCUPIED, np.minimum(grid_map.cells, FREE))
     return replace(grid_map, cells=cells.astype(np.int8))
 
 
-def compare_figure(
-    grid_map: GridMap, plans: Sequence[Plan], titles: Sequence[str], ends: tuple[Cell, Cell]
+def comparison_figure(
+    grid_map: GridMap, plans: Sequence[Plan], titles: Sequence[str], endpoints: tuple[Cell, Cell]
 ) -> Figure:
-    """Set plans of one sample side by side with what they expanded, the paper's Figure 2."""
+    """Draw plans of one sample and their expanded cells side by side, as the paper's Figure 2."""
     panel, aspect = 6.2, grid_map.height / grid_map.width
     height = panel * aspect + 1.4
     figure = Figure(figsize=(panel * len(plans), height))
@@ -55,7 +61,7 @@ def compare_figure(
     figure.set_layout_engine('constrained', rect=(0.0, legend, 1.0, 1.0 - legend))
     panels = np.atleast_1d(figure.subplots(1, len(plans)))
     for axes, plan, title in zip(panels, plans, titles):
-        draw(axes, picture_of(plan, grid_map, *ends))
+        draw(axes, picture_of(plan, grid_map, *endpoints))
         found = f'length {plan.length:.2f}' if len(plan.path) else plan.code.name
         axes.set_title(f'{title}\noperation {plan.expansions}, storage {plan.storage}, {found}')
     marks = {
@@ -66,9 +72,9 @@ def compare_figure(
 
 
 def growth_figure(growths: Sequence[Growth]) -> Figure:
-    """Draw growth over scale on log axes, operation and storage, the paper's Figure 3.
+    """Draw growth over scale on log axes for operation and storage, as the paper's Figure 3.
 
-    Dotted lines show growth in step with the scale and with its square, the map's area.
+    Dotted lines show growth proportional to the scale and to its square, the map's area.
     """
     figure = Figure(figsize=(11.0, 4.8), layout='constrained')
     for axes, quantity in zip(figure.subplots(1, 2), ('operation', 'storage')):
@@ -80,7 +86,7 @@ def growth_figure(growths: Sequence[Growth]) -> Figure:
         for index, growth in enumerate(chosen):
             axes.plot(
                 growth.scales, growth.factors, marker='osD^vP*X'[index % 8], markersize=4,
-                linewidth=1.4, label=f'{case_label(growth.case)} (slope {growth.slope:.2f})',
+                linewidth=1.4, label=f'{variant_label(growth.variant)} (slope {growth.slope:.2f})',
             )  # fmt: skip
         axes.set(xscale='log', yscale='log', xlabel='scale of the map', ylabel='growth factor')
         axes.set_xticks(scales, [str(scale) for scale in scales])
@@ -90,55 +96,57 @@ def growth_figure(growths: Sequence[Growth]) -> Figure:
     return figure
 
 
-def ratio_figure(summaries: Sequence[CaseSummary]) -> Figure:
-    """Draw each case's operation and length ratio with its interval; A* is the line at 100."""
+def ratio_figure(summaries: Sequence[VariantSummary]) -> Figure:
+    """Draw each variant's operation and length ratio with its interval; A* is the line at 100."""
     shown = [summary for summary in summaries if summary.operation.mean.value > 0][::-1]
     figure = Figure(figsize=(11.0, 0.34 * len(shown) + 1.3), layout='constrained')
     panels = figure.subplots(1, 2, sharey=True)
     for axes, quantity in zip(panels, ('operation', 'length')):
-        for place, summary in enumerate(shown):
+        for position, summary in enumerate(shown):
             mean = getattr(summary, quantity).mean
             value, low, high = (100 * end for end in mean)
-            # No interval is drawn as none; rounding may put a point's ends past it.
+            # Without an interval there are no arms; rounding may put the ends of a point past it.
             arms = np.maximum(np.nan_to_num([[value - low], [high - value]]), 0.0)
-            colour = '#6b7280' if is_ablation(summary.case) else PATH
-            axes.errorbar(value, place, xerr=arms, fmt='o', color=colour, markersize=5, capsize=3)
+            colour = '#6b7280' if is_ablation(summary.variant) else PATH
+            axes.errorbar(
+                value, position, xerr=arms, fmt='o', color=colour, markersize=5, capsize=3
+            )
         axes.axvline(100.0, color='#9aa0ac', linewidth=1, linestyle=':')
         axes.set_xlabel(f'{quantity} ratio to A* (%), 95 % interval')
         axes.grid(axis='x', alpha=0.25)
-    panels[0].set_yticks(range(len(shown)), [case_label(summary.case) for summary in shown])
+    panels[0].set_yticks(range(len(shown)), [variant_label(summary.variant) for summary in shown])
     return figure
 
 
 def showcase_figure(
     barrier_map: BarrierMap = SHOWCASE,
-    ends: tuple[Cell, Cell] = SHOWCASE_ENDS,
+    endpoints: tuple[Cell, Cell] = SHOWCASE_ENDPOINTS,
     waypoints: Sequence[Cell] = SHOWCASE_WAYPOINTS,
 ) -> Figure:
-    """Draw LLM-A* target by target and against A*, chebyshev, after the paper's Figure 4."""
+    """Draw LLM-A* target by target and against A*, chebyshev, as the paper's Figure 4."""
     blocked = barrier_map.to_grid().blocked()
-    guided = trace(blocked, *ends, [*waypoints, ends[1]], 'chebyshev')
-    plain = trace(blocked, *ends, (), 'chebyshev')
+    guided = trace(blocked, *endpoints, [*waypoints, endpoints[1]], 'chebyshev')
+    plain = trace(blocked, *endpoints, (), 'chebyshev')
     stages = [*guided.switches, len(guided.order)]
     figure = Figure(figsize=(3.3 * (len(stages) + 1), 3.9), layout='constrained')
     panels = figure.subplots(1, len(stages) + 1)
     for number, (axes, count) in enumerate(zip(panels, stages), start=1):
         last = number == len(stages)
         aim = 'the goal' if last else f'waypoint {number}'
-        _draw_cells(axes, blocked, (guided.order[:count], GREY))
+        draw_cells(axes, blocked, (guided.order[:count], GREY))
         if last:
             axes.plot(*zip(*guided.path), color=PATH, linewidth=2)
-        draw_points(axes, ends, waypoints)
+        mark_points(axes, endpoints, waypoints)
         axes.set_title(f'LLM-A* towards {aim}:\n{count} expansions', fontsize=9)
-    _draw_cells(panels[-1], blocked, (guided.order, GREY), (plain.order, PINK))
+    draw_cells(panels[-1], blocked, (guided.order, GREY), (plain.order, PINK))
     panels[-1].plot(*zip(*plain.path), color=PATH, linewidth=2)
-    draw_points(panels[-1], ends, ())
+    mark_points(panels[-1], endpoints, ())
     panels[-1].set_title(f'A* (pink beyond grey):\n{len(plain.order)} expansions', fontsize=9)
     return figure
 
 
 def save_map_pictures(maps: Sequence[BarrierMap], folder: str | Path) -> list[Path]:
-    """Write one PNG a map with its start-goal pairs numbered. Returns the files."""
+    """Write one PNG per map with its start-goal pairs numbered; return the files."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
@@ -155,28 +163,31 @@ def map_figure(barrier_map: BarrierMap) -> Figure:
     height, width = blocked.shape
     figure = Figure(figsize=(6.0, 6.0 * height / width + 0.4), layout='constrained')
     axes = figure.subplots()
-    _draw_cells(axes, blocked)
+    draw_cells(axes, blocked)
     for pair, sample in enumerate(barrier_map.samples):
         start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
         axes.plot(*zip(start, goal), color='#9aa0ac', linewidth=0.6, linestyle=':')
-        draw_points(axes, (start, goal), ())
+        mark_points(axes, (start, goal), ())
         axes.annotate(str(pair), start, textcoords='offset points', xytext=(4, 3), fontsize=7)
     axes.set_title(f'map {barrier_map.id}', fontsize=9)
     return figure
 
 
-def case_label(case: Case) -> str:
-    """Return a case's name for a legend."""
-    guide = ', '.join(part for part in case[1:] if part and part != 'none')
-    alone = case.method == 'llm_astar' and case.source == 'none'
-    name = label(case.method) + (', no waypoints' if alone else '')
+def variant_label(variant: Variant) -> str:
+    """Return a variant's name for a legend."""
+    guide = ', '.join(part for part in variant[1:] if part and part != 'none')
+    alone = variant.method == 'llm_astar' and variant.source == 'none'
+    name = method_label(variant.method) + (', no waypoints' if alone else '')
     return f'{name}, {guide}' if guide else name
 
 
 def cell_image(
     blocked: NDArray[np.bool_], *layers: tuple[Sequence[Cell], str]
 ) -> NDArray[np.float64]:
-    """Colour cells, [height, width, 3] in 0 to 1; obstacles lie on top, then the first layer."""
+    """Colour cells; return an image [height, width, 3] from 0 to 1.
+
+    Obstacles cover the first layer, which covers the second, and so on.
+    """
     image = np.ones((*blocked.shape, 3))
     for cells, colour in reversed(layers):
         if len(cells):
@@ -186,17 +197,74 @@ def cell_image(
     return image
 
 
-def _draw_cells(
+def draw_cells(
     axes: Axes, blocked: NDArray[np.bool_], *layers: tuple[Sequence[Cell], str]
 ) -> None:
+    """Draw a `cell_image` without ticks."""
     axes.imshow(cell_image(blocked, *layers), origin='lower', interpolation='nearest')
     axes.set_xticks([])
     axes.set_yticks([])
 
 
-def draw_points(axes: Axes, ends: tuple[Cell, Cell], waypoints: Sequence[Cell]) -> None:
-    """Mark waypoints with stars, start blue and goal green."""
+def mark_points(axes: Axes, endpoints: tuple[Cell, Cell], waypoints: Sequence[Cell]) -> None:
+    """Mark waypoints with stars, the start in blue and the goal in green."""
     for point in waypoints:
         axes.plot(*point, '*', color=STAR, markersize=13, markeredgecolor='black')
-    for cell, colour in zip(ends, (START, GOAL)):
+    for cell, colour in zip(endpoints, (START, GOAL)):
         axes.plot(*cell, 's', color=colour, markersize=6, markeredgecolor='white')
+
+
+def save_animation(
+    path: str | Path,
+    blocked: NDArray[np.bool_],
+    searches: Sequence[tuple[str, Trace, Sequence[Cell]]],
+    endpoints: tuple[Cell, Cell],
+) -> None:
+    """Write a GIF of searches that expand side by side at the same pace.
+
+    `searches` are (title, trace, waypoints).
+    """
+    longest = max(len(traced.order) for _, traced, _ in searches)
+    counts = np.unique(np.linspace(0, longest, FRAMES).astype(int))
+    frames = [animation_frame(blocked, searches, endpoints, int(count)) for count in counts]
+    durations = [FRAME_MS] * (len(frames) - 1) + [LAST_MS]
+    frames[0].save(
+        path, save_all=True, append_images=frames[1:], duration=durations, loop=0, optimize=True
+    )
+
+
+def animation_frame(
+    blocked: NDArray[np.bool_],
+    searches: Sequence[tuple[str, Trace, Sequence[Cell]]],
+    endpoints: tuple[Cell, Cell],
+    count: int,
+) -> Image.Image:
+    """Draw every search after `count` expansions."""
+    height, width = blocked.shape
+    size = max(4, 480 // width)
+    canvas = Image.new(
+        'RGB', ((width * size + GAP) * len(searches) - GAP, height * size + HEADING), 'white'
+    )
+    pen = ImageDraw.Draw(canvas)
+    radius = 0.6 * size
+    for number, (title, traced, waypoints) in enumerate(searches):
+        left = number * (width * size + GAP)
+        expanded = traced.order[:count]
+        cells = cell_image(blocked, (expanded, GREY if waypoints else PINK))[::-1]
+        large = np.kron((cells * 255).astype(np.uint8), np.ones((size, size, 1), dtype=np.uint8))
+        canvas.paste(Image.fromarray(large), (left, HEADING))
+        pen.text((left + 2, 3), f'{title}: {len(expanded)} expansions', fill='black')
+
+        def centre(cell: Cell, left: int = left) -> tuple[float, float]:
+            return left + (cell[0] + 0.5) * size, HEADING + (height - cell[1] - 0.5) * size
+
+        if count >= len(traced.order) and traced.path:
+            pen.line([centre(cell) for cell in traced.path], fill=PATH, width=3)
+        for point in waypoints:
+            x, y = centre(point)
+            diamond = [(x, y - radius), (x + radius, y), (x, y + radius), (x - radius, y)]
+            pen.polygon(diamond, fill=STAR, outline='black')
+        for cell, colour in zip(endpoints, (START, GOAL)):
+            x, y = centre(cell)
+            pen.rectangle((x - radius, y - radius, x + radius, y + radius), fill=colour)
+    return canvas.convert('P', palette=Image.Palette.ADAPTIVE, colors=32)

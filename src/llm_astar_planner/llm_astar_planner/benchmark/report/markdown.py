@@ -1,32 +1,34 @@
-"""The report as Markdown: the finding, the table in the paper's layout, what the means hide."""
+"""The report as Markdown and as text: the finding, the paper's table, spreads, provenance."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from llm_astar_planner.benchmark.analysis.scalability import Growth
 from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import (
-    CaseSummary,
-    Contrast,
+    PairedComparison,
+    Ratio,
+    VariantSummary,
+    compare_with_none,
     is_learned,
     summarise,
 )
-from llm_astar_planner.benchmark.analysis.summary import contrasts as contrasts_of
 from llm_astar_planner.benchmark.report.sentences import (
     counted,
+    effect_on,
     growth_sentence,
     headline,
-    label,
+    method_label,
     recorded_sentence,
     sentence,
-    verdict,
 )
 from llm_astar_planner.benchmark.results import Row
 
-# Table 1 of the paper as printed, on its own samples: method, model, prompt, then operation,
+# Table 1 of the paper as printed, on the paper's samples: method, model, prompt, then operation,
 # storage, length and valid path ratio in percent.
 PAPER_TABLE = (
     ('A*', '-', '-', '100', '100', '100', '100'),
@@ -49,80 +51,101 @@ TABLE_HEAD = (
     'Storage ratio ↓ (%)', 'Relative path length ↓ (%)', 'Valid path ratio ↑ (%)',
 )  # fmt: skip
 SPREAD_HEAD = (
-    'Case', 'Operation p95', 'worst', 'Over exact A*', 'worst', 'Length p95', 'worst',
+    'Variant', 'Operation p95', 'worst', 'Over exact A*', 'worst', 'Length p95', 'worst',
     'Proven within', 'Optimal (%)',
     'Source ms, median', 'p95', 'Search ms, median', 'p95', 'Round trip ms, median', 'p95',
 )  # fmt: skip
 WAYPOINT_HEAD = (
-    'Case', 'Waypoints a sample', 'Verdicts (% of waypoints)', 'Tokens in', 'Tokens out', 'Cost',
-    'Unanswered',
+    'Variant', 'Waypoints per sample', 'Status (% of waypoints)', 'Tokens in', 'Tokens out',
+    'Cost', 'Unanswered',
 )  # fmt: skip
 RECORDED_HEAD = 'Length / recorded plan (%)'
 PATH_HEAD = (
-    'Case', 'Clearance, least (m)', 'mean', 'Turns, mean', 'Through unknown, mean (m)',
+    'Variant', 'Clearance, least (m)', 'mean', 'Turns, mean', 'Through unknown, mean (m)',
     RECORDED_HEAD, 'worst',
 )  # fmt: skip
-CONTRAST_HEAD = ('Case', 'Operation / none (%)', 'Length / none (%)', 'WaypointStatus')
+COMPARISON_HEAD = ('Variant', 'Operation / none (%)', 'Length / none (%)', 'Effect')
+# The lines of a README between which `replace_section` writes.
+SECTION_BEGIN, SECTION_END = '<!-- results:begin -->', '<!-- results:end -->'
 Table = list[tuple[str, ...]]
 
 
-def report(
-    summaries: Sequence[CaseSummary],
-    contrasts: Sequence[Contrast],
+def markdown_report(
+    summaries: Sequence[VariantSummary],
+    comparisons: Sequence[PairedComparison],
     growths: Sequence[Growth],
     metadata: Mapping[str, Any],
     *,
     rows: Sequence[Row],
     pictures: Sequence[tuple[str, str]] = (),
 ) -> str:
-    """Write the report; `pictures` are (file, caption) beside it."""
+    """Return the report; `pictures` are (file name, caption) in the same folder."""
     parts = [
-        f'# {title(metadata)}',
-        headline(contrasts),
-        recorded_sentence(rows),
+        f'# {report_title(metadata)}',
+        headline(comparisons),
+        recorded_sentence(rows) or '',
         provenance(metadata, summaries),
         '## The table',
         'Geometric means of the ratios to A* on the same sample, in percent, with 95 % confidence '
-        'intervals by bootstrap over maps. The rows without a model tell what a model is worth.',
+        'intervals by bootstrap over maps. The rows without a model show what a model is worth.',
         markdown_table(TABLE_HEAD, main_table(summaries)),
         '## What waypoints added over none',
-        markdown_table(CONTRAST_HEAD, contrast_table(contrasts)),
-        '\n'.join(f'- {sentence(contrast)}' for contrast in contrasts if contrast.samples),
+        markdown_table(COMPARISON_HEAD, comparison_table(comparisons)),
+        '\n'.join(f'- {sentence(comparison)}' for comparison in comparisons if comparison.samples),
         '## What the means hide',
         markdown_table(SPREAD_HEAD, spread_table(summaries)),
         '## Waypoints, tokens, cost',
         markdown_table(WAYPOINT_HEAD, waypoint_table(summaries)),
         '## The paths',
         markdown_table(PATH_HEAD, path_table(summaries)),
-        *left_out_part(metadata),
-        *_growth_part(growths),
-        *(f'![{caption}]({file})\n\n{caption}' for file, caption in pictures),
-        *_paper_part(metadata),
     ]
+    for title, name in (('## Left out', 'left_out'), ('## Notes on the input', 'notes')):
+        if lines := metadata.get(name):
+            parts += [title, '\n'.join(f'- {line}' for line in lines)]
+    if growths:
+        parts += [
+            '## Growth with the scale of the map',
+            'Mean growth factors against the same samples at scale 1. The slope is that of log '
+            'growth over log scale: 1 is linear in the scale, 2 proportional to the area.',
+            markdown_table(*growth_table(growths)),
+            growth_sentence(growths) or '',
+        ]
+    parts += [f'![{caption}]({file})\n\n{caption}' for file, caption in pictures]
+    if not metadata.get('bags'):
+        parts += [
+            '## Table 1 of the paper, as printed',
+            "On the paper's own 1000 samples, so it can only be compared with the rows above if "
+            'they are of the same samples.',
+            markdown_table(TABLE_HEAD, PAPER_TABLE),
+        ]
     return '\n\n'.join(part for part in parts if part) + '\n'
 
 
-def title(metadata: Mapping[str, Any]) -> str:
-    """Say what a report is of: samples, or bags by their names."""
+def report_title(metadata: Mapping[str, Any]) -> str:
+    """Return the title of a report on samples, or on bags by their names."""
     bags = metadata.get('bags')
     return f'Evaluation of bags: {", ".join(bags)}' if bags else 'Benchmark report'
 
 
 def results_section(
-    summaries: Sequence[CaseSummary], contrasts: Sequence[Contrast], metadata: Mapping[str, Any]
+    summaries: Sequence[VariantSummary],
+    comparisons: Sequence[PairedComparison],
+    metadata: Mapping[str, Any],
 ) -> str:
-    """Write the part of a report that a README shows: finding, table, provenance."""
+    """Return the part of a report for a README: finding, table, provenance."""
     table = markdown_table(TABLE_HEAD, main_table(summaries))
-    return '\n\n'.join([headline(contrasts), table, provenance(metadata, summaries)])
+    return '\n\n'.join([headline(comparisons), table, provenance(metadata, summaries)])
 
 
-def main_table(summaries: Sequence[CaseSummary]) -> Table:
+def main_table(summaries: Sequence[VariantSummary]) -> Table:
     """Return the rows of the table in the paper's layout."""
     return [
         (
-            label(summary.case.method),
-            _who(summary),
-            summary.case.prompt or '-',
+            method_label(summary.variant.method),
+            f'{summary.variant.source} (learned, not an LLM)'
+            if is_learned(summary.variant)
+            else summary.variant.model or summary.variant.source,
+            summary.variant.prompt or '-',
             percent(summary.operation.mean),
             percent(summary.storage.mean),
             percent(summary.length.mean),
@@ -132,27 +155,28 @@ def main_table(summaries: Sequence[CaseSummary]) -> Table:
     ]
 
 
-def contrast_table(contrasts: Sequence[Contrast]) -> Table:
+def comparison_table(comparisons: Sequence[PairedComparison]) -> Table:
     """Return the rows of the comparison with no waypoints."""
     return [
         (
-            str(contrast.case),
-            percent(contrast.operation),
-            percent(contrast.length),
-            verdict(contrast.operation),
+            str(comparison.variant),
+            percent(comparison.operation),
+            percent(comparison.length),
+            effect_on(comparison.operation),
         )
-        for contrast in contrasts
-        if contrast.samples
+        for comparison in comparisons
+        if comparison.samples
     ]
 
 
-def spread_table(summaries: Sequence[CaseSummary]) -> Table:
-    """Return the rows on percentiles, worst cases and times."""
+def spread_table(summaries: Sequence[VariantSummary]) -> Table:
+    """Return the rows on percentiles, maxima and times."""
     return [
         (
-            str(summary.case),
+            str(summary.variant),
             *(number(100 * value) for value in summary.operation.spread[2:]),
-            *_over_exact(summary),
+            percent_of(summary.operation_exact),
+            worst_percent(summary.operation_exact),
             *(number(100 * value) for value in summary.length.spread[2:]),
             number(100 * summary.proven.worst),
             number(100 * summary.optimal, 1),
@@ -164,75 +188,55 @@ def spread_table(summaries: Sequence[CaseSummary]) -> Table:
     ]
 
 
-def _over_exact(summary: CaseSummary) -> tuple[str, str]:
-    ratio = summary.operation_exact
-    if ratio is None:
-        return '-', '-'
-    return percent(ratio.mean), number(100 * ratio.spread.worst)
-
-
-def waypoint_table(summaries: Sequence[CaseSummary]) -> Table:
-    """Return the rows on waypoints, tokens and cost, of the cases that had a source."""
+def waypoint_table(summaries: Sequence[VariantSummary]) -> Table:
+    """Return the rows on waypoints, tokens and cost, for variants with a source."""
     return [
         (
-            str(summary.case),
+            str(summary.variant),
             number(summary.waypoints),
-            _shares(summary.verdicts),
+            ', '.join(f'{name} {100 * part:.1f}' for name, part in summary.verdicts.items())
+            or '-',
             str(summary.prompt_tokens),
             str(summary.completion_tokens),
             '-' if summary.cost is None else f'{summary.cost:.4f}',
             str(summary.unanswered),
         )
         for summary in summaries
-        if summary.case.source != 'none'
+        if summary.variant.source != 'none'
     ]
 
 
-def path_table(summaries: Sequence[CaseSummary]) -> Table:
-    """Return the rows on what a robot makes of the paths."""
+def path_table(summaries: Sequence[VariantSummary]) -> Table:
+    """Return the rows on clearance, turns and unknown cells of the paths."""
     return [
         (
-            str(summary.case),
+            str(summary.variant),
             number(summary.least_clearance),
             number(summary.clearance.mean),
             number(summary.turns.mean, 1),
             number(summary.unknown_length.mean),
-            _over_recorded(summary),
-            '-' if summary.recorded is None else number(100 * summary.recorded.spread.worst),
+            percent_of(summary.recorded),
+            worst_percent(summary.recorded),
         )
         for summary in summaries
     ]
 
 
-def _over_recorded(summary: CaseSummary) -> str:
-    return '-' if summary.recorded is None else percent(summary.recorded.mean)
-
-
-def left_out_part(metadata: Mapping[str, Any]) -> list[str]:
-    """Say what of the input is not in the figures, and what was odd about it."""
-    parts: list[str] = []
-    for title, name in (('## Left out', 'left_out'), ('## Notes on the input', 'notes')):
-        lines = metadata.get(name) or []
-        if lines:
-            parts += [title, '\n'.join(f'- {line}' for line in lines)]
-    return parts
-
-
 def growth_table(growths: Sequence[Growth]) -> tuple[tuple[str, ...], Table]:
-    """Return head and rows of the growth factors."""
+    """Return the header and the rows of the growth factors."""
     scales = sorted({scale for growth in growths for scale in growth.scales})
-    head = ('Case', 'Quantity', 'Samples', *(f'x{scale}' for scale in scales), 'Slope')
+    head = ('Variant', 'Quantity', 'Samples', *(f'x{scale}' for scale in scales), 'Slope')
     rows: Table = []
     for growth in growths:
         factors = dict(zip(growth.scales, growth.factors))
         cells = (number(factors.get(scale, math.nan)) for scale in scales)
-        name, count = str(growth.case), str(growth.samples)
+        name, count = str(growth.variant), str(growth.samples)
         rows.append((name, growth.quantity, count, *cells, number(growth.slope)))
     return head, rows
 
 
-def provenance(metadata: Mapping[str, Any], summaries: Sequence[CaseSummary]) -> str:
-    """Say in a few lines what the figures were made from and on."""
+def provenance(metadata: Mapping[str, Any], summaries: Sequence[VariantSummary]) -> str:
+    """Say which samples, settings, version and machine the figures come from."""
     dataset, machine = metadata.get('dataset', {}), metadata.get('machine', {})
     parameters = metadata.get('parameters', {})
     most = max(summaries, key=lambda summary: summary.samples, default=None)
@@ -250,7 +254,7 @@ def provenance(metadata: Mapping[str, Any], summaries: Sequence[CaseSummary]) ->
 
 
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Write a Markdown table, empty for no rows."""
+    """Return a Markdown table; empty without rows."""
     if not rows:
         return ''
     lines = [head, ['---'] * len(head), *rows]
@@ -258,7 +262,7 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def percent(interval: Interval) -> str:
-    """Write a ratio in percent with its interval, left out where it is a point or unknown."""
+    """Write a ratio in percent, with its interval unless that is a point or unknown."""
     value, low, high = (100 * end for end in interval)
     if math.isnan(value):
         return '-'
@@ -268,55 +272,47 @@ def percent(interval: Interval) -> str:
 
 
 def number(value: float, digits: int = 2) -> str:
-    """Write a number, `-` for none."""
+    """Write a number, or `-` for NaN."""
     return '-' if math.isnan(value) else f'{value:.{digits}f}'
 
 
-def _shares(parts: Mapping[str, float]) -> str:
-    return ', '.join(f'{name} {100 * part:.1f}' for name, part in parts.items()) or '-'
+def percent_of(ratio: Ratio | None) -> str:
+    """Write the mean of a ratio in percent, or `-` where there is none."""
+    return '-' if ratio is None else percent(ratio.mean)
 
 
-def _who(summary: CaseSummary) -> str:
-    case = summary.case
-    if is_learned(case):
-        return f'{case.source} (learned, not an LLM)'
-    return case.model or case.source
-
-
-def _growth_part(growths: Sequence[Growth]) -> list[str]:
-    if not growths:
-        return []
-    return [
-        '## Growth with the scale of the map',
-        'Mean growth factors against the same samples at scale 1. The slope is that of log growth '
-        'over log scale: 1 is linear in the scale, 2 in step with the area.',
-        markdown_table(*growth_table(growths)),
-        growth_sentence(growths),
-    ]
-
-
-def _paper_part(metadata: Mapping[str, Any]) -> list[str]:
-    """Show the paper's own figures, beside samples alone."""
-    if metadata.get('bags'):
-        return []
-    return [
-        '## Table 1 of the paper, as printed',
-        'On its own 1000 samples, so not to be set against the rows above unless they are too.',
-        markdown_table(TABLE_HEAD, PAPER_TABLE),
-    ]
+def worst_percent(ratio: Ratio | None) -> str:
+    """Write the largest of some ratios in percent, or `-` where there are none."""
+    return '-' if ratio is None else number(100 * ratio.spread.worst)
 
 
 def text_report(rows: Sequence[Row], seed: int = 0) -> str:
-    """Write the finding and the table for a terminal, of bags the lengths over the robot's own."""
+    """Return the finding and the table for a terminal; for bags also the recorded lengths."""
     summaries = summarise(rows, seed)
     table = [TABLE_HEAD, *main_table(summaries)]
     if any(summary.recorded for summary in summaries):
-        over = [RECORDED_HEAD, *map(_over_recorded, summaries)]
-        table = [(*line, cell) for line, cell in zip(table, over)]
+        recorded = [RECORDED_HEAD, *(percent_of(summary.recorded) for summary in summaries)]
+        table = [(*line, cell) for line, cell in zip(table, recorded)]
     widths = [max(map(len, column)) for column in zip(*table)]
     lines = [
         '  '.join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip()
         for line in table
     ]
-    said = [recorded_sentence(rows), headline(contrasts_of(rows, seed))]
-    return '\n'.join([*lines, '', *filter(None, said)])
+    sentences = [recorded_sentence(rows), headline(compare_with_none(rows, seed))]
+    return '\n'.join([*lines, '', *filter(None, sentences)])
+
+
+def replace_section(path: Path, section: str) -> None:
+    """Put `section` between the marker lines of a text file and leave the rest unchanged.
+
+    Raises ValueError where the markers are missing or out of order, OSError where the file is.
+    """
+    text = path.read_text(encoding='utf-8')
+    head, begin, rest = text.partition(SECTION_BEGIN)
+    _, end, tail = rest.partition(SECTION_END)
+    if not (begin and end):
+        lines = f'{SECTION_BEGIN} and {SECTION_END}'
+        raise ValueError(f'{path}: the lines {lines} are missing or out of order')
+    path.write_text(
+        f'{head}{SECTION_BEGIN}\n{section.strip()}\n{SECTION_END}{tail}', encoding='utf-8'
+    )

@@ -1,4 +1,4 @@
-"""From the rows of a results folder to everything that is read: summary, figures, reports."""
+"""Writes everything that is read of a results folder: summary, figures, reports."""
 
 from __future__ import annotations
 
@@ -11,31 +11,32 @@ from typing import Any
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
 from llm_astar_planner.benchmark.analysis.scalability import Growth, growth
+from llm_astar_planner.benchmark.analysis.statistics import Interval, Spread
 from llm_astar_planner.benchmark.analysis.summary import (
-    CaseSummary,
+    PairedComparison,
     Price,
-    by_case,
-    contrasts,
+    VariantSummary,
+    by_variant,
+    compare_with_none,
     is_ablation,
     summarise,
 )
 from llm_astar_planner.benchmark.analysis.trace import trace
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
-from llm_astar_planner.benchmark.points import parse_points
-from llm_astar_planner.benchmark.report.animation import save_animation
 from llm_astar_planner.benchmark.report.figures import (
-    case_label,
-    compare_figure,
+    comparison_figure,
+    drawable_map,
     growth_figure,
     ratio_figure,
+    save_animation,
     showcase_figure,
-    walled,
+    variant_label,
 )
 from llm_astar_planner.benchmark.report.html import html_report
-from llm_astar_planner.benchmark.report.markdown import report
+from llm_astar_planner.benchmark.report.markdown import markdown_report
 from llm_astar_planner.benchmark.report.sentences import headline, sentence
-from llm_astar_planner.benchmark.results import Case, ResultsFolder, Row
-from llm_astar_planner.benchmark.runner.engine import Settings, plan_again
+from llm_astar_planner.benchmark.results import ResultsFolder, Row, Variant, parse_points
+from llm_astar_planner.benchmark.runner.engine import SearchSettings, plan_again
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.waypoint_filter import target_list
 
@@ -43,10 +44,8 @@ DPI = 90
 Pictures = list[tuple[Path, str]]
 
 
-def publish(
-    folder: ResultsFolder,
-    metadata: Mapping[str, Any],
-    maps: Sequence[ProblemMap],
+def write_report(
+    folder: ResultsFolder, metadata: Mapping[str, Any], maps: Sequence[ProblemMap]
 ) -> dict[str, Any]:
     """Write summary.json, the figures, report.md and report.html; return the summary as read back.
 
@@ -56,45 +55,62 @@ def publish(
     seed = int(metadata['parameters'].get('seed', 0))
     price = metadata['parameters'].get('price')
     summaries = summarise(rows, seed, None if price is None else Price(*price))
-    added = contrasts(rows, seed)
+    comparisons = compare_with_none(rows, seed)
     growths = growth(rows)
     summary: dict[str, Any] = {
-        'headline': headline(added),
-        'sentences': [sentence(contrast) for contrast in added if contrast.samples],
+        'headline': headline(comparisons),
+        'sentences': [sentence(comparison) for comparison in comparisons if comparison.samples],
         'rows': len(rows),
-        'cases': [_case_json(item) for item in summaries],
-        'over_none': [{**asdict(item), **_names(item.case)} for item in added],
-        'growth': [{**asdict(item), **_names(item.case)} for item in growths],
+        'cases': [to_json(item) for item in summaries],
+        'over_none': [to_json(item) for item in comparisons],
+        'growth': [to_json(item) for item in growths],
         **{name: metadata[name] for name in ('version', 'dataset', 'machine')},
         **{name: metadata[name] for name in ('left_out', 'notes') if name in metadata},
     }
     folder.write_json('summary.json', summary)
     pictures = draw_all(folder.path, rows, maps, (summaries, growths), metadata)
-    beside = [(path.name, caption) for path, caption in pictures]
-    text = report(summaries, added, growths, metadata, rows=rows, pictures=beside)
+    names = [(path.name, caption) for path, caption in pictures]
+    text = markdown_report(summaries, comparisons, growths, metadata, rows=rows, pictures=names)
     folder.write_text('report.md', text)
     page = html_report(
         summaries,
-        added,
+        comparisons,
         growths,
         metadata,
         rows=rows,
         maps=maps,
-        rules=_settings(metadata).rules,
+        costmap=search_settings(metadata).costmap,
         pictures=pictures,
     )
     folder.write_text('report.html', page)
     return folder.read_json('summary.json')
 
 
+def to_json(item: VariantSummary | PairedComparison | Growth) -> dict[str, Any]:
+    """Return the figures of a variant by name; named tuples become objects.
+
+    The keys of the file are older than the word variant: `case` is its name.
+    """
+    values = asdict(item)
+    del values['variant']
+    if isinstance(item, VariantSummary):
+        for name in values:
+            value = getattr(item, name)
+            if name in ('operation', 'storage', 'length', 'recorded') and value is not None:
+                values[name] = {**value.mean._asdict(), 'spread': value.spread._asdict()}
+            elif isinstance(value, (Interval, Spread)) and name != 'proven':
+                values[name] = value._asdict()
+    return {'case': str(item.variant), **values, **item.variant._asdict()}
+
+
 def draw_all(
     folder: Path,
     rows: Sequence[Row],
     maps: Sequence[ProblemMap],
-    figures: tuple[Sequence[CaseSummary], Sequence[Growth]],
+    figures: tuple[Sequence[VariantSummary], Sequence[Growth]],
     metadata: Mapping[str, Any],
 ) -> Pictures:
-    """Draw every figure there are rows for, and beside samples what the paper's search does."""
+    """Draw every figure that the rows allow; return the files and their captions."""
     summaries, growths = figures
     pictures: Pictures = []
     if summaries:
@@ -105,7 +121,7 @@ def draw_all(
         path = folder / 'growth.png'
         growth_figure(growths).savefig(path, dpi=DPI)
         pictures.append((path, 'Growth of work and storage with the scale of the map.'))
-    pictures += _draw_sample(folder, rows, maps, _settings(metadata))
+    pictures += draw_median_sample(folder, rows, maps, search_settings(metadata))
     if not metadata.get('bags'):
         path = folder / 'showcase.png'
         showcase_figure().savefig(path, dpi=DPI)
@@ -114,87 +130,72 @@ def draw_all(
     return pictures
 
 
-def _draw_sample(
-    folder: Path, rows: Sequence[Row], maps: Sequence[ProblemMap], settings: Settings
+def draw_median_sample(
+    folder: Path, rows: Sequence[Row], maps: Sequence[ProblemMap], settings: SearchSettings
 ) -> Pictures:
     """Draw the sample whose saving over A* is the median: neither the best nor the worst."""
-    held = {item.id: len(item.samples) for item in maps}
-    chosen = _middle([row for row in rows if row.pair < held.get(row.map, 0)])
+    stored = {item.id: len(item.samples) for item in maps}
+    chosen = median_sample([row for row in rows if row.pair < stored.get(row.map, 0)])
     if chosen is None:
         return []
     base, row = chosen
     barrier_map = next(item for item in maps if item.id == row.map)
     sample = barrier_map.samples[row.pair]
-    ends = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-    grid_map = walled(barrier_map.to_grid(), settings.rules)
+    endpoints = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
+    grid_map = drawable_map(barrier_map.to_grid(), settings.costmap)
     plans = [plan_again(barrier_map, sample, item, settings) for item in (base, row)]
-    titles = [case_label(item.case) for item in (base, row)]
+    titles = [variant_label(item.variant) for item in (base, row)]
     where = f'Map {row.map}, pair {row.pair}, the sample of median saving'
     path = folder / 'compare.png'
-    compare_figure(grid_map, plans, titles, ends).savefig(path, dpi=DPI)
+    comparison_figure(grid_map, plans, titles, endpoints).savefig(path, dpi=DPI)
     pictures: Pictures = [(path, f'{where}: what {titles[0]} and {titles[1]} expanded.')]
     if not isinstance(barrier_map, BarrierMap):
-        # The animation replays the paper's rules, which are not a grid's.
+        # The animation replays the paper's rules, which do not hold on a grid.
         return pictures
     waypoints = [(int(x), int(y)) for x, y in parse_points(row.waypoints)]
-    targets = target_list(plans[1].waypoints, *ends)[1:]
+    targets = target_list(plans[1].waypoints, *endpoints)[1:]
     blocked = grid_map.blocked()
-    plain, guided = trace(blocked, *ends), trace(blocked, *ends, targets)
+    plain, guided = trace(blocked, *endpoints), trace(blocked, *endpoints, targets)
     path = folder / 'search.gif'
-    save_animation(path, blocked, [(titles[0], plain, ()), (titles[1], guided, waypoints)], ends)
+    searches = [(titles[0], plain, ()), (titles[1], guided, waypoints)]
+    save_animation(path, blocked, searches, endpoints)
     pictures.append((path, f'{where}: both searches at the same pace.'))
     return pictures
 
 
-def _middle(rows: Sequence[Row]) -> tuple[Row, Row] | None:
-    """Pick A*'s and LLM-A*'s rows of the sample with the median ratio of operations."""
-    cases = by_case(rows)
-    guided = [case for case in cases if case.method == 'llm_astar' and case.source != 'none']
+def median_sample(rows: Sequence[Row]) -> tuple[Row, Row] | None:
+    """Return the rows of A* and LLM-A* for the sample with the median ratio of expansions."""
+    variants = by_variant(rows)
+    guided = [
+        variant
+        for variant in variants
+        if variant.method == 'llm_astar' and variant.source != 'none'
+    ]
     if not guided:
         return None
-    case = min(guided, key=lambda item: (is_ablation(item), item.source != 'oracle'))
-    base = cases.get(Case('astar'), {})
+    chosen = min(guided, key=lambda variant: (is_ablation(variant), variant.source != 'oracle'))
+    base = variants.get(Variant('astar'), {})
     ratios = {
         sample: row.operation / base[sample].operation
-        for sample, row in cases[case].items()
+        for sample, row in variants[chosen].items()
         if row.found and row.waypoints and sample in base and base[sample].found
     }
     if not ratios:
         return None
-    middle = statistics.median_low(ratios.values())
-    sample = next(sample for sample, ratio in ratios.items() if ratio == middle)
-    return base[sample], cases[case][sample]
+    median = statistics.median_low(ratios.values())
+    sample = next(sample for sample, ratio in ratios.items() if ratio == median)
+    return base[sample], variants[chosen][sample]
 
 
-def _settings(metadata: Mapping[str, Any]) -> Settings:
+def search_settings(metadata: Mapping[str, Any]) -> SearchSettings:
+    """Return the search settings of a run from its metadata."""
     names = (
         'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'tolerance', 'start_tolerance',
         'paper_corners',
     )  # fmt: skip
     parameters = metadata['parameters']
     rules = parameters.get('rules')
-    return Settings(
+    return SearchSettings(
         **{name: parameters[name] for name in names if name in parameters},
-        rules=None if rules is None else CostmapConfig(**rules),
+        costmap=None if rules is None else CostmapConfig(**rules),
     )
-
-
-def _names(case: Case) -> dict[str, Any]:
-    return {'case': str(case), **case._asdict()}
-
-
-def _case_json(summary: CaseSummary) -> dict[str, Any]:
-    """Write a case's figures under their names; named tuples become objects."""
-    values = asdict(summary)
-    values.update(_names(summary.case))
-    for name in ('operation', 'storage', 'length', 'recorded'):
-        ratio = getattr(summary, name)
-        if ratio is None:
-            continue
-        values[name] = {**ratio.mean._asdict(), 'spread': ratio.spread._asdict()}
-    for name in (
-        'valid', 'seconds_source', 'seconds_search', 'seconds_round_trip', 'clearance', 'turns',
-        'unknown_length',
-    ):  # fmt: skip
-        values[name] = getattr(summary, name)._asdict()
-    return values

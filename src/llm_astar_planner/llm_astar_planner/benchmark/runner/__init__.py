@@ -1,1 +1,1 @@
-"""Running methods with waypoint sources over samples."""
+"""Runs methods with waypoint sources over samples."""

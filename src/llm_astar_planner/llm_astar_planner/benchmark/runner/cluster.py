@@ -1,4 +1,4 @@
-"""Spread a sweep over machines: a Dask cluster as a standard executor (extra `cluster`)."""
+"""Runs tasks on a Dask cluster through the standard executor interface (extra `cluster`)."""
 
 from __future__ import annotations
 
@@ -7,23 +7,27 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 
-from llm_astar_planner.benchmark.runner.engine import Asker
+from llm_astar_planner.benchmark.runner.sources import SourceSpec
 
-CONNECT_S = 10
+CONNECT_TIMEOUT_S = 10
 
 
 @contextmanager
-def connect(address: str, askers: Sequence[Asker]) -> Iterator[tuple[Executor, int]]:
-    """Yield an executor on the Dask scheduler at `address`, and how many tasks to hand it.
+def connect(address: str, sources: Sequence[SourceSpec]) -> Iterator[tuple[Executor, int]]:
+    """Yield an executor on the Dask scheduler at `address`, and how many tasks to submit at once.
 
-    Workers need this package in the same version. Sources travel with the tasks, so they must be
-    values: ablations and replays are, live endpoints are not. Raises ValueError.
+    Workers need this package in the same version. Sources are sent with the tasks, so it must be
+    possible to pickle them: baselines and replays can be, live endpoints cannot. Raises
+    ValueError.
     """
     try:
-        pickle.dumps(askers)
+        pickle.dumps(sources)
     except (TypeError, AttributeError, pickle.PicklingError):
-        names = ', '.join(asker.name for asker in askers)
-        message = f'--dask: not all of {names} can travel; record a transcript and replay it'
+        names = ', '.join(spec.name for spec in sources)
+        message = (
+            f'--dask: some of the sources {names} cannot be sent to another machine; '
+            'record a transcript and replay it'
+        )
         raise ValueError(message) from None
     try:
         from distributed import Client  # noqa: PLC0415 - an extra
@@ -31,14 +35,12 @@ def connect(address: str, askers: Sequence[Asker]) -> Iterator[tuple[Executor, i
         message = "--dask needs Dask: pip install 'dask[distributed]'"
         raise ValueError(message) from None
     try:
-        client = Client(address, timeout=CONNECT_S)
+        client = Client(address, timeout=CONNECT_TIMEOUT_S)
     except (OSError, ValueError) as error:
-        message = f'--dask {address}: {error}'
-        raise ValueError(message) from None
+        raise ValueError(f'--dask {address}: {error}') from None
     with client:
         threads = sum(client.nthreads().values())
         if not threads:
-            message = f'--dask {address}: the cluster has no workers'
-            raise ValueError(message)
+            raise ValueError(f'--dask {address}: the cluster has no workers')
         with client.get_executor(pure=False) as executor:
             yield executor, 4 * threads

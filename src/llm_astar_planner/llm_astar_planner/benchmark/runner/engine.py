@@ -1,26 +1,37 @@
-"""Run methods with waypoint sources over samples, rows as they come.
+"""Runs methods with waypoint sources over samples.
 
-A task is one sample at one scale under all its cases. Each source is asked once a task and its
-answer given to every method, so a sweep costs one request a sample, prompt and model. Tasks are
-values and `run_task` a plain function, so any concurrent.futures executor can take them.
+A task is one sample at one scale with all its variants. Each source is asked once per task and
+its answer is given to every method, so a run costs one request per sample, prompt and model.
+Tasks can be pickled and `run_task` is a plain function, so that any concurrent.futures executor
+can run them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import NamedTuple
+from threading import Lock
+from typing import Any, NamedTuple
 
 import numpy as np
+from cachetools import LRUCache, cached
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
 
 from llm_astar_planner.benchmark.bags.recorded_plans import Occasion
+from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, ProblemMap
-from llm_astar_planner.benchmark.points import format_points, parse_points, turning_points
-from llm_astar_planner.benchmark.results import Case, Row
-from llm_astar_planner.benchmark.runner.planner_cache import PlannerCache
+from llm_astar_planner.benchmark.results import (
+    WAYPOINTS_ONLY,
+    Row,
+    RowKey,
+    Variant,
+    format_points,
+    parse_points,
+    turning_points,
+)
+from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
@@ -32,277 +43,285 @@ from llm_astar_planner.waypoints.source import (
     SourceStatus,
     WaypointQuery,
     WaypointReply,
-    WaypointSource,
 )
 
-BASELINE = Case('astar')
-LLM_ONLY = 'llm_only'
-ALL_METHODS = (*METHODS, LLM_ONLY)
-_planners = PlannerCache()
+BASELINE = Variant('astar')
+ALL_METHODS = (*METHODS, WAYPOINTS_ONLY)
 NOTHING_EXPANDED = np.zeros((0, 0), dtype=np.bool_)
+# Bounds of the planner cache. A cell of a planner takes about 40 bytes with its landmarks.
+MAX_CACHED_CELLS = 2_000_000
+MAX_CACHED_PLANNERS = 16
 
 
 @dataclass(frozen=True)
-class Asker:
-    """A source under the name, prompt and model its rows are filed under."""
+class SearchSettings:
+    """The search parameters that all variants of a run share; see PlanRequest and CostmapConfig.
 
-    source: WaypointSource | None = None
-    name: str = 'none'
-    prompt: str = ''
-    model: str = ''
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What all cases of a run share; see PlanRequest and CostmapConfig.
-
-    Without `rules` those of the kind of map hold: the paper's on barriers, MovingAI's on a grid.
-    With `paper_corners` paths may cut corners where a map's barriers are known, whatever `rules`
-    say of it.
+    Without `costmap` the kind of map decides: the paper's rules on barrier maps, MovingAI's on
+    grids. With `paper_corners` paths may cut corners on maps whose barriers are known, whatever
+    `costmap` says.
     """
 
     heuristic: str = 'euclidean'
     weight: float = 2.0
     time_limit: float = 60.0
     max_suboptimality: float | None = None
-    rules: CostmapConfig | None = None
+    costmap: CostmapConfig | None = None
     tolerance: float = 0.0
     start_tolerance: float = 0.0
     paper_corners: bool = False
 
-    def rules_on(self, problem: ProblemMap) -> CostmapConfig | None:
-        """Return the rules that hold on a map."""
-        if self.rules and self.paper_corners and isinstance(problem, BarrierMap):
-            return replace(self.rules, corner_cutting=True)
-        return self.rules
+    def costmap_for(self, problem: ProblemMap) -> CostmapConfig:
+        """Return the costmap rules for a map."""
+        has_barriers = isinstance(problem, BarrierMap)
+        if self.costmap is None:
+            return CostmapConfig(corner_cutting=True) if has_barriers else GRID_CONFIG
+        if self.paper_corners and has_barriers:
+            return replace(self.costmap, corner_cutting=True)
+        return self.costmap
 
 
 @dataclass(frozen=True)
 class Task:
-    """One sample at one scale; `cases` pairs each case with the index of its asker.
+    """One sample at one scale; `variants` pairs each variant with the index of its source.
 
-    `occasion` is that of a bag's request, which sources are asked about as a benchmark's sample
-    only if `is_sample`.
+    `occasion` is the recorded plan for a request from a bag. Sources see the sample's key only if
+    `is_sample`, that is if the request is a sample of a known dataset.
     """
 
     sample: BenchmarkSample
     scale: int
-    cases: tuple[tuple[Case, int], ...]
-    askers: tuple[Asker, ...]
-    settings: Settings = field(default_factory=Settings)
+    variants: tuple[tuple[Variant, int], ...]
+    sources: tuple[SourceSpec, ...]
+    settings: SearchSettings = field(default_factory=SearchSettings)
     occasion: Occasion | None = None
     is_sample: bool = True
 
 
 class Outcome(NamedTuple):
-    """What came of one case of a task: its row, and the plan, if a planner made one."""
+    """The result of one variant of a task: its row, and the plan if a planner was called."""
 
     row: Row
     plan: Plan | None = None
 
 
-def plan_cases(methods: Sequence[str], askers: Sequence[Asker]) -> list[tuple[Case, int]]:
-    """Pair methods with askers: waypoint methods with each, the others with none. A* is first.
+@dataclass(frozen=True)
+class AnsweredSource:
+    """A waypoint source that returns an answer which is already known."""
 
-    `askers[0]` must be the one of no source; `llm_only` leaves it out.
+    name: str
+    reply: WaypointReply
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return the known answer."""
+        del query
+        return self.reply
+
+
+def list_variants(
+    methods: Sequence[str], sources: Sequence[SourceSpec]
+) -> list[tuple[Variant, int]]:
+    """Combine methods with sources and return each variant with the index of its source.
+
+    A* comes first. Methods that use waypoints are combined with every source, the others only
+    with `sources[0]`, which must be the one without waypoints; `waypoints_only` skips that one.
     """
-    cases = [(BASELINE, 0)]
+    variants = [(BASELINE, 0)]
     for method in methods:
-        if method not in WAYPOINT_METHODS and method != LLM_ONLY:
-            cases.append((Case(method), 0))
+        if method not in WAYPOINT_METHODS and method != WAYPOINTS_ONLY:
+            variants.append((Variant(method), 0))
             continue
-        for index, asker in enumerate(askers):
-            if asker.source is not None or method != LLM_ONLY:
-                cases.append((Case(method, asker.name, asker.prompt, asker.model), index))
-    return list(dict.fromkeys(cases))
+        for index, spec in enumerate(sources):
+            if spec.source is not None or method != WAYPOINTS_ONLY:
+                variants.append((Variant(method, spec.name, spec.prompt, spec.model), index))
+    return list(dict.fromkeys(variants))
 
 
-def plan_tasks(
+def make_tasks(
     samples: Iterable[tuple[BenchmarkSample, int]],
-    cases: Sequence[tuple[Case, int]],
-    askers: Sequence[Asker],
-    settings: Settings,
-    done: frozenset[tuple[int, int, int, Case]] = frozenset(),
+    variants: Sequence[tuple[Variant, int]],
+    sources: Sequence[SourceSpec],
+    settings: SearchSettings,
+    done: frozenset[RowKey] = frozenset(),
 ) -> list[Task]:
-    """Make the tasks of samples at scales, without the rows that are `done` (their keys)."""
+    """Make one task per pair of sample and scale, without the rows whose keys are in `done`."""
     tasks = []
     for sample, scale in dict.fromkeys(samples):
         left = tuple(
-            (case, index) for case, index in cases if (*sample.key, scale, case) not in done
+            (variant, index)
+            for variant, index in variants
+            if (*sample.key, scale, variant) not in done
         )
         if left:
-            tasks.append(Task(sample, scale, left, tuple(askers), settings))
+            tasks.append(Task(sample, scale, left, tuple(sources), settings))
     return tasks
 
 
 def run_tasks(
     tasks: Iterable[Task],
     executor: Executor,
-    at_once: int,
+    max_pending: int,
     keep: Callable[[Task, list[Outcome]], None],
 ) -> None:
-    """Run tasks with at most `at_once` in flight; `keep` gets each with what came of it.
+    """Run tasks with at most `max_pending` submitted at a time; call `keep` as each finishes.
 
-    An exception, KeyboardInterrupt among them, cancels what has not begun and passes on.
+    An exception, KeyboardInterrupt included, cancels the tasks that have not started and
+    propagates.
     """
-    for task, outcomes in _completed(tasks, executor, at_once):
-        keep(task, outcomes)
-
-
-def run_task(task: Task) -> list[Outcome]:
-    """Ask each source of the task once and plan every case."""
-    _warm_up()
-    scaled = replace(task.sample.barrier_map, samples=(task.sample.sample,)).scale(task.scale)
-    planner = _planners.get(replace(scaled, samples=()), task.settings.rules_on(scaled))
-    sample = scaled.samples[0]
-    ends = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
-    key = SampleKey(*task.sample.key, task.scale)
-    replies: dict[int, tuple[WaypointReply, float]] = {}
-    known = {} if task.occasion is None else task.occasion.columns(planner)
-    outcomes = []
-    for case, index in task.cases:
-        source = task.askers[index].source
-        if source is not None and index not in replies:
-            asked = key if task.is_sample else None
-            query = WaypointQuery(planner.costmap, *ends, task.settings.time_limit, asked)
-            replies[index] = query_source(source, query)
-        reply, seconds = replies.get(index, (NOT_ASKED, 0.0))
-        outcome = _run_case(planner, key, ends, case, reply=reply, settings=task.settings)
-        row = replace(outcome.row, seconds_source=seconds, **known)
-        outcomes.append(outcome._replace(row=row))
-    return outcomes
-
-
-def plan_again(barrier_map: ProblemMap, sample: Sample, row: Row, settings: Settings) -> Plan:
-    """Plan a row of scale 1 once more with the waypoints it had, to see what it expanded."""
-    planner = _planners.get(replace(barrier_map, samples=()), settings.rules_on(barrier_map))
-    reply = WaypointReply(parse_points(row.waypoints), label=row.source)
-    request = PlanRequest(
-        barrier_map.to_cell(sample.start),
-        barrier_map.to_cell(sample.goal),
-        row.method,
-        _Answered(row.source, reply) if row.waypoints else None,
-        settings.heuristic,
-        settings.weight,
-        settings.time_limit,
-        max_suboptimality=settings.max_suboptimality,
-        tolerance=settings.tolerance,
-        start_tolerance=settings.start_tolerance,
-    )
-    return planner.plan(request)
-
-
-def _completed(
-    tasks: Iterable[Task], executor: Executor, at_once: int
-) -> Iterator[tuple[Task, list[Outcome]]]:
-    waiting: dict[Future[list[Outcome]], Task] = {}
+    pending: dict[Future[list[Outcome]], Task] = {}
     left = iter(tasks)
     try:
         while True:
-            while len(waiting) < at_once and (task := next(left, None)) is not None:
-                waiting[executor.submit(run_task, task)] = task
-            if not waiting:
+            while len(pending) < max_pending and (task := next(left, None)) is not None:
+                pending[executor.submit(run_task, task)] = task
+            if not pending:
                 return
-            done, _ = wait(waiting, return_when=FIRST_COMPLETED)
+            done, _ = wait(pending, return_when=FIRST_COMPLETED)
             for future in done:
-                yield waiting.pop(future), future.result()
+                keep(pending.pop(future), future.result())
     finally:
-        for future in waiting:
+        for future in pending:
             future.cancel()
 
 
-@lru_cache(maxsize=1)
-def _warm_up() -> None:
-    """Compile before anything is timed."""
-    compile_kernels()
+def run_task(task: Task) -> list[Outcome]:
+    """Ask each source of the task once and plan every variant."""
+    compile_once()
+    scaled = replace(task.sample.barrier_map, samples=(task.sample.sample,)).scale(task.scale)
+    planner = planner_for(replace(scaled, samples=()), task.settings.costmap_for(scaled))
+    sample = scaled.samples[0]
+    endpoints = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
+    key = SampleKey(*task.sample.key, task.scale)
+    replies: dict[int, tuple[WaypointReply, float]] = {}
+    recorded = {} if task.occasion is None else task.occasion.columns(planner)
+    outcomes = []
+    for variant, index in task.variants:
+        source = task.sources[index].source
+        if source is not None and index not in replies:
+            sample_key = key if task.is_sample else None
+            query = WaypointQuery(
+                planner.costmap, *endpoints, task.settings.time_limit, sample_key
+            )
+            replies[index] = query_source(source, query)
+        reply, seconds = replies.get(index, (NOT_ASKED, 0.0))
+        columns: dict[str, Any] = {**recorded, 'seconds_source': seconds}
+        if variant.method == WAYPOINTS_ONLY:
+            columns |= waypoints_only_columns(planner, endpoints, reply)
+            plan = None
+        else:
+            known = None if reply is NOT_ASKED else AnsweredSource(variant.source, reply)
+            request = make_request(
+                endpoints, variant.method, known, task.settings, want_expanded=False, sample=key
+            )
+            plan = replace(planner.plan(request), expanded=NOTHING_EXPANDED)
+            columns |= plan_columns(plan)
+        row = Row(
+            *task.sample.key,
+            task.scale,
+            *variant,
+            source_status=reply.status.value,
+            prompt_tokens=reply.prompt_tokens,
+            completion_tokens=reply.completion_tokens,
+            waypoints=format_points(reply.waypoints),
+            **columns,
+        )
+        outcomes.append(Outcome(row, plan))
+    return outcomes
 
 
-@dataclass(frozen=True)
-class _Answered:
-    """A source that has already been asked."""
-
-    name: str
-    reply: WaypointReply
-
-    def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Return the answer there is."""
-        del query
-        return self.reply
+def plan_again(
+    barrier_map: ProblemMap, sample: Sample, row: Row, settings: SearchSettings
+) -> Plan:
+    """Plan a row of scale 1 again with its recorded waypoints, to get the expanded cells."""
+    planner = planner_for(replace(barrier_map, samples=()), settings.costmap_for(barrier_map))
+    endpoints = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
+    reply = WaypointReply(parse_points(row.waypoints), label=row.source)
+    source = AnsweredSource(row.source, reply) if row.waypoints else None
+    return planner.plan(make_request(endpoints, row.method, source, settings))
 
 
-def _run_case(
-    planner: Planner,
-    key: SampleKey,
-    ends: tuple[Cell, Cell],
-    case: Case,
-    *,
-    reply: WaypointReply,
-    settings: Settings,
-) -> Outcome:
-    if case.method == LLM_ONLY:
-        return Outcome(_llm_only(planner, key, ends, case, reply))
-    source = None if reply is NOT_ASKED else _Answered(case.source, reply)
-    request = PlanRequest(
-        *ends,
-        case.method,
+def make_request(
+    endpoints: tuple[Cell, Cell],
+    method: str,
+    source: AnsweredSource | None,
+    settings: SearchSettings,
+    **options: Any,  # noqa: ANN401 - further fields of PlanRequest
+) -> PlanRequest:
+    """Return the request for a sample with the settings of the run."""
+    return PlanRequest(
+        *endpoints,
+        method,
         source,
         settings.heuristic,
         settings.weight,
         settings.time_limit,
         max_suboptimality=settings.max_suboptimality,
-        want_expanded=False,
-        sample=key,
         tolerance=settings.tolerance,
         start_tolerance=settings.start_tolerance,
+        **options,
     )
-    plan = planner.plan(request)
-    found = plan.code is ResultCode.NONE
-    row = replace(
-        _empty_row(key, case, reply, plan.code),
-        operation=float(plan.expansions),
-        storage=float(plan.storage),
-        length=plan.length if found else float('nan'),
-        seconds_search=plan.seconds_search,
-        guided_by=plan.guided_by,
-        verdicts=';'.join(point.status.value for point in plan.waypoints),
-        path=format_points(turning_points(plan.path)),
-        first_operation=float(plan.first_expansions) if found else float('nan'),
-        ratio=plan.suboptimality_bound,
-        clearance=plan.clearance if found else float('nan'),
-        turns=float(plan.turns) if found else float('nan'),
-        unknown_length=plan.unknown_length if found else float('nan'),
-    )
-    return Outcome(row, replace(plan, expanded=NOTHING_EXPANDED))
 
 
-def _llm_only(
-    planner: Planner, key: SampleKey, ends: tuple[Cell, Cell], case: Case, reply: WaypointReply
-) -> Row:
-    """Take the waypoints for the path: valid if every straight leg is a line of sight.
+def plan_columns(plan: Plan) -> dict[str, Any]:
+    """Return the columns of a row that describe a plan; the only place that maps one to another.
 
-    An answer without points is the straight line; no answer is no path.
+    Columns of a path are left at NaN where none was found.
     """
-    points = [ends[0], *(point for point in reply.waypoints if point not in ends), ends[1]]
+    columns: dict[str, Any] = {
+        'code': plan.code.name,
+        'operation': float(plan.expansions),
+        'storage': float(plan.storage),
+        'seconds_search': plan.seconds_search,
+        'guided_by': plan.guided_by,
+        'verdicts': ';'.join(point.status.value for point in plan.waypoints),
+        'path': format_points(turning_points(plan.path)),
+        'ratio': plan.suboptimality_bound,
+    }
+    if plan.code is ResultCode.NONE:
+        columns |= {
+            'length': plan.length,
+            'first_operation': float(plan.first_expansions),
+            'clearance': plan.clearance,
+            'turns': float(plan.turns),
+            'unknown_length': plan.unknown_length,
+        }
+    return columns
+
+
+def waypoints_only_columns(
+    planner: Planner, endpoints: tuple[Cell, Cell], reply: WaypointReply
+) -> dict[str, Any]:
+    """Take the waypoints as the path: valid if every straight segment is a line of sight.
+
+    An answer without waypoints is the straight line; without an answer there is no path.
+    """
+    start, goal = endpoints
+    points = [start, *(point for point in reply.waypoints if point not in endpoints), goal]
     answered = reply.status in (SourceStatus.OK, SourceStatus.NO_WAYPOINTS)
     if not (answered and planner.costmap.line_of_sight.clear_along(points)):
-        return _empty_row(key, case, reply, ResultCode.NO_VALID_PATH)
+        return {'code': ResultCode.NO_VALID_PATH.name}
     steps = np.diff(np.array(points, dtype=float), axis=0)
-    return replace(
-        _empty_row(key, case, reply, ResultCode.NONE),
-        length=float(np.hypot(*steps.T).sum()),
-        path=format_points(points),
-    )
+    return {
+        'code': ResultCode.NONE.name,
+        'length': float(np.hypot(*steps.T).sum()),
+        'path': format_points(points),
+    }
 
 
-def _empty_row(key: SampleKey, case: Case, reply: WaypointReply, code: ResultCode) -> Row:
-    return Row(
-        int(key.map),
-        int(key.pair),
-        key.scale,
-        *case,
-        code.name,
-        source_status=reply.status.value,
-        prompt_tokens=reply.prompt_tokens,
-        completion_tokens=reply.completion_tokens,
-        waypoints=format_points(reply.waypoints),
-    )
+def cache_size(planner: Planner) -> int:
+    """Return the share of the cache that a planner takes, at most all of it."""
+    cells = planner.grid_map.cells.size
+    return min(max(cells, MAX_CACHED_CELLS // MAX_CACHED_PLANNERS), MAX_CACHED_CELLS)
+
+
+@cached(LRUCache(MAX_CACHED_CELLS, getsizeof=cache_size), lock=Lock())
+def planner_for(problem: ProblemMap, costmap: CostmapConfig) -> Planner:
+    """Return the planner for a map, from the cache of the last ones. Thread-safe."""
+    barriers = problem if isinstance(problem, BarrierMap) else None
+    return Planner(problem.to_grid(), costmap, barriers).prepare()
+
+
+@lru_cache(maxsize=1)
+def compile_once() -> None:
+    """Compile the search kernels before anything is timed."""
+    compile_kernels()

@@ -1,4 +1,4 @@
-"""A progress bar on stderr; plain lines, one a tenth, where stderr is no terminal."""
+"""A progress bar on stderr, or plain lines where stderr is not a terminal."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ from contextlib import contextmanager
 
 from tqdm import tqdm
 
-# Steps between lines where the end is unknown.
+# Steps between two lines where the total is unknown.
 UNKNOWN_STRIDE = 100
 
 
 @contextmanager
 def progress(total: int | None, unit: str = 'sample') -> Iterator[Callable[[], object]]:
-    """Yield the function to call after each of `total` steps; None where nobody knows how many."""
+    """Yield the function to call after each of `total` steps; None where the total is unknown.
+
+    Without a terminal a line is written after every tenth of the steps.
+    """
     if sys.stderr.isatty():
         with tqdm(total=total, unit=unit, file=sys.stderr) as bar:
             yield lambda: bool(bar.update())
@@ -25,11 +28,11 @@ def progress(total: int | None, unit: str = 'sample') -> Iterator[Callable[[], o
         nonlocal done
         done += 1
         if total is None:
-            told, of = done % UNKNOWN_STRIDE == 0, ''
+            is_due, of_total = done % UNKNOWN_STRIDE == 0, ''
         else:
-            told, of = done * 10 // total > (done - 1) * 10 // total, f' of {total}'
-        if told:
-            sys.stderr.write(f'{done}{of} {unit}s\n')
+            is_due, of_total = done * 10 // total > (done - 1) * 10 // total, f' of {total}'
+        if is_due:
+            sys.stderr.write(f'{done}{of_total} {unit}s\n')
             sys.stderr.flush()
 
     yield step

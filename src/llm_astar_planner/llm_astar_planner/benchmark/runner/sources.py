@@ -1,15 +1,14 @@
-"""The sources a run asks: those named, for each prompt and model, and the ablations beside."""
+"""The waypoint sources of a run: the named ones for each prompt and model, and the baselines."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 
-from llm_astar_planner.benchmark.datasets.grids import GRID_RULES
-from llm_astar_planner.benchmark.runner.engine import Asker
+from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import ablation_sources, visibility_problem
 from llm_astar_planner.waypoints.config import (
@@ -20,16 +19,27 @@ from llm_astar_planner.waypoints.config import (
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.learned.source import EmbeddedSource
 from llm_astar_planner.waypoints.prompts.template import load_template
+from llm_astar_planner.waypoints.source import WaypointSource
 from llm_astar_planner.waypoints.transcript import read_transcript
 
-# The ablations that cost next to nothing on any grid: they need no visibility graph.
+# The baselines that are cheap on any grid, because they need no visibility graph.
 GRID_ABLATIONS = ('straight', 'random')
 EMBEDDED = 'embedded'
-# The embedded model has two rows: its greedy route, and the best of several by lines of sight.
+# The embedded model is run twice: its greedy route, and the best of this many routes.
 BEST_OF = 8
 
 
-def make_askers(
+@dataclass(frozen=True)
+class SourceSpec:
+    """A waypoint source with the name, prompt and model that its rows carry."""
+
+    source: WaypointSource | None = None
+    name: str = 'none'
+    prompt: str = ''
+    model: str = ''
+
+
+def make_source_specs(
     names: Sequence[str],
     prompts: Sequence[str],
     models: Sequence[str],
@@ -38,77 +48,77 @@ def make_askers(
     dataset: Sequence[BarrierMap],
     seed: int = 0,
     default: Sequence[str] | None = None,
-) -> list[Asker]:
-    """Make the askers of a run; the first is that of no source.
+) -> list[SourceSpec]:
+    """Make the sources of a run; the first one is `none`.
 
-    Every named source is made for every prompt and model (`settings` with these put in). A replay
-    without them gets all its transcript holds. All ablations (or `default`) come along where a
-    named source is none of them, and with the embedded model where nothing is named; `none` alone
-    asks nobody. Raises ValueError for a source that cannot be made.
+    Every named source is made once per prompt and model, with the other `settings`. A replay
+    without prompt and model covers everything its transcript holds. All baselines (or `default`)
+    are added if a named source is not a baseline. Without names these are the baselines and the
+    embedded model; the name `none` alone gives `none` alone. Raises ValueError for a source that
+    cannot be made.
     """
-    ablations = ablation_sources(seed)
-    asked = [name for name in names if name != 'none']
-    chosen = [name for name in asked if name in ablations]
-    if len(chosen) < len(asked) or not names:
-        chosen = list(ablations if default is None else default)
-    askers = [Asker()]
-    if EMBEDDED in asked or not names:
-        askers += embedded_askers()
-    for name in asked:
-        if name not in ablations and name != EMBEDDED:
-            askers += _combinations(replace(settings, source=name), prompts, models, dataset)
-    return askers + [Asker(ablations[name], name) for name in chosen]
+    baselines = ablation_sources(seed)
+    named = [name for name in names if name != 'none']
+    chosen = [name for name in named if name in baselines]
+    if len(chosen) < len(named) or not names:
+        chosen = list(baselines if default is None else default)
+    specs = [SourceSpec()]
+    if EMBEDDED in named or not names:
+        specs += embedded_sources()
+    for name in named:
+        if name not in baselines and name != EMBEDDED:
+            specs += model_sources(replace(settings, source=name), prompts, models, dataset)
+    return specs + [SourceSpec(baselines[name], name) for name in chosen]
 
 
-def embedded_askers() -> list[Asker]:
-    """Return the askers of the embedded model: greedy, and the best of BEST_OF routes."""
+def embedded_sources() -> list[SourceSpec]:
+    """Return the embedded model twice: greedy, and the best of BEST_OF routes."""
     return [
-        Asker(EmbeddedSource(1), EMBEDDED),
-        Asker(EmbeddedSource(BEST_OF), f'{EMBEDDED}-best-of-{BEST_OF}'),
+        SourceSpec(EmbeddedSource(1), EMBEDDED),
+        SourceSpec(EmbeddedSource(BEST_OF), f'{EMBEDDED}-best-of-{BEST_OF}'),
     ]
 
 
-def check_grid_run(problem: GridProblem, scales: Sequence[int], names: Sequence[str]) -> None:
-    """Raise ValueError where a grid cannot be run at these scales or with these sources."""
-    for scale in scales:
-        problem.scale(scale)
-    slow = [name for name in names if name in ablation_sources() and name not in GRID_ABLATIONS]
-    reason = visibility_problem(Costmap(problem.to_grid(), GRID_RULES)) if slow else None
-    if reason:
-        message = f'--source {",".join(slow)}: {reason}'
-        raise ValueError(message)
-
-
-def _combinations(
+def model_sources(
     settings: SourceSettings,
     prompts: Sequence[str],
     models: Sequence[str],
     dataset: Sequence[BarrierMap],
-) -> list[Asker]:
+) -> list[SourceSpec]:
+    """Make a source once per model and prompt. Raises ValueError where one cannot be made."""
     pairs = [(model, prompt) for model in models or ('',) for prompt in prompts or ('',)]
-    if settings.source == 'replay' and settings.transcript:
-        held = dict.fromkeys(
+    is_replay = settings.source == 'replay'
+    if is_replay and settings.transcript:
+        recorded = dict.fromkeys(
             (exchange.model, exchange.prompt) for exchange in read_transcript(settings.transcript)
         )
-        fitting = [
-            pair
-            for pair in held
-            if (not models or pair[0] in models) and (not prompts or pair[1] in prompts)
+        selected = [
+            (model, prompt)
+            for model, prompt in recorded
+            if (not models or model in models) and (not prompts or prompt in prompts)
         ]
-        pairs = fitting or pairs
+        pairs = selected or pairs
     elif settings.source == 'endpoint' and not models:
         raise SettingsError('model: --source endpoint needs --model')
-    askers = []
+    specs = []
     for model, prompt in pairs:
         source = make_source(replace(settings, model=model, prompt=prompt), dataset)
-        askers.append(Asker(source, settings.source, _prompt_name(settings, prompt), model))
-    return askers
+        label = prompt if is_replay else prompt_label(prompt, settings.repair_rounds)
+        specs.append(SourceSpec(source, settings.source, label, model))
+    return specs
 
 
-def _prompt_name(settings: SourceSettings, prompt: str) -> str:
-    """Return the name a prompt goes by in rows and transcripts; a file's is its stem."""
-    if settings.source == 'replay':
-        return prompt
+def prompt_label(prompt: str, repair_rounds: int) -> str:
+    """Return the name of a prompt in rows and transcripts; that of a file is its stem."""
     name = load_template(prompt or DEFAULT_PROMPT).name
-    rounds = settings.repair_rounds
-    return f'{name}, repaired up to {rounds}x' if rounds else name
+    return f'{name}, repaired up to {repair_rounds}x' if repair_rounds else name
+
+
+def check_grid_options(problem: GridProblem, scales: Sequence[int], names: Sequence[str]) -> None:
+    """Raise ValueError where a grid cannot be run at these scales or with these sources."""
+    for scale in scales:
+        problem.scale(scale)
+    slow = [name for name in names if name in ablation_sources() and name not in GRID_ABLATIONS]
+    reason = visibility_problem(Costmap(problem.to_grid(), GRID_CONFIG)) if slow else None
+    if reason:
+        raise ValueError(f'--source {",".join(slow)}: {reason}')

@@ -1,10 +1,16 @@
-"""Intervals draw whole maps, repeat by seed, and widen where samples hang together."""
+"""Statistics equal their formulas; intervals draw whole maps and widen for correlated samples."""
 
 import math
 
 import numpy as np
 import pytest
-from llm_astar_planner.benchmark.analysis.statistics import mean_interval, ratio_interval
+from llm_astar_planner.benchmark.analysis.statistics import (
+    is_optimal,
+    mean_interval,
+    ratio_interval,
+    share,
+    spread,
+)
 
 
 def values(rng, maps, pairs, within):
@@ -54,3 +60,17 @@ def test_one_map_says_nothing_of_others_and_none_says_nothing():
     assert math.isnan(mean_interval([1.0], [7]).low)
     assert mean_interval([1.0, 1.0], [7, 7]) == (1.0, 1.0, 1.0)
     assert all(math.isnan(value) for value in mean_interval([], []))
+
+
+def test_no_values_give_no_figures():
+    assert math.isnan(share([]))
+    assert all(math.isnan(value) for value in spread([]))
+
+
+def test_spread_names_mean_median_p95_and_worst():
+    assert spread(range(101)) == (50.0, 50.0, 95.0, 100.0)
+
+
+def test_shares_count_flags_and_optimal_allows_rounding_alone():
+    assert share([True, True, False, False]) == 0.5
+    assert is_optimal([10.0, 10.0 + 1e-12, 10.001], [10.0] * 3).tolist() == [True, True, False]

@@ -18,7 +18,11 @@ from llm_astar_planner.benchmark.datasets.generate import (
     generate,
     query_sentence,
 )
-from llm_astar_planner.benchmark.datasets.validate import check_file, check_maps, summarise
+from llm_astar_planner.benchmark.datasets.validate import (
+    summarise_dataset,
+    validate_file,
+    validate_maps,
+)
 from llm_astar_planner.search.visibility import LineOfSightChecker
 
 
@@ -43,10 +47,10 @@ def test_maps_follow_the_recipe(maps):
 
 def test_straight_lines_are_blocked_and_the_checker_agrees(maps):
     for barrier_map in maps:
-        walls = LineOfSightChecker(barrier_map.to_grid().blocked())
+        line_of_sight = LineOfSightChecker(barrier_map.to_grid().blocked())
         starts, goals, _ = zip(*barrier_map.samples)
-        assert not walls.clear(starts, goals).any()
-    assert list(check_maps(maps)) == []
+        assert not line_of_sight.clear(starts, goals).any()
+    assert list(validate_maps(maps)) == []
 
 
 def test_the_query_is_the_sentence_of_the_dataset():
@@ -77,9 +81,9 @@ def test_the_checker_names_what_it_finds(tmp_path, maps):
     )
     path = tmp_path / 'bad.json'
     save_barrier_maps([replace(maps[0], samples=bad)], path)
-    summary, findings = check_file(path)
+    summary, problems = validate_file(path)
     assert (summary.maps, summary.samples, summary.detours) == (1, 5, ())
-    text = '\n'.join(str(finding) for finding in findings)
+    text = '\n'.join(str(problem) for problem in problems)
     assert text.count('error:') == 2
     for part in ('pair 0: start', 'both', 'query does not', 'pair 4: repeats an earlier'):
         assert part in text
@@ -87,10 +91,10 @@ def test_the_checker_names_what_it_finds(tmp_path, maps):
 
 def test_a_goal_behind_a_closed_wall_is_an_error():
     shut = BarrierMap(7, (0, 21), (0, 11), (), (Barrier(10, 0, 10),), (Sample((3, 3), (15, 3)),))
-    (finding,) = check_maps([shut])
-    assert finding.error
-    assert 'no path' in finding.message
-    assert summarise([shut]).detours == ()
+    (problem,) = validate_maps([shut])
+    assert problem.error
+    assert 'no path' in problem.message
+    assert summarise_dataset([shut]).detours == ()
 
 
 def test_the_shipped_samples_are_the_command_s_own(request):
@@ -103,8 +107,8 @@ def test_walls_join_touching_cells_and_nothing_else():
     blocked = np.zeros((7, 7), dtype=bool)
     blocked[3, 1:4] = True
     blocked[5, 5] = True
-    walls = LineOfSightChecker(blocked)
-    assert walls.clear(
+    line_of_sight = LineOfSightChecker(blocked)
+    assert line_of_sight.clear(
         [[2, 1], [5, 1], [4, 3], [4, 6]], [[2, 6], [5, 4], [4, 5], [6, 4]]
     ).tolist() == [
         False,
@@ -112,5 +116,5 @@ def test_walls_join_touching_cells_and_nothing_else():
         True,
         False,
     ]
-    assert walls.clear_along([(0, 0), (6, 0), (6, 6)])
-    assert not walls.clear_along([(0, 0), (float('nan'), 0)])
+    assert line_of_sight.clear_along([(0, 0), (6, 0), (6, 6)])
+    assert not line_of_sight.clear_along([(0, 0), (float('nan'), 0)])

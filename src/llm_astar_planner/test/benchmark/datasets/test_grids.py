@@ -15,10 +15,10 @@ from llm_astar_msgs_adapter.maps.grid_dataset import (
 )
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.benchmark.datasets.grids import draw_pairs, load_grid_problem
-from llm_astar_planner.benchmark.datasets.reference_lengths import agrees, compare_published
+from llm_astar_planner.benchmark.datasets.reference_lengths import agrees, compare_with_reference
 from llm_astar_planner.benchmark.datasets.samples import load_kept_maps, load_samples
 from llm_astar_planner.benchmark.results import Row
-from llm_astar_planner.benchmark.runner.sources import check_grid_run
+from llm_astar_planner.benchmark.runner.sources import check_grid_options
 from llm_astar_planner.cli import main as cli
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import ablation_sources
@@ -81,7 +81,7 @@ def test_bench_checks_the_published_lengths_and_reports(tmp_path, capsys):
     summary = json.loads(printed.out)
     sources = {case['source'] for case in summary['cases']}
     assert sources == {'none', 'embedded', 'embedded-best-of-8', 'straight', 'random'}
-    assert 'straight and random are the only ablations' in printed.err
+    assert 'only the baselines straight and random are run' in printed.err
     assert 'exact_astar/none: 3 of 3 rows agree' in printed.err
     assert 'astar/none: 3 of 3 rows agree' in printed.err
     for name in ('results.csv', 'summary.json', 'report.md', 'compare.png'):
@@ -99,7 +99,7 @@ def test_a_length_that_is_not_the_published_one_is_named_and_incomplete(tmp_path
     assert bench(dataset, tmp_path / 'out', '--methods', 'exact_astar') == 3
     error = capsys.readouterr().err
     assert 'exact_astar/none: 2 of 3 rows agree' in error
-    assert 'map 0, pair 1, length 4.000000, published 3.41' in error
+    assert 'map 0, pair 1, length 4.000000, in the dataset 3.41' in error
 
 
 def test_a_run_goes_on_but_not_on_another_map(tmp_path, capsys):
@@ -197,11 +197,11 @@ def test_a_length_agrees_up_to_its_printed_digits():
 
 def test_only_exact_methods_are_held_against_what_is_published():
     rows = [row(length=2.0), row('weighted_astar', length=9.0), row('astar', 1, code='TIMEOUT')]
-    (found,) = compare_published(rows, {(0, 0): 2.0, (0, 1): 5.0}, 'octile')
+    (found,) = compare_with_reference(rows, {(0, 0): 2.0, (0, 1): 5.0}, 'octile')
     assert (found.rows, found.agreeing) == (2, 1)
-    assert found.first == 'map 0, pair 1, TIMEOUT, published 5'
-    assert compare_published(rows, {(0, 0): 2.0}, 'manhattan') == []
-    assert compare_published(rows, {}, 'euclidean') == []
+    assert found.first == 'map 0, pair 1, TIMEOUT, in the dataset 5'
+    assert compare_with_reference(rows, {(0, 0): 2.0}, 'manhattan') == []
+    assert compare_with_reference(rows, {}, 'euclidean') == []
 
 
 def test_a_grid_problem_comes_back_as_it_was(tmp_path):
@@ -235,10 +235,10 @@ def test_sources_that_need_a_visibility_graph_are_refused_on_large_maps():
     cells = np.zeros((120, 120), dtype=np.int8)
     cells[1::3, 1::3] = 100
     large, small = GridProblem(0, GridMap(cells)), GridProblem(0, GridMap(cells[:20, :20]))
-    check_grid_run(small, [1], ['oracle'])
-    check_grid_run(large, [1], ['straight', 'none'])
+    check_grid_options(small, [1], ['oracle'])
+    check_grid_options(large, [1], ['straight', 'none'])
     with pytest.raises(ValueError, match=r'--source oracle: the map has .* corners'):
-        check_grid_run(large, [1], ['oracle', 'straight'])
+        check_grid_options(large, [1], ['oracle', 'straight'])
     for name in ('oracle', 'noisy', 'reversed'):
         reply = ablation_sources()[name].waypoints(
             WaypointQuery(Costmap(large.to_grid()), (0, 0), (9, 5))

@@ -14,53 +14,52 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.benchmark.analysis.scalability import growth
 from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import (
-    Contrast,
+    PairedComparison,
     Price,
-    by_case,
-    contrasts,
-    place,
+    by_variant,
+    compare_with_none,
+    report_order,
     summarise,
 )
-from llm_astar_planner.benchmark.analysis.thresholds import missed, parse_threshold
+from llm_astar_planner.benchmark.analysis.thresholds import missed_thresholds, parse_threshold
 from llm_astar_planner.benchmark.datasets.generate import generate
-from llm_astar_planner.benchmark.report.figures import walled
+from llm_astar_planner.benchmark.report.figures import drawable_map
 from llm_astar_planner.benchmark.report.html import html_report
-from llm_astar_planner.benchmark.report.markdown import markdown_table, percent
-from llm_astar_planner.benchmark.report.readme import replace_section
+from llm_astar_planner.benchmark.report.markdown import markdown_table, percent, replace_section
 from llm_astar_planner.benchmark.report.sentences import (
+    effect_on,
     growth_sentence,
     headline,
     sentence,
-    verdict,
 )
-from llm_astar_planner.benchmark.report.write import publish
-from llm_astar_planner.benchmark.results import Case, ResultsFolder, Row, describe_run
+from llm_astar_planner.benchmark.report.write import write_report
+from llm_astar_planner.benchmark.results import ResultsFolder, Row, Variant, describe_run
 from llm_astar_planner.costmap.config import CostmapConfig
 
 
-def row(case, operation=100.0, length=30.0, map_id=0, pair=0, scale=1, **values):
+def row(variant, operation=100.0, length=30.0, map_id=0, pair=0, scale=1, **values):
     found = {'code': 'NONE', 'operation': operation, 'storage': operation, 'length': length}
-    return Row(map_id, pair, scale, *case, **{**found, **values})
+    return Row(map_id, pair, scale, *variant, **{**found, **values})
 
 
-A_STAR, NONE, ORACLE = Case('astar'), Case('llm_astar'), Case('llm_astar', 'oracle')
-MODEL = Case('llm_astar', 'replay', 'few_shot', 'parrot-1')
+A_STAR, NONE, ORACLE = Variant('astar'), Variant('llm_astar'), Variant('llm_astar', 'oracle')
+MODEL = Variant('llm_astar', 'replay', 'few_shot', 'parrot-1')
 
 
-def rows_with(factor, spread=0.0, case=ORACLE):
+def rows_with(factor, spread=0.0, variant=ORACLE):
     """Return rows of 20 maps on which waypoints multiply the work by about `factor`."""
     random = np.random.default_rng(0)
     rows = []
     for index in range(40):
         here = {'map_id': index // 2, 'pair': index % 2}
         work = 50.0 * factor * math.exp(spread * random.normal())
-        rows += [row(A_STAR, **here), row(NONE, 50.0, **here), row(case, work, 31.0, **here)]
+        rows += [row(A_STAR, **here), row(NONE, 50.0, **here), row(variant, work, 31.0, **here)]
     return rows
 
 
 def test_a_grid_is_drawn_with_the_walls_the_planner_had():
     costmap = GridMap(np.array([[0, 70, 99, 100, -1]], dtype=np.int8), 0.05)
-    drawn = walled(costmap, CostmapConfig(occupied_threshold=99))
+    drawn = drawable_map(costmap, CostmapConfig(occupied_threshold=99))
     assert drawn.cells.tolist() == [[0, 0, 100, 100, -1]]
 
 
@@ -74,7 +73,7 @@ def test_a_summary_holds_each_metric():
         row(MODEL, 10.0, math.nan, map_id=1, code='NO_VALID_PATH'),
     ]
     summary = summarise(rows, price=Price(1e5, 1e6))[1]
-    assert summary.case == MODEL
+    assert summary.variant == MODEL
     assert (summary.samples, summary.maps, summary.unanswered) == (3, 2, 1)
     assert summary.valid.value == pytest.approx(2 / 3)
     assert summary.operation.mean.value == pytest.approx(0.5)
@@ -95,17 +94,19 @@ def test_a_summary_holds_each_metric():
     ],
 )
 def test_the_finding_follows_the_interval(factor, spread, word, start):
-    (contrast,) = contrasts(rows_with(factor, spread))
-    assert verdict(contrast.operation) == word
-    text = sentence(contrast)
+    (comparison,) = compare_with_none(rows_with(factor, spread))
+    assert effect_on(comparison.operation) == word
+    text = sentence(comparison)
     assert text.startswith(start)
     assert '95 % interval' in text
     assert 'over 40 samples of 20 maps' in text
 
 
 def test_the_sentence_says_help_and_harm_in_numbers():
-    contrast = Contrast(MODEL, 500, 50, Interval(0.8, 0.75, 0.9), Interval(1.01, 0.999, 1.02))
-    assert sentence(contrast) == (
+    comparison = PairedComparison(
+        MODEL, 500, 50, Interval(0.8, 0.75, 0.9), Interval(1.01, 0.999, 1.02)
+    )
+    assert sentence(comparison) == (
         'The waypoints saved work: LLM-A* with the waypoints of `replay` (parrot-1, few_shot) '
         'expanded 20.00 % fewer nodes than with no waypoints (95 % interval: 10.00 to 25.00 % '
         'fewer), on paths 1.00 % longer (95 % interval: 0.10 % shorter to 2.00 % longer), over '
@@ -114,16 +115,17 @@ def test_the_sentence_says_help_and_harm_in_numbers():
 
 
 def test_the_headline_is_about_the_model_where_there_is_one():
-    rows = rows_with(0.8) + [r for r in rows_with(1.4, case=MODEL) if r.case == MODEL]
-    assert 'parrot-1' in headline(contrasts(rows))
-    assert '`oracle`' in headline(contrasts(rows_with(0.8)))
+    rows = rows_with(0.8) + [r for r in rows_with(1.4, variant=MODEL) if r.variant == MODEL]
+    assert 'parrot-1' in headline(compare_with_none(rows))
+    assert '`oracle`' in headline(compare_with_none(rows_with(0.8)))
     assert 'nothing to compare' in headline([])
 
 
 def test_cases_stand_as_in_the_paper_with_ablations_below_models():
-    cases = [ORACLE, Case('guided'), NONE, MODEL, Case('llm_only', 'oracle'), A_STAR]
-    assert sorted(cases, key=place) == [
-        A_STAR, Case('llm_only', 'oracle'), MODEL, NONE, ORACLE, Case('guided'),
+    alone, guided = Variant('waypoints_only', 'oracle'), Variant('guided')
+    variants = [ORACLE, guided, NONE, MODEL, alone, A_STAR]
+    assert sorted(variants, key=report_order) == [
+        A_STAR, alone, MODEL, NONE, ORACLE, guided,
     ]  # fmt: skip
 
 
@@ -144,18 +146,18 @@ def test_growth_is_over_the_samples_solved_at_every_scale():
 def test_thresholds_know_which_way_is_worse():
     summaries = summarise(rows_with(0.8))
     limits = ['llm_astar/oracle:operation=41', 'astar:valid=100', 'llm_astar/oracle:length=104']
-    assert missed(summaries, [parse_threshold(text) for text in limits]) == []
+    assert missed_thresholds(summaries, [parse_threshold(text) for text in limits]) == []
     tight = ['llm_astar/oracle:operation=39', 'llm_astar/oracle:optimal=50', 'nobody:valid=1']
-    lines = missed(summaries, [parse_threshold(text) for text in tight])
+    lines = missed_thresholds(summaries, [parse_threshold(text) for text in tight])
     assert 'operation 40.00 % is above 39' in lines[0]
     assert 'optimal 0.00 % is below 50' in lines[1]
-    assert 'nobody: was not run; there is astar/none' in lines[2]
+    assert 'nobody: was not run; available are astar/none' in lines[2]
 
 
 def test_a_threshold_for_the_beginning_of_names_is_for_all_of_them():
-    rows = rows_with(0.8, case=Case('llm_astar', 'replay', model='m1'))
+    rows = rows_with(0.8, variant=Variant('llm_astar', 'replay', model='m1'))
     limit = [parse_threshold('llm_astar/replay:operation=1')]
-    assert [line.split(':')[0] for line in missed(summarise(rows), limit)] == [
+    assert [line.split(':')[0] for line in missed_thresholds(summarise(rows), limit)] == [
         'llm_astar/replay/m1'
     ]
 
@@ -195,17 +197,17 @@ def published(tmp_path_factory):
     maps = list(generate(1, 20))
     save_barrier_maps(maps, path / 'maps.json')
     rows = rows_with(0.8)
-    nasty = Case('llm_astar', 'replay', 'few_shot', '</script><script>alert(1)</script>')
+    nasty = Variant('llm_astar', 'replay', 'few_shot', '</script><script>alert(1)</script>')
     rows += [
         replace(r, model=nasty.model, source='replay', prompt='few_shot', waypoints='3,4;50,60')
         for r in rows
-        if r.case == ORACLE
+        if r.variant == ORACLE
     ]
     folder = ResultsFolder(path)
     folder.start()
     folder.append(rows)
     metadata = describe_run([path / 'maps.json'], {'seed': 0, 'jobs': 1})
-    summary = publish(folder, {**metadata, 'seconds': 1.5}, maps)
+    summary = write_report(folder, {**metadata, 'seconds': 1.5}, maps)
     return path, summary
 
 
@@ -239,7 +241,7 @@ def test_the_page_is_self_contained_and_quotes_what_models_wrote(published):
 def test_a_report_can_be_written_for_no_rows_at_all():
     page = html_report([], [], [], {}, rows=[], maps=[])
     assert 'nothing to compare' in page
-    assert by_case([]) == {}
+    assert by_variant([]) == {}
 
 
 @pytest.mark.skipif(shutil.which('chromium') is None, reason='there is no chromium')

@@ -1,4 +1,4 @@
-"""A sweep spread over a Dask cluster gives the same rows as one machine."""
+"""A run on a Dask cluster gives the same rows as a run on one machine."""
 
 import subprocess
 import sys
@@ -11,12 +11,12 @@ from llm_astar_planner.benchmark.datasets.generate import generate
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample
 from llm_astar_planner.benchmark.runner.cluster import connect
 from llm_astar_planner.benchmark.runner.engine import (
-    Asker,
-    Settings,
-    plan_cases,
-    plan_tasks,
+    SearchSettings,
+    list_variants,
+    make_tasks,
     run_tasks,
 )
+from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.waypoints.baselines import OracleSource
 
 CLUSTER = """
@@ -44,13 +44,13 @@ def cluster(tmp_path):
 
 @pytest.mark.filterwarnings('default')
 def test_rows_are_the_same_row_for_row(cluster):
-    askers = [Asker(), Asker(OracleSource(), 'oracle')]
+    sources = [SourceSpec(), SourceSpec(OracleSource(), 'oracle')]
     (barrier_map,) = generate(2, 1)
     bare = replace(barrier_map, samples=())
     samples = [(BenchmarkSample(bare, i, s), 1) for i, s in enumerate(barrier_map.samples)]
-    tasks = plan_tasks(samples, plan_cases(['llm_astar'], askers), askers, Settings())
+    tasks = make_tasks(samples, list_variants(['llm_astar'], sources), sources, SearchSettings())
     spread, local = [], []
-    with connect(cluster, askers) as (executor, at_once):
+    with connect(cluster, sources) as (executor, at_once):
         run_tasks(tasks, executor, at_once, lambda _, outcomes: spread.extend(outcomes))
     with ThreadPoolExecutor(1) as threads:
         run_tasks(tasks, threads, 1, lambda _, outcomes: local.extend(outcomes))
@@ -64,17 +64,17 @@ def test_rows_are_the_same_row_for_row(cluster):
 
 
 @pytest.mark.filterwarnings('default')
-def test_a_cluster_that_is_not_there_is_named(monkeypatch):
+def test_an_unreachable_cluster_is_named(monkeypatch):
     pytest.importorskip('distributed', reason='the extra cluster is not installed')
-    monkeypatch.setattr('llm_astar_planner.benchmark.runner.cluster.CONNECT_S', 0.3)
+    monkeypatch.setattr('llm_astar_planner.benchmark.runner.cluster.CONNECT_TIMEOUT_S', 0.3)
     with pytest.raises(ValueError, match=r'--dask tcp://127\.0\.0\.1:1: '):
-        connect('tcp://127.0.0.1:1', [Asker()]).__enter__()
+        connect('tcp://127.0.0.1:1', [SourceSpec()]).__enter__()
 
 
-def test_a_source_that_cannot_travel_is_refused_before_anything_runs():
+def test_a_source_that_cannot_be_pickled_is_refused_before_anything_runs():
     class Live:
         name = 'live'
         lock = threading.Lock()
 
-    with pytest.raises(ValueError, match='live can travel; record a transcript'):
-        connect('tcp://127.0.0.1:1', [Asker(Live(), 'live')]).__enter__()
+    with pytest.raises(ValueError, match='sources live cannot be sent to another machine; rec'):
+        connect('tcp://127.0.0.1:1', [SourceSpec(Live(), 'live')]).__enter__()

@@ -18,20 +18,29 @@ from llm_astar_planner.benchmark.datasets.samples import (
     load_samples,
     parse_ranges,
 )
-from llm_astar_planner.benchmark.results import Case, ResultsError, ResultsFolder
-from llm_astar_planner.benchmark.runner.config import Sweep, begin, carry_out, unanswered
-from llm_astar_planner.benchmark.runner.engine import (
-    ALL_METHODS,
-    Asker,
-    Settings,
+from llm_astar_planner.benchmark.results import (
+    ResultsError,
+    ResultsFolder,
+    Variant,
     parse_points,
-    plan_again,
-    plan_cases,
-    plan_tasks,
-    run_task,
-    run_tasks,
     turning_points,
 )
+from llm_astar_planner.benchmark.runner.config import (
+    BenchmarkConfig,
+    describe_unanswered,
+    run_into_folder,
+    start_run,
+)
+from llm_astar_planner.benchmark.runner.engine import (
+    ALL_METHODS,
+    SearchSettings,
+    list_variants,
+    make_tasks,
+    plan_again,
+    run_task,
+    run_tasks,
+)
+from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.waypoints.baselines import OracleSource, ablation_sources
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
@@ -39,7 +48,7 @@ from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 HALL = BarrierMap(
     3, (0, 51), (0, 31), (Barrier(10, 0, 25),), (), (Sample((5, 5), (5, 15), 'go round'),)
 )
-ORACLE = [Asker(), Asker(OracleSource(), 'oracle')]
+ORACLE = [SourceSpec(), SourceSpec(OracleSource(), 'oracle')]
 
 
 @pytest.fixture
@@ -49,13 +58,15 @@ def dataset(tmp_path):
     return path
 
 
-def tasks_of(samples, askers=ORACLE, methods=ALL_METHODS, scale=1):
-    cases = plan_cases(methods, askers)
-    return plan_tasks([(sample, scale) for sample in samples], cases, askers, Settings())
+def tasks_of(samples, sources=ORACLE, methods=ALL_METHODS, scale=1):
+    variants = list_variants(methods, sources)
+    return make_tasks([(sample, scale) for sample in samples], variants, sources, SearchSettings())
 
 
-def sweep_of(dataset, askers=ORACLE, methods=('llm_astar',), **values):
-    return Sweep(dataset, load_samples(dataset), methods, askers, Settings(), **values)
+def config_of(dataset, sources=ORACLE, methods=('llm_astar',), **values):
+    return BenchmarkConfig(
+        dataset, load_samples(dataset), methods, sources, SearchSettings(), **values
+    )
 
 
 def rows_of(task):
@@ -90,31 +101,35 @@ class Fails:
 
 
 def test_methods_without_waypoints_run_once_and_a_star_always():
-    askers = [Asker(), *(Asker(source, name) for name, source in ablation_sources().items())]
-    cases = [case for case, _ in plan_cases(['weighted_astar', 'llm_only', 'llm_astar'], askers)]
-    assert cases[:2] == [Case('astar'), Case('weighted_astar')]
-    assert cases.count(Case('llm_astar')) == 1
-    assert Case('llm_only') not in cases
-    assert len(cases) == 2 + 5 + 6
+    sources = [
+        SourceSpec(),
+        *(SourceSpec(source, name) for name, source in ablation_sources().items()),
+    ]
+    methods = ['weighted_astar', 'waypoints_only', 'llm_astar']
+    variants = [variant for variant, _ in list_variants(methods, sources)]
+    assert variants[:2] == [Variant('astar'), Variant('weighted_astar')]
+    assert variants.count(Variant('llm_astar')) == 1
+    assert Variant('waypoints_only') not in variants
+    assert len(variants) == 2 + 5 + 6
 
 
 def test_a_source_is_asked_once_a_sample_whatever_the_number_of_methods(dataset):
     source = Fails(WaypointReply(((26.0, 10.0),)))
     sample = load_samples(dataset)[0]
-    rows = rows_of(tasks_of([sample], [Asker(), Asker(source, 'live')])[0])
+    rows = rows_of(tasks_of([sample], [SourceSpec(), SourceSpec(source, 'live')])[0])
     assert source.asked == 1
     assert {row.waypoints for row in rows if row.source == 'live'} == {'26,10'}
     assert all(row.seconds_source >= 0.01 for row in rows if row.source == 'live')
 
 
 def test_rows_say_what_came_of_each_case(dataset):
-    rows = {str(row.case): row for row in rows_of(tasks_of(load_samples(dataset)[:1])[0])}
+    rows = {str(row.variant): row for row in rows_of(tasks_of(load_samples(dataset)[:1])[0])}
     plain, guided = rows['astar/none'], rows['llm_astar/oracle']
     assert (plain.map, plain.pair, plain.scale, plain.code) == (3, 0, 1, 'NONE')
     assert guided.length == pytest.approx(plain.length)
     assert guided.operation < plain.operation
     assert (guided.guided_by, guided.verdicts) == ('oracle', 'accepted')
-    alone = rows['llm_only/oracle']
+    alone = rows['waypoints_only/oracle']
     assert alone.length == pytest.approx(2 * np.hypot(21, 5))
     assert math.isnan(alone.operation)
     assert parse_points(alone.path) == ((5, 5), (26, 10), (5, 15))
@@ -133,18 +148,18 @@ def test_rows_say_what_came_of_each_case(dataset):
 )
 def test_waypoints_alone_are_a_path_where_every_leg_is_free(dataset, waypoints, status, valid):
     source = Fails(WaypointReply(waypoints, status=status))
-    askers = [Asker(), Asker(source, 'live')]
-    rows = rows_of(tasks_of(load_samples(dataset)[:1], askers, ['llm_only'])[0])
+    sources = [SourceSpec(), SourceSpec(source, 'live')]
+    rows = rows_of(tasks_of(load_samples(dataset)[:1], sources, ['waypoints_only'])[0])
     assert [row.found for row in rows] == [True, valid]
 
 
 def test_a_source_that_raises_is_a_row_and_not_the_end(dataset):
-    askers = [Asker(), Asker(Fails(), 'broken')]
-    rows = rows_of(tasks_of(load_samples(dataset)[:1], askers, ['llm_astar'])[0])
+    sources = [SourceSpec(), SourceSpec(Fails(), 'broken')]
+    rows = rows_of(tasks_of(load_samples(dataset)[:1], sources, ['llm_astar'])[0])
     broken = rows[-1]
     assert (broken.source_status, broken.code, broken.guided_by) == ('ERROR', 'NONE', 'none')
     assert broken.operation == rows[1].operation
-    (line,) = unanswered(rows)
+    (line,) = describe_unanswered(rows)
     assert line.startswith('llm_astar/broken: 1 samples without an answer (ERROR 1)')
 
 
@@ -164,7 +179,9 @@ def test_tasks_are_values_that_can_travel(dataset):
 def test_many_requests_are_in_flight_and_never_more_than_allowed(dataset):
     source = Fails(WaypointReply(((26.0, 10.0),)))
     rows = []
-    tasks = tasks_of(load_samples(dataset), [Asker(), Asker(source, 'live')], ['llm_astar'])
+    tasks = tasks_of(
+        load_samples(dataset), [SourceSpec(), SourceSpec(source, 'live')], ['llm_astar']
+    )
     with ThreadPoolExecutor(4) as executor:
         run_tasks(tasks, executor, 8, lambda _, outcomes: rows.extend(outcomes))
     assert len(rows) == 3 * len(tasks)
@@ -172,8 +189,8 @@ def test_many_requests_are_in_flight_and_never_more_than_allowed(dataset):
 
 
 def test_an_interrupted_run_keeps_its_rows_and_goes_on(dataset, tmp_path):
-    sweep, folder = sweep_of(dataset), ResultsFolder(tmp_path / 'out')
-    tasks, metadata = begin(folder, sweep, {'seed': 0}, resume=False)
+    config, folder = config_of(dataset), ResultsFolder(tmp_path / 'out')
+    tasks, metadata = start_run(folder, config, {'seed': 0}, resume=False)
     steps = []
 
     def interrupt(*_):
@@ -182,47 +199,47 @@ def test_an_interrupted_run_keeps_its_rows_and_goes_on(dataset, tmp_path):
             raise KeyboardInterrupt
 
     with ThreadPoolExecutor(1) as executor, pytest.raises(KeyboardInterrupt):
-        carry_out(folder, tasks, executor, 2, metadata=metadata, step=interrupt)
+        run_into_folder(folder, tasks, executor, 2, metadata=metadata, step=interrupt)
     kept = folder.read()
     assert len(kept) == 5 * 3
     folder.write_json('metadata.json', metadata)
     with folder.results.open('a') as file:
         file.write('13,2,1,astar,none')
-    left, metadata = begin(folder, sweep, {'seed': 0}, resume=True)
+    left, metadata = start_run(folder, config, {'seed': 0}, resume=True)
     assert len(left) == len(tasks) - 5
     with ThreadPoolExecutor(1) as executor:
-        carry_out(folder, left, executor, 2, metadata=metadata, step=lambda *_: None)
+        run_into_folder(folder, left, executor, 2, metadata=metadata, step=lambda *_: None)
     keys = [row.key for row in folder.read()]
     assert len(keys) == len(set(keys)) == 3 * len(tasks)
 
 
 def test_going_on_asks_again_what_was_never_answered(dataset, tmp_path):
     folder = ResultsFolder(tmp_path / 'out')
-    sweep = sweep_of(dataset, [Asker(), Asker(Fails(), 'broken')])
-    tasks, metadata = begin(folder, sweep, {'seed': 0}, resume=False)
+    config = config_of(dataset, [SourceSpec(), SourceSpec(Fails(), 'broken')])
+    tasks, metadata = start_run(folder, config, {'seed': 0}, resume=False)
     with ThreadPoolExecutor(2) as executor:
-        carry_out(folder, tasks[:3], executor, 4, metadata=metadata, step=lambda *_: None)
-    left, _ = begin(folder, sweep, {'seed': 0}, resume=True)
-    assert [len(task.cases) for task in left[:4]] == [1, 1, 1, 3]
+        run_into_folder(folder, tasks[:3], executor, 4, metadata=metadata, step=lambda *_: None)
+    left, _ = start_run(folder, config, {'seed': 0}, resume=True)
+    assert [len(task.variants) for task in left[:4]] == [1, 1, 1, 3]
 
 
 def test_rows_of_another_run_are_not_mixed_in(dataset, tmp_path):
-    folder, sweep = ResultsFolder(tmp_path / 'out'), sweep_of(dataset)
-    begin(folder, sweep, {'seed': 0}, resume=False)
+    folder, config = ResultsFolder(tmp_path / 'out'), config_of(dataset)
+    start_run(folder, config, {'seed': 0}, resume=False)
     with pytest.raises(ResultsError, match='--resume'):
-        begin(folder, sweep, {'seed': 0}, resume=False)
+        start_run(folder, config, {'seed': 0}, resume=False)
     with pytest.raises(ResultsError, match=r'seed \(0 before\)'):
-        begin(folder, sweep, {'seed': 1}, resume=True)
+        start_run(folder, config, {'seed': 1}, resume=True)
     dataset.write_text(dataset.read_text() + '\n')
     with pytest.raises(ResultsError, match='dataset'):
-        begin(folder, sweep, {'seed': 0}, resume=True)
+        start_run(folder, config, {'seed': 0}, resume=True)
 
 
 def test_a_run_cut_off_before_its_first_row_is_begun_anew(dataset, tmp_path):
-    folder, sweep = ResultsFolder(tmp_path / 'out'), sweep_of(dataset)
-    tasks, _ = begin(folder, sweep, {'seed': 0}, resume=False)
+    folder, config = ResultsFolder(tmp_path / 'out'), config_of(dataset)
+    tasks, _ = start_run(folder, config, {'seed': 0}, resume=False)
     folder.results.unlink()
-    assert len(begin(folder, sweep, {'seed': 0}, resume=True)[0]) == len(tasks)
+    assert len(start_run(folder, config, {'seed': 0}, resume=True)[0]) == len(tasks)
 
 
 def test_a_damaged_row_is_named_and_of_twins_the_last_counts(dataset, tmp_path):
@@ -255,8 +272,8 @@ def test_a_full_disk_is_said_and_earlier_rows_stay(dataset, tmp_path):
 
 
 def test_only_samples_at_scale_one_are_all_run_and_scales_share_theirs(dataset):
-    sweep = sweep_of(dataset, scales=(1, 2, 3), scale_samples=4)
-    tasks = sweep.tasks()
+    config = config_of(dataset, scales=(1, 2, 3), scale_samples=4)
+    tasks = config.tasks()
     by_scale = {s: {t.sample.key for t in tasks if t.scale == s} for s in (1, 2, 3)}
     assert len(by_scale[1]) == 31
     assert by_scale[2] == by_scale[3] < by_scale[1]
@@ -292,15 +309,15 @@ def test_turning_points_keep_the_shape():
 def test_a_row_can_be_planned_again_to_see_what_it_expanded(dataset):
     sample = load_samples(dataset)[0]
     for row in rows_of(tasks_of([sample], methods=['llm_astar'])[0]):
-        plan = plan_again(sample.barrier_map, sample.sample, row, Settings())
-        assert (plan.operation, plan.length) == (row.operation, row.length)
+        plan = plan_again(sample.barrier_map, sample.sample, row, SearchSettings())
+        assert (plan.expansions, plan.length) == (row.operation, row.length)
 
 
 def test_the_traced_search_is_the_compiled_one(dataset):
     for sample in load_samples(dataset)[::4]:
         planner = Planner.for_barrier_map(sample.barrier_map)
         for row in rows_of(tasks_of([sample], methods=['llm_astar'])[0]):
-            plan = plan_again(sample.barrier_map, sample.sample, row, Settings())
+            plan = plan_again(sample.barrier_map, sample.sample, row, SearchSettings())
             targets = [(p.x, p.y) for p in plan.waypoints if not p.status.drops]
             goals = [] if row.method == 'astar' else [*targets, sample.sample.goal]
             traced = trace(planner.costmap.blocked, *sample.sample[:2], goals)
