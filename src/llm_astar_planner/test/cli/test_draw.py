@@ -29,7 +29,7 @@ def test_the_ending_chooses_picture_or_animation(tmp_path, name, capsys):
     [
         (['--pair', '99', '--out', 'a.png'], '--pair 99: map 0 has 10 pairs'),
         (['--map-id', '999', '--out', 'a.png'], 'map id 999'),
-        (['--source', 'tea', '--out', 'a.png'], "'tea' is unknown"),
+        (['--source', 'tea', '--out', 'a.png'], "'tea' is not one of"),
         (['--out', 'a.nothing'], 'nothing'),
     ],
 )
