@@ -119,7 +119,7 @@ def write_animation(
     plan = plan_again(barrier_map, sample.sample, rows[1], SearchSettings())
     start, goal = (barrier_map.to_cell(point) for point in sample.sample[:2])
     blocked = barrier_map.to_grid().blocked()
-    targets = target_list(plan.waypoints, start, goal)[1:]
+    targets = target_list(plan.checked_waypoints, start, goal)[1:]
     waypoints = [
         (math.floor(x + 0.5), math.floor(y + 0.5)) for x, y in parse_points(rows[1].waypoints)
     ]

@@ -26,8 +26,7 @@ from llm_astar_planner.planning.parameters import (
     source_config,
 )
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.request_check import request_problem
-from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.planning.types import Plan, PlanRequest, check_request
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.paper import compile_kernels
 from llm_astar_planner.waypoints.config import SourceSettings
@@ -135,9 +134,7 @@ def run(arguments: argparse.Namespace) -> int:
         via=tuple(problem.to_cell((x, y)) for x, y in arguments.via),
         **request_fields(values),
     )
-    wrong = request_problem(request)
-    if wrong:
-        raise ValueError(wrong)
+    check_request(request)
     compile_kernels()
     planner = Planner(problem.to_grid(), costmap_config(values), barriers).prepare()
     plan = planner.plan(request)
@@ -228,40 +225,16 @@ def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
     metres, the lengths and costs in cells.
     """
     x_min, y_min = offset
-    return {
-        'code': int(plan.code),
-        'code_name': plan.code.name,
-        'message': plan.message,
-        'warnings': list(plan.warnings),
-        'method': plan.method,
-        'guided_by': plan.guided_by,
-        'source': plan.source,
-        'source_status': plan.source_status.value,
-        'source_detail': plan.reply.detail,
-        'instruction': plan.instruction,
+    shortened = plan.any_angle
+    return plan.to_dict() | {
         'start': [plan.start[0] + x_min, plan.start[1] + y_min],
         'goal': [plan.goal[0] + x_min, plan.goal[1] + y_min],
-        'start_shift': plan.start_shift,
-        'goal_shift': plan.goal_shift,
         'path': (plan.path + offset).tolist(),
         'waypoints': [
             {'x': point.x + x_min, 'y': point.y + y_min, 'verdict': point.status.value}
-            for point in plan.waypoints
+            for point in plan.checked_waypoints
         ],
-        'operation': plan.expansions,
-        'storage': plan.storage,
-        'first_operation': plan.first_expansions,
-        'length': _finite(plan.length),
-        'cost': _finite(plan.cost),
-        'ratio': _finite(plan.suboptimality_bound),
-        'clearance': _finite(plan.clearance),
-        'turns': plan.turns,
-        'unknown_length': plan.unknown_length,
-        'any_angle_path': None
-        if plan.any_angle is None
-        else (plan.any_angle.points + offset).tolist(),
-        'seconds_source': plan.seconds_source,
-        'seconds_search': plan.seconds_search,
+        'any_angle_path': None if shortened is None else (shortened.points + offset).tolist(),
     }
 
 
@@ -271,7 +244,7 @@ def plan_to_text(plan: Plan, offset: Point) -> str:
     lines += [f'warning    {warning}' for warning in plan.warnings]
     asked = f'{plan.source}, {plan.source_status.value}'
     lines.append(f'guided by  {plan.guided_by} (source {asked})')
-    for number, point in enumerate(plan.waypoints, start=1):
+    for number, point in enumerate(plan.checked_waypoints, start=1):
         place = f'[{point.x + offset[0]:g}, {point.y + offset[1]:g}]'
         lines.append(f'waypoint {number} {place} {point.status.value.replace("_", " ")}')
     if plan.code == 0:
@@ -296,7 +269,3 @@ def _path_lines(plan: Plan) -> list[str]:
         legs = len(plan.any_angle.points) - 1
         lines.append(f'any angle  {plan.any_angle.length:.3f} cells in {legs} straight legs')
     return lines
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

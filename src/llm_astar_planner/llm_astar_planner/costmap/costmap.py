@@ -48,12 +48,12 @@ class Costmap:
     def _inflated(self) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
         return inflate(self.grid_map, self.config)
 
-    @property
+    @cached_property
     def blocked(self) -> NDArray[np.bool_]:
         """Cells the robot's centre must not be in: bool [height, width]."""
         return self._inflated[0]
 
-    @property
+    @cached_property
     def cost(self) -> NDArray[np.int8]:
         """Occupancy with inflation: int8 [height, width], 0 to 100, -1 unknown."""
         return self._inflated[1]
@@ -97,18 +97,6 @@ class Costmap:
     def line_of_sight(self) -> LineOfSightChecker:
         """Tells which straight lines between cells meet no blocked cell."""
         return LineOfSightChecker(self.blocked)
-
-    def contains(self, cell: Cell) -> bool:
-        """Tell whether the cell (x, y) lies on the map."""
-        return self.grid_map.contains(cell)
-
-    def is_free(self, cell: Cell) -> bool:
-        """Tell whether a path may be in a cell (x, y) of the map."""
-        return not self.blocked[cell[1], cell[0]]
-
-    def component_of(self, cell: Cell) -> int:
-        """Return the number of the connected free cells that a cell (x, y) is one of."""
-        return int(self.components[cell[1], cell[0]])
 
     def describe_blocked(self, cell: Cell) -> str:
         """Say why a cell (x, y) of the map is blocked."""

@@ -1,9 +1,9 @@
-"""Where a path really begins and ends: what tolerances make of cells that cannot be had.
+"""Between which cells a path is searched: what tolerances make of blocked or unreachable ones.
 
-The goal becomes the nearest cell that the start reaches, by the distance from the goal cell's
-centre. A start that is not free becomes the nearest free cell to which the robot need not cross a
-lethal one, in the goal's part of the map if there is one; the path then begins there, and the
-robot has to get to it by itself.
+An unreachable goal is replaced by the nearest cell that the start reaches, by the distance to the
+goal cell's centre. A blocked start is replaced by the nearest free cell that the robot reaches
+without crossing a lethal cell, preferably one that is connected to the goal; the path begins there
+and the robot has to get there by itself.
 """
 
 from __future__ import annotations
@@ -18,22 +18,15 @@ from scipy import ndimage
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.inflation import squared_cells
-from llm_astar_planner.planning.types import PlanRequest, ResultCode
+from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
 from llm_astar_planner.search.result import Cell
 
-# Cells looked round first; the square is doubled while nothing is found in it.
-_FIRST_REACH = 8
+# Half the side, in cells, of the square that is searched first; it doubles until a cell is found.
+FIRST_REACH = 8
 
 
-class PlanningFailure(NamedTuple):
-    """Why nothing can be planned."""
-
-    code: ResultCode
-    message: str
-
-
-class Ends(NamedTuple):
-    """The cells to plan between, how many metres off those asked for, and a sentence on each."""
+class Endpoints(NamedTuple):
+    """The cells to plan between, their distance in metres to those requested, and warnings."""
 
     start: Cell
     goal: Cell
@@ -42,14 +35,13 @@ class Ends(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Ends | PlanningFailure:
-    """Return where to plan from and to, or why that cannot be."""
-    start = _find_start(costmap, request)
-    if isinstance(start, PlanningFailure):
-        return start
-    goal = _find_goal(costmap, request, start)
-    if isinstance(goal, PlanningFailure):
-        return goal
+def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
+    """Return the cells to plan between. Raises PlanningFailure if start, goal or via cannot be."""
+    start = resolve_start(costmap, request)
+    goal = resolve_goal(costmap, request, start)
+    check_via(costmap, request.via, start)
+    if (start, goal) == (request.start, request.goal):
+        return Endpoints(start, goal)
     resolution = costmap.grid_map.resolution
     start_shift = math.dist(request.start, start) * resolution
     goal_shift = math.dist(request.goal, goal) * resolution
@@ -58,128 +50,137 @@ def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Ends | Planning
         message = f'the start cell {request.start} is not free; the path begins at {start}'
         warnings.append(f'{message}, {start_shift:.2f} m off')
     if goal != request.goal:
-        refusal = _goal_refusal(costmap, request.goal)
-        warnings.append(f'{refusal.message}; the path ends at {goal}, {goal_shift:.2f} m off')
-    return Ends(start, goal, start_shift, goal_shift, tuple(warnings))
+        failure = goal_failure(costmap, request.goal)
+        warnings.append(f'{failure}; the path ends at {goal}, {goal_shift:.2f} m off')
+    return Endpoints(start, goal, start_shift, goal_shift, tuple(warnings))
 
 
-def via_refusal(costmap: Costmap, via: Iterable[Cell], start: Cell) -> PlanningFailure | None:
-    """Say why the first via cell that cannot be passed cannot, in the codes of a goal, or None."""
+def resolve_start(costmap: Costmap, request: PlanRequest) -> Cell:
+    """Return the start, or the free cell within `start_tolerance` that replaces it."""
+    start = request.start
+    if not costmap.grid_map.contains(start):
+        message = outside_message(costmap, 'start', start)
+        raise PlanningFailure(ResultCode.START_OUTSIDE_MAP, message)
+    if not costmap.blocked[start[1], start[0]]:
+        return start
+    message = blocked_message(costmap, 'start', start)
+    if request.start_tolerance > 0.0:
+        cell = nearest_reachable_free_cell(costmap, request)
+        if cell is not None:
+            return cell
+        message += f', nor can a free cell be reached within {request.start_tolerance:g} m'
+    raise PlanningFailure(ResultCode.START_OCCUPIED, message)
+
+
+def resolve_goal(costmap: Costmap, request: PlanRequest, start: Cell) -> Cell:
+    """Return the goal, or the cell within `tolerance` that the start reaches instead."""
+    component = int(costmap.components[start[1], start[0]])
+    x, y = goal = request.goal
+    if costmap.grid_map.contains(goal) and costmap.components[y, x] == component:
+        return goal
+    failure = goal_failure(costmap, goal)
+    if request.tolerance == 0.0:
+        raise failure
+    reach = squared_cells(request.tolerance, costmap.grid_map.resolution)
+    found = nearest_labelled(costmap.components, component, goal, reach)
+    if found is None:
+        message = f'{failure}, nor is any cell within {request.tolerance:g} m of it reachable'
+        raise PlanningFailure(failure.code, message)
+    return found
+
+
+def goal_failure(costmap: Costmap, goal: Cell) -> PlanningFailure:
+    """Return what is wrong with a goal that the start does not reach."""
+    if not costmap.grid_map.contains(goal):
+        message = outside_message(costmap, 'goal', goal)
+        return PlanningFailure(ResultCode.GOAL_OUTSIDE_MAP, message)
+    if costmap.blocked[goal[1], goal[0]]:
+        message = blocked_message(costmap, 'goal', goal)
+        return PlanningFailure(ResultCode.GOAL_OCCUPIED, message)
+    message = 'obstacles cut the goal off from the start'
+    return PlanningFailure(ResultCode.NO_VALID_PATH, message)
+
+
+def check_via(costmap: Costmap, via: Iterable[Cell], start: Cell) -> None:
+    """Raise PlanningFailure, with a goal's code, for the first via point that has no path."""
     for number, cell in enumerate(via, start=1):
         name = f'via {number}'
         if not costmap.grid_map.contains(cell):
-            return PlanningFailure(ResultCode.GOAL_OUTSIDE_MAP, _outside(costmap, name, cell))
-        if not costmap.is_free(cell):
-            return PlanningFailure(ResultCode.GOAL_OCCUPIED, _barred(costmap, name, cell))
-        if _component(costmap, cell) != _component(costmap, start):
+            message = outside_message(costmap, name, cell)
+            raise PlanningFailure(ResultCode.GOAL_OUTSIDE_MAP, message)
+        if costmap.blocked[cell[1], cell[0]]:
+            message = blocked_message(costmap, name, cell)
+            raise PlanningFailure(ResultCode.GOAL_OCCUPIED, message)
+        if costmap.components[cell[1], cell[0]] != costmap.components[start[1], start[0]]:
             message = f'obstacles cut {name}, cell {cell}, off from the start'
-            return PlanningFailure(ResultCode.NO_VALID_PATH, message)
-    return None
+            raise PlanningFailure(ResultCode.NO_VALID_PATH, message)
 
 
-def nearest(
+def nearest_labelled(
     labels: NDArray[np.int32], label: int, centre: Cell, squared_reach: int
 ) -> Cell | None:
-    """Return the cell of a label that is nearest to `centre`, which may lie off the map.
+    """Return the cell with `label` that is nearest to `centre`, which may lie off the map.
 
-    `labels` is int [height, width]. None where no cell has it within the squared distance.
+    `labels` is int [height, width]. None if no such cell lies within the squared distance, in
+    cells.
     """
     height, width = labels.shape
-    most = math.isqrt(squared_reach)
+    limit = math.isqrt(squared_reach)
     gap = max(-centre[0], centre[0] - width + 1, -centre[1], centre[1] - height + 1)
-    if gap > most:
+    if gap > limit:
         return None
-    reach = min(max(_FIRST_REACH, gap), most)
+    reach = min(max(FIRST_REACH, gap), limit)
     while True:
-        rows, columns = _window(labels.shape, centre, reach)
+        rows, columns = window_around(labels.shape, centre, reach)
         y, x = np.nonzero(labels[rows, columns] == label)
         squared = (x + columns.start - centre[0]) ** 2 + (y + rows.start - centre[1]) ** 2
         whole = rows.stop - rows.start == height and columns.stop - columns.start == width
-        last = whole or reach == most
+        last = whole or reach == limit
         if len(squared) and squared.min() <= (squared_reach if last else reach**2):
             first = int(squared.argmin())
             return int(x[first]) + columns.start, int(y[first]) + rows.start
         if last:
             return None
-        reach = min(2 * reach, most)
+        reach = min(2 * reach, limit)
 
 
-def _find_start(costmap: Costmap, request: PlanRequest) -> Cell | PlanningFailure:
-    start = request.start
-    if not costmap.grid_map.contains(start):
-        return PlanningFailure(ResultCode.START_OUTSIDE_MAP, _outside(costmap, 'start', start))
-    if costmap.is_free(start):
-        return start
-    message = _barred(costmap, 'start', start)
-    if request.start_tolerance == 0.0:
-        return PlanningFailure(ResultCode.START_OCCUPIED, message)
-    escape = _escape(costmap, request)
-    if escape is not None:
-        return escape
-    message += f', nor can a free cell be reached within {request.start_tolerance:g} m'
-    return PlanningFailure(ResultCode.START_OCCUPIED, message)
+def nearest_reachable_free_cell(costmap: Costmap, request: PlanRequest) -> Cell | None:
+    """Return the free cell that a robot at a blocked start should go to, or None.
 
-
-def _find_goal(costmap: Costmap, request: PlanRequest, start: Cell) -> Cell | PlanningFailure:
-    component = _component(costmap, start)
-    goal = request.goal
-    if costmap.grid_map.contains(goal) and _component(costmap, goal) == component:
-        return goal
-    if request.tolerance > 0.0:
-        reach = squared_cells(request.tolerance, costmap.grid_map.resolution)
-        found = nearest(costmap.components, component, goal, reach)
-        if found is not None:
-            return found
-    refusal = _goal_refusal(costmap, goal)
-    if request.tolerance == 0.0:
-        return refusal
-    message = f'{refusal.message}, nor is any cell within {request.tolerance:g} m of it reachable'
-    return PlanningFailure(refusal.code, message)
-
-
-def _goal_refusal(costmap: Costmap, goal: Cell) -> PlanningFailure:
-    """Say what is wrong with a goal that the start does not reach."""
-    if not costmap.grid_map.contains(goal):
-        return PlanningFailure(ResultCode.GOAL_OUTSIDE_MAP, _outside(costmap, 'goal', goal))
-    if not costmap.is_free(goal):
-        return PlanningFailure(ResultCode.GOAL_OCCUPIED, _barred(costmap, 'goal', goal))
-    return PlanningFailure(ResultCode.NO_VALID_PATH, 'obstacles cut the goal off from the start')
-
-
-def _escape(costmap: Costmap, request: PlanRequest) -> Cell | None:
-    """Return the free cell that a robot at an occupied start had best go to, or None."""
+    It lies within `start_tolerance` and is reached without crossing a lethal cell.
+    """
     start, resolution = request.start, costmap.grid_map.resolution
     squared_reach = squared_cells(request.start_tolerance, resolution)
-    rows, columns = _window(costmap.blocked.shape, start, math.isqrt(squared_reach))
+    rows, columns = window_around(costmap.blocked.shape, start, math.isqrt(squared_reach))
     y, x = np.ogrid[rows, columns]
     squared = (x - start[0]) ** 2 + (y - start[1]) ** 2
     lethal = costmap.grid_map.cells[rows, columns] >= costmap.config.occupied_threshold
     passable = (squared <= squared_reach) & ~lethal
     if not passable.any():
         return None
-    # Who stands on a lethal cell is taken to stand beside it, on the side he is nearest to.
-    foot = np.where(passable, squared, squared_reach + 1).argmin()
+    # A robot on a lethal cell is assumed to be in the nearest passable one.
+    robot = np.where(passable, squared, squared_reach + 1).argmin()
     regions, _ = ndimage.label(passable)
-    components = np.where(regions == regions.flat[foot], costmap.components[rows, columns], 0)
-    best = _best_of(components, costmap, request)
-    if not best.any():
+    components = np.where(regions == regions.flat[robot], costmap.components[rows, columns], 0)
+    candidates = preferred_cells(components, costmap, request)
+    if not candidates.any():
         return None
-    place = int(np.where(best, squared, squared_reach + 1).argmin())
-    row, column = divmod(place, best.shape[1])
+    place = int(np.where(candidates, squared, squared_reach + 1).argmin())
+    row, column = divmod(place, candidates.shape[1])
     return column + columns.start, row + rows.start
 
 
-def _best_of(
+def preferred_cells(
     components: NDArray[np.int32], costmap: Costmap, request: PlanRequest
 ) -> NDArray[np.bool_]:
-    """Return which of some cells to begin at: in the goal's part of the map, near it, or any."""
+    """Return which cells to begin at: connected to the goal, else to a cell near it, else any."""
     goal = request.goal
-    if costmap.grid_map.contains(goal) and costmap.is_free(goal):
-        with_goal: NDArray[np.bool_] = components == _component(costmap, goal)
+    if costmap.grid_map.contains(goal) and not costmap.blocked[goal[1], goal[0]]:
+        with_goal: NDArray[np.bool_] = components == costmap.components[goal[1], goal[0]]
         if with_goal.any():
             return with_goal
     reach = squared_cells(request.tolerance, costmap.grid_map.resolution)
-    rows, columns = _window(costmap.blocked.shape, goal, math.isqrt(reach))
+    rows, columns = window_around(costmap.blocked.shape, goal, math.isqrt(reach))
     near = costmap.components[rows, columns]
     if near.size:
         y, x = np.ogrid[rows, columns]
@@ -188,7 +189,7 @@ def _best_of(
     return near_goal if near_goal.any() else components > 0
 
 
-def _window(shape: tuple[int, ...], centre: Cell, reach: int) -> tuple[slice, slice]:
+def window_around(shape: tuple[int, ...], centre: Cell, reach: int) -> tuple[slice, slice]:
     """Return the rows and columns of the map within `reach` of a cell, which may be off it."""
     height, width = shape
     columns, rows = (
@@ -198,14 +199,12 @@ def _window(shape: tuple[int, ...], centre: Cell, reach: int) -> tuple[slice, sl
     return rows, columns
 
 
-def _component(costmap: Costmap, cell: Cell) -> int:
-    return int(costmap.components[cell[1], cell[0]])
-
-
-def _outside(costmap: Costmap, name: str, cell: Cell) -> str:
+def outside_message(costmap: Costmap, name: str, cell: Cell) -> str:
+    """Say that an endpoint or via point is off the map."""
     size = f'{costmap.grid_map.width} x {costmap.grid_map.height}'
     return f'the {name} cell {cell} is outside the map of {size} cells'
 
 
-def _barred(costmap: Costmap, name: str, cell: Cell) -> str:
+def blocked_message(costmap: Costmap, name: str, cell: Cell) -> str:
+    """Say why an endpoint or via point is blocked."""
     return f'the {name} cell {cell} is not free ({costmap.describe_blocked(cell)})'

@@ -1,7 +1,8 @@
-"""Plan with a wish in plain language: its waypoints become via points, and it costs no plan.
+"""Plans with an instruction in plain language: the source's waypoints become via points.
 
-The direct way is planned as ever, and is the answer where nothing comes of the wish. Where the
-source answers it, the way through its waypoints is planned in what time is left.
+The direct path is planned first and is the answer if nothing comes of the instruction. If the
+source answers it, a path through its waypoints is planned in the time that is left. An
+instruction never costs the plan.
 """
 
 from __future__ import annotations
@@ -10,15 +11,20 @@ import math
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
-from llm_astar_planner.planning.waypoint_filter import CheckedWaypoint, WaypointStatus
+from llm_astar_planner.planning.waypoint_filter import (
+    CheckedWaypoint,
+    WaypointStatus,
+    check_waypoints,
+)
 from llm_astar_planner.search.paper import WAYPOINT_METHODS
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.stop import POLL_PERIOD_S
@@ -32,137 +38,133 @@ from llm_astar_planner.waypoints.source import (
     WaypointSource,
 )
 
-# The part of a request's time for the source and the direct plan; the rest is for the wish.
+# The part of a request's time for the source and the direct plan; the rest is for the path
+# through the via points.
 DIRECT_SHARE = 0.9
-# A way so many times as long as the direct one is worth a warning.
+# A path so many times as long as the direct one gets a warning.
 DETOUR = 3.0
 MAX_REASON_CHARS = 200
-# What an outcome begins with that another try may better.
+# An outcome that begins so may be better at the next try.
 NOT_HONOURED = 'not honoured'
 
-Maker = Callable[[PlanRequest], Plan]
-Judge = Callable[[Sequence[Waypoint], Cell], tuple[CheckedWaypoint, ...]]
 
-
-class _AskedOnce:
-    """A source whose answer can still be had when the search it was to guide is done."""
+class SharedReplySource:
+    """Queries a source once and keeps the reply for whoever needs it after the search."""
 
     def __init__(self, source: WaypointSource) -> None:
+        """Take the source."""
         self.name = source.name
         self._source = source
         self._answered = threading.Event()
         self._reply: WaypointReply | None = None
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Ask the source, and keep what it says."""
+        """Query the source, and keep its reply."""
         self._reply, _ = query_source(self._source, query)
         self._answered.set()
         return self._reply
 
-    def reply(self, deadline: float, stop: NDArray[np.uint8]) -> WaypointReply | None:
-        """Wait for the answer until `deadline` (monotonic) or `stop`; None where none came."""
+    def wait_for_reply(self, deadline: float, stop: NDArray[np.uint8]) -> WaypointReply | None:
+        """Wait until `deadline` (monotonic seconds) or `stop`; None if no reply came."""
         while not self._answered.wait(POLL_PERIOD_S):
             if stop[0] or time.monotonic() >= deadline:
                 break
         return self._reply
 
 
-def plan_with_wish(
-    request: PlanRequest, make: Maker, judge: Judge, stop: NDArray[np.uint8]
+def plan_with_instruction(
+    request: PlanRequest,
+    make: Callable[[PlanRequest], Plan],
+    costmap: Costmap,
+    stop: NDArray[np.uint8],
 ) -> Plan:
-    """Answer a request that has an instruction; `make` answers one without honouring its wish.
+    """Answer a request that has an instruction; `stop[0] = 1` from another thread cancels.
 
-    `judge` judges waypoints as seen from a start. The plan's `instruction` says what became of
-    the wish, whatever that is. Another thread cancels by `stop[0] = 1`.
+    `make` plans a request as if it had no instruction, which still reaches its source. The plan's
+    `instruction` says what became of the instruction.
     """
     deadline = time.monotonic() + request.time_limit
     try:
-        wish = clean_instruction(request.instruction)
+        instruction = clean_instruction(request.instruction)
     except InstructionError as error:
-        return _told(make(replace(request, instruction='')), f'ignored: {error}')
-    if not wish:
+        return with_outcome(make(replace(request, instruction='')), f'ignored: {error}')
+    if not instruction:
         return make(replace(request, instruction=''))
-    source = None if request.source is None else _AskedOnce(request.source)
+    source = None if request.source is None else SharedReplySource(request.source)
     time_limit = DIRECT_SHARE * request.time_limit
-    direct = make(replace(request, instruction=wish, source=source, time_limit=time_limit))
+    direct = make(replace(request, instruction=instruction, source=source, time_limit=time_limit))
     if direct.code is not ResultCode.NONE:
-        return _told(direct, f'{NOT_HONOURED}: there is no plan at all')
+        return with_outcome(direct, f'{NOT_HONOURED}: there is no plan at all')
     reply = None
     if source is not None and direct.reply is not NOT_ASKED:
-        reply = source.reply(deadline, stop)
+        reply = source.wait_for_reply(deadline, stop)
     if reply is None or reply.instruction != FOLLOWED:
-        return _told(direct, f'ignored: {_reason(reply, request)}')
+        return with_outcome(direct, f'ignored: {ignored_reason(reply, request)}')
 
     def make_through(via: tuple[Cell, ...]) -> Plan:
         time_left = deadline - time.monotonic()
         return make(replace(request, instruction='', source=None, via=via, time_limit=time_left))
 
-    waypoints = judge(_rounded(reply.waypoints), direct.start)
-    return _honoured(direct, reply, waypoints, make_through)
+    cells = rounded(reply.waypoints)
+    checked = check_waypoints(cells, costmap.blocked, costmap.components, direct.start, 0)
+    return plan_through(direct, reply, checked, make_through)
 
 
-def _honoured(
+def plan_through(
     direct: Plan,
     reply: WaypointReply,
-    waypoints: tuple[CheckedWaypoint, ...],
+    checked: tuple[CheckedWaypoint, ...],
     make_through: Callable[[tuple[Cell, ...]], Plan],
 ) -> Plan:
-    """Return the plan through the waypoints of a reply, else the direct one."""
-    lost = _lost(waypoints)
-    via = _via(waypoints, direct)
+    """Return the plan through the reply's waypoints, or the direct one if that fails."""
+    usable = [point for point in checked if point.status is WaypointStatus.ACCEPTED]
+    lost = count_by_status(point for point in checked if point not in usable)
+    cells = [(int(point.x), int(point.y)) for point in usable]
+    between = [cell for cell in cells if cell not in (direct.start, direct.goal)]
+    via = tuple(cell for cell, _ in groupby(between))
     if not via:
         if lost:
-            return _told(direct, f'{NOT_HONOURED}: no waypoint can be passed ({lost})')
-        return _told(direct, 'followed by the direct way: no waypoint lies in between')
+            return with_outcome(direct, f'{NOT_HONOURED}: no waypoint can be passed ({lost})')
+        return with_outcome(direct, 'followed by the direct path: no waypoint lies in between')
+    points = f'{len(via)} via point{"" if len(via) == 1 else "s"}'
     through = make_through(via)
     if through.code is not ResultCode.NONE:
-        why = f'no path through its {_points(len(via))}: {through.message}'
-        return _told(_with_work_of(direct, through), f'{NOT_HONOURED}: {why}')
-    guided = replace(
+        outcome = f'{NOT_HONOURED}: no path through its {points}: {through.message}'
+        return with_outcome(with_work_of(direct, through), outcome)
+    warnings = through.warnings
+    if through.length > DETOUR * direct.length:
+        factor = through.length / direct.length if direct.length else math.inf
+        warning = f'the path of the instruction is {factor:.1f} times as long as the direct one'
+        warnings = (*warnings, warning)
+    plan = replace(
         through,
-        waypoints=waypoints,  # in order whatever else the path passes: they are its via points
+        checked_waypoints=checked,  # they are the via points, so they are in order
         guided_by=reply.label,
         source=direct.source,
         reply=reply,
-        warnings=(*through.warnings, *_detour(direct, through)),
+        warnings=warnings,
     )
-    outcome = f'followed through {_points(len(via))}'
-    return _told(
-        _with_work_of(guided, direct), f'{outcome}; left out: {lost}' if lost else outcome
+    outcome = f'followed through {points}'
+    return with_outcome(
+        with_work_of(plan, direct), f'{outcome}; left out: {lost}' if lost else outcome
     )
 
 
-def _rounded(waypoints: Sequence[Waypoint]) -> list[Waypoint]:
-    """Return the cells that waypoints lie on, as waypoints."""
+def rounded(waypoints: Sequence[Waypoint]) -> list[Waypoint]:
+    """Return the cells that waypoints lie in, as waypoints; what is not finite is left out."""
     return [(float(round(x)), float(round(y))) for x, y in waypoints if math.isfinite(x + y)]
 
 
-def _via(waypoints: tuple[CheckedWaypoint, ...], direct: Plan) -> tuple[Cell, ...]:
-    """Return the cells of the waypoints that can be passed, start and goal left out."""
-    cells = [(int(point.x), int(point.y)) for point in waypoints if _can_be_passed(point)]
-    between = [cell for cell in cells if cell not in (direct.start, direct.goal)]
-    return tuple(cell for cell, _ in groupby(between))
+def count_by_status(waypoints: Iterable[CheckedWaypoint]) -> str:
+    """Count waypoints by status, in words; '' for none."""
+    counts = Counter(point.status for point in waypoints)
+    return ', '.join(
+        f'{count} {status.value.replace("_", " ")}' for status, count in counts.items()
+    )
 
 
-def _can_be_passed(point: CheckedWaypoint) -> bool:
-    return point.status is WaypointStatus.ACCEPTED
-
-
-def _lost(waypoints: tuple[CheckedWaypoint, ...]) -> str:
-    """Count the waypoints that cannot be passed, by why, or ''."""
-    counts = Counter(point.status for point in waypoints if not _can_be_passed(point))
-    return ', '.join(f'{count} {why.value.replace("_", " ")}' for why, count in counts.items())
-
-
-def _detour(direct: Plan, through: Plan) -> tuple[str, ...]:
-    if through.length <= DETOUR * direct.length:
-        return ()
-    factor = through.length / direct.length if direct.length else float('inf')
-    return (f'the way of the wish is {factor:.1f} times as long as the direct one',)
-
-
-def _with_work_of(plan: Plan, other: Plan) -> Plan:
-    """Return a plan that was made at the cost of another one too."""
+def with_work_of(plan: Plan, other: Plan) -> Plan:
+    """Return a plan that includes the work of another one that was made on the way to it."""
     return replace(
         plan,
         expansions=plan.expansions + other.expansions,
@@ -173,8 +175,8 @@ def _with_work_of(plan: Plan, other: Plan) -> Plan:
     )
 
 
-def _reason(reply: WaypointReply | None, request: PlanRequest) -> str:
-    """Say why a wish was not read."""
+def ignored_reason(reply: WaypointReply | None, request: PlanRequest) -> str:
+    """Say why an instruction was ignored."""
     if reply is not None:
         return reply.instruction[:MAX_REASON_CHARS]
     if request.via:
@@ -184,13 +186,10 @@ def _reason(reply: WaypointReply | None, request: PlanRequest) -> str:
     if request.method not in WAYPOINT_METHODS:
         return f'method {request.method} asks for no waypoints'
     if request.start == request.goal:
-        return 'start and goal are one'
+        return 'start and goal are the same'
     return f'source {request.source.name} did not answer in time'
 
 
-def _told(plan: Plan, outcome: str) -> Plan:
-    return replace(plan, instruction=outcome, message=f'{plan.message}; wish {outcome}')
-
-
-def _points(count: int) -> str:
-    return f'{count} via point{"" if count == 1 else "s"}'
+def with_outcome(plan: Plan, outcome: str) -> Plan:
+    """Return a plan that says what became of the instruction."""
+    return replace(plan, instruction=outcome, message=f'{plan.message}; instruction {outcome}')

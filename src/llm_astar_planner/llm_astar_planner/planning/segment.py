@@ -1,21 +1,26 @@
-"""One leg of a plan: ask for waypoints, judge them, search from one cell to another."""
+"""Plans one segment: queries waypoints, checks them, and searches from one cell to another."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.planning import waypoint_filter as targets
 from llm_astar_planner.planning.types import NOT_ASKED, PlanRequest
-from llm_astar_planner.planning.waypoint_filter import CheckedWaypoint
+from llm_astar_planner.planning.waypoint_filter import (
+    GUIDING,
+    CheckedWaypoint,
+    check_waypoints,
+    guiding_points,
+    target_list,
+)
 from llm_astar_planner.search.astar import exact_astar
-from llm_astar_planner.search.guided import AnytimeSolution, GuidedResult, GuidedSearch
+from llm_astar_planner.search.guided import AnytimeSolution, GuidedSearch
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.paper import (
     EXACT,
@@ -27,67 +32,82 @@ from llm_astar_planner.search.paper import (
 from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus
 from llm_astar_planner.search.stop import STOP_CANCELLED, deadline_guard
 from llm_astar_planner.waypoints.async_query import WaypointQueryTask, query_source
-from llm_astar_planner.waypoints.source import Waypoint, WaypointQuery, WaypointReply
+from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply, WaypointSource
 
-# The part of a request's time that a source may take; the rest is the search's.
+# The part of a request's time that a source may take; the rest is for the search.
 SOURCE_SHARE = 0.8
-# A search that does not wait for its source gives it so many seconds all the same: little to a
-# robot, and time for the embedded model or a cached reply, which lead from the beginning then.
+# Seconds that a search which does not wait for its source waits all the same: little for a robot,
+# and enough for the learned model or a cached reply.
 HEAD_START = 0.03
-Watcher = Callable[[AnytimeSolution], None]
 
 
-@dataclass
-class Leg:
-    """The way from the start of a request to its goal, both free and joined; via is not looked at.
+class SegmentPlanner:
+    """Plans from the start of a request to its goal, both free and connected.
 
-    Made with what the search works on and how long it may go on: until `deadline` (monotonic) or
-    until `stop` is raised. `search` fills in the rest.
+    `via` of the request is ignored. `search` fills in `result`, `reply`, `checked_waypoints`,
+    `waypoints_used` (whether the search used what waypoints there were), `seconds_source` and
+    `seconds_search`.
     """
 
-    costmap: Costmap
-    request: PlanRequest
-    deadline: float
-    stop: NDArray[np.uint8]
-    landmarks: Landmarks | None = None
-    reply: WaypointReply = NOT_ASKED
-    judged: tuple[CheckedWaypoint, ...] = ()
-    led: bool = True  # whether the search took up what waypoints there were
-    seconds_source: float = 0.0
-    seconds_search: float = 0.0
+    def __init__(
+        self,
+        costmap: Costmap,
+        request: PlanRequest,
+        deadline: float,
+        stop: NDArray[np.uint8],
+        landmarks: Landmarks | None = None,
+    ) -> None:
+        """Plan until `deadline` (monotonic seconds) or until `stop[0]` is raised."""
+        self.costmap = costmap
+        self.request = request
+        self.deadline = deadline
+        self.stop = stop
+        self.landmarks = landmarks
+        self.result: SearchResult | None = None
+        self.reply: WaypointReply = NOT_ASKED
+        self.checked_waypoints: tuple[CheckedWaypoint, ...] = ()
+        self.waypoints_used = True
+        self.seconds_source = 0.0
+        self.seconds_search = 0.0
 
     @property
-    def used(self) -> list[CheckedWaypoint]:
-        """The waypoints that led the search."""
-        if not self.led:
+    def guiding_waypoints(self) -> list[CheckedWaypoint]:
+        """The waypoints that the search used."""
+        if not self.waypoints_used:
             return []
         if self.request.method == GUIDED:
-            return [point for point in self.judged if point.status in targets.GUIDING]
-        return [point for point in self.judged if not point.status.drops]
+            return [point for point in self.checked_waypoints if point.status in GUIDING]
+        return [point for point in self.checked_waypoints if not point.status.is_dropped]
 
-    def search(self, watcher: Watcher | None = None) -> SearchResult:
-        """Ask and search. `watcher` gets each better path of `guided`, unchecked, as it comes.
+    def search(self) -> Iterator[AnytimeSolution]:
+        """Query and search; yield each better path of `guided`, not validated yet.
 
         Raises PathTooLongError.
         """
-        if self.request.method == GUIDED:
-            return self._search_guided(watcher)
-        self._ask()
-        begin = time.monotonic()
+        is_guided = self.request.method == GUIDED
+        query = self.query()
+        if query is not None and not (is_guided and self.request.search_while_waiting):
+            self.query_and_wait(query)
+            query = None
         with deadline_guard(self.stop, self.deadline) as stop:
-            exact = self.request.method == EXACT
-            result = self._search_exact(stop) if exact else self._search_as_published(stop)
+            if is_guided:
+                yield from self.search_guided(query, stop)
+                return
+            begin = time.monotonic()
+            if self.request.method == EXACT:
+                self.result = self.search_exact(stop)
+            else:
+                self.result = self.search_as_published(stop)
         self.seconds_search = time.monotonic() - begin
-        return result
 
-    def _query(self) -> WaypointQuery | None:
-        """Return the question for the source, None where there is none to ask."""
+    def query(self) -> tuple[WaypointSource, WaypointQuery] | None:
+        """Return whom to ask what, or None if no waypoints are needed."""
         request = self.request
         needless = request.method not in WAYPOINT_METHODS or request.start == request.goal
         if request.source is None or needless:
             return None
         time_left = self.deadline - time.monotonic()
-        return WaypointQuery(
+        return request.source, WaypointQuery(
             self.costmap,
             request.start,
             request.goal,
@@ -96,20 +116,21 @@ class Leg:
             request.instruction,
         )
 
-    def _ask(self) -> None:
-        """Ask the source for waypoints and judge them."""
-        query = self._query()
-        if query is not None and self.request.source is not None:
-            self.reply, self.seconds_source = query_source(self.request.source, query, self.stop)
-            self.judged = self._judge(self.reply)
+    def query_and_wait(self, query: tuple[WaypointSource, WaypointQuery]) -> None:
+        """Query the source before the search."""
+        self.reply, self.seconds_source = query_source(*query, self.stop)
+        self.checked_waypoints = self.check(self.reply)
 
-    def _judge(self, reply: WaypointReply) -> tuple[CheckedWaypoint, ...]:
+    def check(self, reply: WaypointReply) -> tuple[CheckedWaypoint, ...]:
+        """Check a reply's waypoints by the rules of the request's method."""
         costmap, start = self.costmap, self.request.start
         if self.request.method == GUIDED:
-            return targets.judge(reply.waypoints, costmap.blocked, costmap.components, start, 0)
-        return targets.judge(reply.waypoints, costmap.rejected_cells, costmap.components, start)
+            return check_waypoints(reply.waypoints, costmap.blocked, costmap.components, start, 0)
+        rejected = costmap.rejected_cells
+        return check_waypoints(reply.waypoints, rejected, costmap.components, start)
 
-    def _search_exact(self, stop: NDArray[np.uint8]) -> SearchResult:
+    def search_exact(self, stop: NDArray[np.uint8]) -> SearchResult:
+        """Search by our exact A*."""
         request = self.request
         return exact_astar(
             self.costmap.grid_graph,
@@ -119,70 +140,66 @@ class Leg:
             want_expanded=request.want_expanded,
         )
 
-    def _search_as_published(self, stop: NDArray[np.uint8]) -> SearchResult:
+    def search_as_published(self, stop: NDArray[np.uint8]) -> SearchResult:
         """Search by one of the paper's methods."""
-        request = self.request
-        goals = targets.target_list(self.judged, request.start, request.goal)[1:]
-        corner_cutting = self.costmap.config.corner_cutting
+        request, costmap = self.request, self.costmap
+        targets = target_list(self.checked_waypoints, request.start, request.goal)[1:]
+        corner_cutting = costmap.config.corner_cutting
         options = SearchOptions(request.heuristic, request.weight, corner_cutting, stop)
         method = PAPER_METHODS[request.method]
-        return method(self.costmap.blocked, request.start, request.goal, goals, options)
+        return method(costmap.blocked, request.start, request.goal, targets, options)
 
-    def _search_guided(self, watcher: Watcher | None) -> GuidedResult:
-        """Search by `guided`, asking for waypoints before or while."""
+    def search_guided(
+        self, query: tuple[WaypointSource, WaypointQuery] | None, stop: NDArray[np.uint8]
+    ) -> Iterator[AnytimeSolution]:
+        """Search by `guided`; `query` is asked while it searches."""
         request = self.request
-        query = self._query() if request.search_while_waiting else None
-        if query is None:
-            self._ask()
-        with deadline_guard(self.stop, self.deadline) as stop:
-            search = GuidedSearch(
-                self.costmap.grid_graph,
-                request.start,
-                request.goal,
-                max_suboptimality=request.max_suboptimality,
-                landmarks=self.landmarks,
-                stop=stop,
-            )
-            asking = self._guide(search, query)
-            begin = time.monotonic()
-            for better in search.solutions(want_expanded=request.want_expanded):
-                if watcher is not None:
-                    watcher(better)
-                if self.stop[0]:
-                    stop[0] = STOP_CANCELLED  # who cancels on seeing a path means it at once
-        self.seconds_search = time.monotonic() - begin
-        result = search.result()
-        if asking is not None and request.source is not None:
-            self.reply, self.seconds_source = asking.close(request.source.name)
-            self.judged = self._judge(self.reply)
-        self.led = result.guided_expansions > 0
-        return result
-
-    def _guide(
-        self, search: GuidedSearch, query: WaypointQuery | None
-    ) -> WaypointQueryTask | None:
-        """Lead the search by the waypoints there are, or by those that answer the query."""
-        source = self.request.source
-        if query is None or source is None:
-            search.guide(_points(self.judged))
-            return None
-        asking = WaypointQueryTask(
-            source, query, lambda reply: search.guide(_points(self._judge(reply)))
+        search = GuidedSearch(
+            self.costmap.grid_graph,
+            request.start,
+            request.goal,
+            max_suboptimality=request.max_suboptimality,
+            landmarks=self.landmarks,
+            stop=stop,
         )
-        asking.wait(min(HEAD_START, query.time_limit), self.stop)
-        return asking
+        search.guide(guiding_points(self.checked_waypoints))
+        task = self.query_meanwhile(search, query)
+        begin = time.monotonic()
+        for solution in search.solutions(want_expanded=request.want_expanded):
+            yield solution
+            if self.stop[0]:
+                stop[0] = STOP_CANCELLED  # a caller that cancels on seeing a path means it at once
+        self.seconds_search = time.monotonic() - begin
+        self.result = result = search.result()
+        if task is not None:
+            self.reply, self.seconds_source = task.close()
+            self.checked_waypoints = self.check(self.reply)
+        self.waypoints_used = result.guided_expansions > 0
+
+    def query_meanwhile(
+        self, search: GuidedSearch, query: tuple[WaypointSource, WaypointQuery] | None
+    ) -> WaypointQueryTask | None:
+        """Start the query; its waypoints guide the search as soon as they are there."""
+        if query is None:
+            return None
+        task = WaypointQueryTask(
+            *query, lambda reply: search.guide(guiding_points(self.check(reply)))
+        )
+        task.wait(min(HEAD_START, query[1].time_limit), self.stop)
+        return task
 
 
-def joined(results: Sequence[SearchResult]) -> SearchResult:
-    """Return the searches of successive legs, each with a path, as one.
+def concatenate_results(results: Sequence[SearchResult]) -> SearchResult:
+    """Return the searches of successive segments, each with a path, as one.
 
-    Work, length, cost and lower bound add up: the least way through the via cells is the sum of
-    the least ways between them, so the suboptimality_bound of the sums is proven of the whole.
+    Work, length, cost and lower bound add up: the cheapest path through the via points is made of
+    the cheapest paths between them, so the bound of the sums is proven for the whole.
     """
-    return reduce(_join, results)
+    return reduce(concatenate_two, results)
 
 
-def _join(first: SearchResult, second: SearchResult) -> SearchResult:
+def concatenate_two(first: SearchResult, second: SearchResult) -> SearchResult:
+    """Return two successive searches as one."""
     stopped = SearchStatus.STOPPED in (first.status, second.status)
     whole = replace(
         first,
@@ -204,8 +221,3 @@ def _join(first: SearchResult, second: SearchResult) -> SearchResult:
         first_expansions=whole.first_expansions + second.first_expansions,
         first_cost=whole.first_cost + second.first_cost,
     )
-
-
-def _points(judged: tuple[CheckedWaypoint, ...]) -> list[Waypoint]:
-    """Return the waypoints that may lead `guided`: those a path can be at."""
-    return [(point.x, point.y) for point in judged if point.status in targets.GUIDING]

@@ -1,19 +1,22 @@
-"""What a planner is asked and what it answers, in plain values."""
+"""What a planner is asked and what it answers."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from operator import index
-from typing import SupportsIndex
+from typing import Any, SupportsIndex
 
 import numpy as np
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from numpy.typing import NDArray
 
+from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.planning.waypoint_filter import CheckedWaypoint
 from llm_astar_planner.search.any_angle import AnyAnglePath
-from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.result import Cell, empty_path
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,
@@ -21,6 +24,11 @@ from llm_astar_planner.waypoints.source import (
     WaypointSource,
 )
 
+MAX_VIA = 64
+# The fields of a request that have the names and limits of parameters. A request says None where
+# a parameter says 0.
+CHECKED = ('method', 'heuristic', 'max_suboptimality', 'weight', 'tolerance', 'start_tolerance')
+LIMITS = {item.name: replace(item, zero='') for item in PLANNER if item.name in CHECKED}
 NOT_ASKED = WaypointReply(status=SourceStatus.NONE)
 
 
@@ -39,23 +47,38 @@ class ResultCode(IntEnum):
     NO_VALID_PATH = 208
 
 
+class PlanningFailure(LlmAstarError, ValueError):  # noqa: N818 - an outcome, not a bug
+    """Why there is no path: a sentence, and the result code that a caller acts on."""
+
+    def __init__(self, code: ResultCode, message: str) -> None:
+        """Take the code and the sentence."""
+        super().__init__(message)
+        self.code = code
+
+
 @dataclass(frozen=True)
 class PlanRequest:
-    """One question to the planner: a way from start to goal, both cells (x, y).
+    """One request: a path from start to goal, both cells (x, y).
 
-    `time_limit` is seconds for everything, of which the source gets at most `source_time_limit`.
-    `heuristic` and `weight` are for the paper's methods. The rest is for `guided`: it goes on
-    until the path is proven within `max_suboptimality` (1 or more) of the shortest, or takes the
-    first one where that is None; `search_while_waiting` starts it, after 30 ms at most, before the
-    waypoints are there, which may then come too late to guide. `any_angle` adds a shortened path,
-    `want_expanded` False spares the picture of expanded cells. `sample` names the benchmark
-    sample, if it is one.
+    - `method`: one of `search.paper.METHODS`. `heuristic` and `weight` are for the paper's.
+    - `source`: who is asked for waypoints, None for nobody.
+    - `time_limit`: seconds for everything; of these the source gets at most
+      `source_time_limit`.
+    - `max_suboptimality`: `guided` searches until its path is proven to cost at most this many
+      times the cheapest, 1 or more; None takes its first path.
+    - `search_while_waiting`: `guided` starts after 30 ms, even if the waypoints are not there
+      yet. They may then come too late to be used.
+    - `any_angle`: also return a path with straight segments at any angle.
+    - `want_expanded`: whether the plan has the picture of expanded cells.
+    - `sample`: which benchmark sample this is, if it is one.
+    - `tolerance`, `start_tolerance`: metres. An unreachable goal is replaced by the nearest
+      reachable cell within `tolerance`, a blocked start by the nearest free cell within
+      `start_tolerance`.
+    - `via`: cells that the path must pass, in order.
+    - `instruction`: plain language, at most 500 characters. If the source answers it, its
+      waypoints become `via`, otherwise it is ignored; the plan says which.
 
-    Where the goal cannot be had, the nearest cell to it that can is taken, at most `tolerance`
-    metres off; where the start is not free, the nearest free cell, at most `start_tolerance` off.
-    `via` are cells the path must pass, in order. `instruction` is a wish in plain language of at
-    most 500 characters: where the source answers it, its waypoints become `via`, else it is
-    ignored; the plan says which. Raises ValueError on a start, goal or via that is no cell.
+    Raises ValueError if start, goal or a via point is not a pair of whole numbers.
     """
 
     start: Cell
@@ -65,7 +88,7 @@ class PlanRequest:
     heuristic: str = 'euclidean'
     weight: float = 2.0
     time_limit: float = 5.0
-    source_time_limit: float = float('inf')
+    source_time_limit: float = math.inf
     max_suboptimality: float | None = None
     search_while_waiting: bool = False
     any_angle: bool = False
@@ -77,38 +100,64 @@ class PlanRequest:
     instruction: str = ''
 
     def __post_init__(self) -> None:
-        """Take cells of any whole numbers, numpy's too. Raises ValueError on what is no cell."""
-        object.__setattr__(self, 'start', _as_cell('start', self.start))
-        object.__setattr__(self, 'goal', _as_cell('goal', self.goal))
-        object.__setattr__(self, 'via', tuple(_as_cell('via', cell) for cell in self.via))
+        """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""
+        for name, cells in (('start', [self.start]), ('goal', [self.goal]), ('via', self.via)):
+            taken = tuple(as_cell(name, cell) for cell in cells)
+            object.__setattr__(self, name, taken if name == 'via' else taken[0])
 
 
-def _as_cell(name: str, cell: Sequence[SupportsIndex]) -> Cell:
+def as_cell(name: str, cell: Sequence[SupportsIndex]) -> Cell:
+    """Return a cell as two ints. Raises ValueError, naming the field, if it is none."""
     try:
         x, y = cell
         return index(x), index(y)
     except (TypeError, ValueError):
-        raise ValueError(f'{name}: {cell!r} is no cell: two whole numbers (x, y)') from None
+        raise ValueError(f'{name}: {cell!r} is not a cell: two whole numbers (x, y)') from None
+
+
+def check_request(request: PlanRequest) -> None:
+    """Raise PlanningFailure (INVALID_PLANNER) for a name or number that no map could serve."""
+    problems = [
+        limits.problem(getattr(request, name))
+        for name, limits in LIMITS.items()
+        if getattr(request, name) is not None
+    ]
+    problems += [
+        f'{name}: not a number of seconds'
+        for name in ('time_limit', 'source_time_limit')
+        if math.isnan(getattr(request, name))
+    ]
+    if len(request.via) > MAX_VIA:
+        problems.append(f'via: {len(request.via)} via points, over the {MAX_VIA} allowed')
+    for problem in filter(None, problems):
+        raise PlanningFailure(ResultCode.INVALID_PLANNER, problem)
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What came of a request.
+    """The answer to a request.
 
-    `path` is int32 [n, 2], cells (x, y), empty unless `code` is NONE; `length` and `cost` (with
-    the price of occupancy) are in cells. The cost is proven to be at most
-    `suboptimality_bound` times the least; NaN where the method proves nothing. `expansions`
-    counts all expansions, `first_expansions` those up to the first path. `guided_by` names whose
-    waypoints steered the search, `none` where nobody's did; `reply` is the source's whole answer.
-    `expanded` is bool [height, width], empty where it was not wanted, of no use where the request
-    was canceled.
-
-    `start` and `goal` are the cells planned between, `start_shift` and `goal_shift` how many
-    metres they lie off those asked for, and `warnings` a sentence on each such thing. Of the path,
-    in metres: `unknown_length` through unknown cells, `clearance` the least distance from the
-    centres of its cells to that of a lethal one (inf where there is none). `turns` are its changes
-    of direction. `via` are the cells it passes because the request or the wish says so, and
-    `instruction` tells what became of the wish, '' where none was made.
+    - `code`, `message`: NONE and what was found, or why there is no path.
+    - `path`: int32 [n, 2], cells (x, y); empty unless `code` is NONE. `length` and `cost` (with
+      what occupied and inflated cells cost) are in cells.
+    - `suboptimality_bound`: the cost is proven to be at most this many times the least possible;
+      NaN if the method proves nothing.
+    - `any_angle`: the path shortened at any angle, if requested and valid.
+    - `expansions`, `first_expansions`: all expansions, and those up to the first path.
+      `storage`: the states that ever got a g (the paper's storage).
+    - `expanded`: bool [height, width], the expanded cells; [0, 0] if not requested. Incomplete
+      after a cancel.
+    - `start`, `goal`: the cells planned between; `start_shift`, `goal_shift`: their distance in
+      metres from those requested. `via`: the via points, of the request or of the instruction.
+    - `source`: the name of the waypoint source; `reply`: its whole answer; `checked_waypoints`:
+      its waypoints with what became of each; `guided_by`: the label of the source whose
+      waypoints the search used, `none` if it used none.
+    - `instruction`: what became of the instruction, '' if there was none.
+    - `clearance`: metres from the path's cells to the nearest lethal cell, inf without one;
+      `unknown_length`: metres of the path through unknown cells; `turns`: its changes of
+      direction.
+    - `seconds_source`, `seconds_search`: wall time. `warnings`: one sentence each.
+    - `is_final`: False for a better path found while the search goes on.
     """
 
     code: ResultCode
@@ -116,31 +165,69 @@ class Plan:
     method: str
     start: Cell
     goal: Cell
-    path: NDArray[np.int32]
     expanded: NDArray[np.bool_]
-    waypoints: tuple[CheckedWaypoint, ...] = ()
+    path: NDArray[np.int32] = field(default_factory=empty_path)
+    checked_waypoints: tuple[CheckedWaypoint, ...] = ()
     guided_by: str = 'none'
     source: str = 'none'
     reply: WaypointReply = NOT_ASKED
     expansions: int = 0
     first_expansions: int = 0
     storage: int = 0
-    length: float = float('nan')
-    cost: float = float('nan')
-    suboptimality_bound: float = float('nan')
+    length: float = math.nan
+    cost: float = math.nan
+    suboptimality_bound: float = math.nan
     any_angle: AnyAnglePath | None = None
     seconds_source: float = 0.0
     seconds_search: float = 0.0
     start_shift: float = 0.0
     goal_shift: float = 0.0
     unknown_length: float = 0.0
-    clearance: float = float('inf')
+    clearance: float = math.inf
     turns: int = 0
     warnings: tuple[str, ...] = ()
     via: tuple[Cell, ...] = ()
     instruction: str = ''
+    is_final: bool = True
 
     @property
     def source_status(self) -> SourceStatus:
-        """How asking the source went."""
+        """How the query to the source went."""
         return self.reply.status
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything but cells and arrays, by the names that files and messages use.
+
+        Reports, `--json` and result rows pick from it by name. Numbers that are not finite are
+        None; lengths are in cells, shifts and clearance in metres.
+        """
+        return {
+            'code': int(self.code),
+            'code_name': self.code.name,
+            'message': self.message,
+            'method': self.method,
+            'guided_by': self.guided_by,
+            'source': self.source,
+            'source_status': self.source_status.value,
+            'source_detail': self.reply.detail,
+            'operation': self.expansions,
+            'first_operation': self.first_expansions,
+            'storage': self.storage,
+            'length': finite_or_none(self.length),
+            'cost': finite_or_none(self.cost),
+            'ratio': finite_or_none(self.suboptimality_bound),
+            'seconds_source': self.seconds_source,
+            'seconds_search': self.seconds_search,
+            'start_shift': self.start_shift,
+            'goal_shift': self.goal_shift,
+            'unknown_length': self.unknown_length,
+            'clearance': finite_or_none(self.clearance),
+            'turns': self.turns,
+            'warnings': self.warnings,
+            'instruction': self.instruction,
+        }
+
+
+def finite_or_none(value: float) -> float | None:
+    """Return a number, or None for NaN and infinity, which JSON does not have."""
+    return value if math.isfinite(value) else None

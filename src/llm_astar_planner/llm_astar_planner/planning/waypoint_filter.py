@@ -1,7 +1,7 @@
-"""From a source's waypoints to the target list T: each one judged, the paper's two rules applied.
+"""Checks a source's waypoints and builds the paper's target list T from them.
 
 The paper asks that T holds start and goal and that no target lies in an obstacle (sec. 3.2). Its
-published code also drops points within two lattice lines of the map's edge.
+published code also drops points within two cells of the map's edge.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ PAPER_EDGE = 2
 
 
 class WaypointStatus(str, Enum):
-    """What the planner made of a waypoint."""
+    """What became of a waypoint."""
 
     ACCEPTED = 'accepted'
     OUT_OF_BOUNDS = 'out_of_bounds'
@@ -32,12 +32,12 @@ class WaypointStatus(str, Enum):
     OUT_OF_ORDER = 'out_of_order'
 
     @property
-    def drops(self) -> bool:
-        """Whether the paper's methods drop such a waypoint: what cannot be stood on."""
+    def is_dropped(self) -> bool:
+        """Whether the paper's methods drop such a waypoint: no robot can be there."""
         return self in (WaypointStatus.OUT_OF_BOUNDS, WaypointStatus.OCCUPIED)
 
 
-# What may lead the guided search. Out of order is found only after it, and was let in before.
+# Which waypoints the guided search uses. OUT_OF_ORDER is known only after it, so it was used.
 GUIDING = frozenset({WaypointStatus.ACCEPTED, WaypointStatus.OUT_OF_ORDER})
 
 
@@ -50,18 +50,19 @@ class CheckedWaypoint:
     status: WaypointStatus
 
 
-def judge(
+def check_waypoints(
     waypoints: Sequence[Waypoint],
     occupied: NDArray[np.bool_],
     components: NDArray[np.int32],
     start: Cell,
     edge: int = PAPER_EDGE,
 ) -> tuple[CheckedWaypoint, ...]:
-    """Judge each waypoint by itself: bounds, obstacles, and whether start reaches it.
+    """Check each waypoint: inside the map, not in an obstacle, connected to the start.
 
-    `occupied` is `Costmap.blocked` or `Costmap.rejected_cells`; `components`
-    [height, width] numbers the connected free cells. Within `edge` cells of the map's edge is out
-    of bounds. A point between lattice points lies on no cell, as in the published code.
+    `occupied` is `Costmap.rejected_cells` for the paper's methods and `Costmap.blocked` for ours;
+    `components` [height, width] numbers the connected free cells. A point within `edge` cells of
+    the map's edge is out of bounds. A point between cell centres is in no cell, as in the
+    published code, so it is never occupied.
     """
     height, width = occupied.shape
     component = components[start[1], start[0]]
@@ -78,9 +79,16 @@ def judge(
     return tuple(CheckedWaypoint(x, y, status(x, y)) for x, y in waypoints)
 
 
-def target_list(judged: Sequence[CheckedWaypoint], start: Cell, goal: Cell) -> list[Waypoint]:
-    """Build the paper's T: what it keeps, start put before and goal after where missing."""
-    targets: list[Waypoint] = [(point.x, point.y) for point in judged if not point.status.drops]
+def guiding_points(waypoints: Sequence[CheckedWaypoint]) -> list[Waypoint]:
+    """Return the waypoints that the guided search uses: those a path can be at."""
+    return [(point.x, point.y) for point in waypoints if point.status in GUIDING]
+
+
+def target_list(waypoints: Sequence[CheckedWaypoint], start: Cell, goal: Cell) -> list[Waypoint]:
+    """Build the paper's T: the waypoints not dropped, with start and goal added if missing."""
+    targets: list[Waypoint] = [
+        (point.x, point.y) for point in waypoints if not point.status.is_dropped
+    ]
     if not targets or targets[0] != start:
         targets.insert(0, start)
     if targets[-1] != goal:
@@ -89,31 +97,31 @@ def target_list(judged: Sequence[CheckedWaypoint], start: Cell, goal: Cell) -> l
 
 
 def mark_out_of_order(
-    judged: Sequence[CheckedWaypoint], path: NDArray[np.int32]
+    waypoints: Sequence[CheckedWaypoint], path: NDArray[np.int32]
 ) -> tuple[CheckedWaypoint, ...]:
-    """Mark the accepted waypoints that the path found passes in another order than given.
+    """Mark the accepted waypoints that the path passes in another order than given.
 
-    Each is placed at its nearest cell of the path [n, 2]; those outside the longest run of places
+    Each is placed at its nearest cell of the path [n, 2]. Those outside the longest run of places
     that never goes back are out of order.
     """
-    accepted = [i for i, point in enumerate(judged) if point.status is WaypointStatus.ACCEPTED]
+    accepted = [i for i, point in enumerate(waypoints) if point.status is WaypointStatus.ACCEPTED]
     if len(path) == 0 or len(accepted) < 2:
-        return tuple(judged)
-    points = np.array([(judged[i].x, judged[i].y) for i in accepted])
+        return tuple(waypoints)
+    points = np.array([(waypoints[i].x, waypoints[i].y) for i in accepted])
     places = [int(np.argmin(np.hypot(*(path - point).T))) for point in points]
-    in_order = {accepted[i] for i in _longest_rising(places)}
+    in_order = {accepted[i] for i in longest_rising_run(places)}
     return tuple(
         replace(point, status=WaypointStatus.OUT_OF_ORDER)
         if point.status is WaypointStatus.ACCEPTED and i not in in_order
         else point
-        for i, point in enumerate(judged)
+        for i, point in enumerate(waypoints)
     )
 
 
 def snap(value: float, tolerance: float = 1e-6) -> float:
-    """Return the whole number within `tolerance` of a grid coordinate, else the value itself.
+    """Return the whole number within `tolerance` of a grid coordinate, else the coordinate.
 
-    Coordinates that went through metres come back a few ulps off the lattice.
+    Coordinates that were converted to metres and back are off by rounding errors.
     """
     if not math.isfinite(value):
         return value
@@ -121,9 +129,9 @@ def snap(value: float, tolerance: float = 1e-6) -> float:
     return nearest if abs(value - nearest) <= tolerance else value
 
 
-def _longest_rising(places: list[int]) -> list[int]:
+def longest_rising_run(places: list[int]) -> list[int]:
     """Return the indices of a longest non-decreasing subsequence, in O(n log n)."""
-    # By the length of the longest run that ends there; along a level places fall.
+    # levels[k]: indices that end a run of length k + 1; within a level the places decrease.
     levels: list[list[int]] = []
     ends: list[int] = []
     for i, place in enumerate(places):

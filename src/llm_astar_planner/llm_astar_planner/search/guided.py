@@ -63,6 +63,20 @@ class AnytimeSolution:
     suboptimality_bound: float
     expansions: int
 
+    def as_result(self) -> BoundedResult:
+        """Return the solution as a result of a search that was stopped here."""
+        return BoundedResult(
+            SearchStatus.STOPPED,
+            self.expansions,
+            0,
+            np.zeros((0, 0), dtype=np.bool_),
+            self.path,
+            path_length(self.path),
+            self.cost,
+            self.lower_bound,
+            self.suboptimality_bound,
+        )
+
 
 class GuidedSearch:
     """One search, guided by waypoints that may arrive while it runs.

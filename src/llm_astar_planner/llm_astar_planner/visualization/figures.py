@@ -51,7 +51,7 @@ def picture_of(
     plan: Plan, grid_map: GridMap, start: Cell, goal: Cell, offset: Cell = (0, 0)
 ) -> Picture:
     """Make the picture of a plan."""
-    waypoints = [(point.x, point.y, point.status.value) for point in plan.waypoints]
+    waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
     if plan.code == 0:
         outcome = f'{plan.expansions} expansions, length {plan.length:.2f} cells'
         title = f'{steered(plan.method, plan.guided_by)}: {outcome}'

@@ -40,7 +40,7 @@ def query_source(
     task = WaypointQueryTask(source, query, lambda _: None)
     grace = min(GRACE_SECONDS, GRACE_SHARE * query.time_limit)
     answered = task.wait(query.time_limit + grace, stop)
-    reply, seconds = task.close(source.name)
+    reply, seconds = task.close()
     if answered:
         return reply, seconds
     seconds = time.monotonic() - begin
@@ -62,6 +62,7 @@ class WaypointQueryTask:
         on_reply: Callable[[WaypointReply], None],
     ) -> None:
         """Start the query; `on_reply` gets a reply that comes before `close`, on the thread."""
+        self._source_name = source.name
         self._on_reply = on_reply
         self._lock = threading.Lock()
         self._closed = False
@@ -103,13 +104,13 @@ class WaypointQueryTask:
                 return self._done.is_set()
         return True
 
-    def close(self, source_name: str) -> tuple[WaypointReply, float]:
+    def close(self) -> tuple[WaypointReply, float]:
         """Return the reply and the seconds it took; a LATE reply where it has not come yet."""
         with self._lock:
             self._closed = True
             if self._answer is not None:
                 return self._answer
-        detail = f'the search was done before {source_name} answered'
+        detail = f'the search was done before {self._source_name} answered'
         return WaypointReply(status=SourceStatus.LATE, detail=detail), 0.0
 
 

@@ -13,7 +13,7 @@ from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_planner.costmap import inflation
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.inflation import inflate
-from llm_astar_planner.planning.collision_checker import CollisionChecker
+from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 
@@ -130,7 +130,7 @@ def test_a_costmaps_bands_block_from_99_and_grade_below():
     passed = cells[plan.path[:, 1], plan.path[:, 0]]
     assert passed.max() == 0  # round the graded cells, which it may cross
     # With a map's threshold the dear cells are walls.
-    assert Planner(GridMap(cells, 0.05)).blocked[2, 18]
+    assert Planner(GridMap(cells, 0.05)).costmap.blocked[2, 18]
 
 
 def test_a_path_keeps_off_the_walls_it_need_not_hug():

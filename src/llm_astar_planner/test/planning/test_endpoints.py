@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning.endpoints import nearest
+from llm_astar_planner.planning.endpoints import nearest_labelled
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 
@@ -109,7 +109,7 @@ def test_nobody_escapes_through_a_wall():
     cells[16] = 100
     walled = planner(cells, robot_radius=0.3)
     plan = walled.plan(PlanRequest((5, 11), (5, 2), start_tolerance=0.6))
-    assert walled.blocked[11:16].all()
+    assert walled.costmap.blocked[11:16].all()
     assert plan.code is ResultCode.START_OCCUPIED
 
 
@@ -179,7 +179,7 @@ def test_nearest_is_the_nearest(data):
     labels = (random.random((height, width)) < data.draw(st.sampled_from([0.002, 0.3]))) * 7
     centre = data.draw(st.tuples(st.integers(-30, 60), st.integers(-30, 60)))
     reach = data.draw(st.integers(0, 3000))
-    found = nearest(labels.astype(np.int32), 7, centre, reach)
+    found = nearest_labelled(labels.astype(np.int32), 7, centre, reach)
     places = np.argwhere(labels == 7)[:, ::-1]
     least = ((places - centre) ** 2).sum(axis=1).min(initial=10**9)
     if least > reach:

@@ -1,4 +1,4 @@
-"""Wishes and the plans they make: honoured through via points, and never at the cost of a plan."""
+"""Instructions and their plans: followed through via points, and never at the cost of a plan."""
 
 import threading
 import time
@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_planner.planning.instruction import plan_with_wish
+from llm_astar_planner.planning.instruction import plan_with_instruction
+from llm_astar_planner.planning.plan_reuse import WaypointCache
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.recall import Recall
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.config import SourceSettings
@@ -23,13 +23,13 @@ CELLS = np.zeros((21, 31), dtype=np.int8)
 CELLS[10, 5:26] = 100
 PLANNER = Planner(GridMap(CELLS, 0.5))
 START, GOAL = (15, 8), (15, 12)
-WISH = 'go round by the east'
+INSTRUCTION = 'go round by the east'
 LIMIT = 60.0  # no plan takes long, but what compiles its search may
 EAST = ((28.0, 8.0), (28.0, 12.0))
 
 
 class Follower:
-    """A source that reads wishes, and answers them as a test tells it to."""
+    """A source that reads instructions, and answers them as a test tells it to."""
 
     name = 'follower'
 
@@ -46,7 +46,7 @@ class Follower:
 
 
 def request(source, **changes):
-    asked = PlanRequest(START, GOAL, source=source, instruction=WISH, time_limit=LIMIT)
+    asked = PlanRequest(START, GOAL, source=source, instruction=INSTRUCTION, time_limit=LIMIT)
     return replace(asked, **changes)
 
 
@@ -58,7 +58,7 @@ def passes(plan, cells):
 
 @pytest.mark.parametrize('method', ['guided', 'llm_astar'])
 @pytest.mark.parametrize('ends', [(), (START, GOAL)])
-def test_a_wish_is_followed_through_its_waypoints_in_order(method, ends):
+def test_an_instruction_is_followed_through_its_waypoints_in_order(method, ends):
     way = (*ends[:1], *EAST, *ends[1:])
     source = Follower(way)
     plan = PLANNER.plan(request(source, method=method))
@@ -68,9 +68,9 @@ def test_a_wish_is_followed_through_its_waypoints_in_order(method, ends):
     assert plan.via == ((28, 8), (28, 12))
     assert passes(plan, [START, *plan.via, GOAL])
     assert (plan.guided_by, plan.source) == ('follower:x', 'follower')
-    assert [point.status.value for point in plan.waypoints] == ['accepted'] * len(way)
-    assert [query.instruction for query in source.queries] == [WISH]
-    # The source gets its part, and a tenth is left for the way of the wish.
+    assert [point.status.value for point in plan.checked_waypoints] == ['accepted'] * len(way)
+    assert [query.instruction for query in source.queries] == [INSTRUCTION]
+    # The source gets its part, and a tenth is left for the way of the instruction.
     assert source.queries[0].time_limit < 0.8 * 0.9 * LIMIT
     direct = PLANNER.plan(request(source, method=method, instruction=''))
     assert direct.expansions < plan.first_expansions <= plan.expansions
@@ -85,38 +85,40 @@ def test_what_cannot_be_passed_is_left_out_and_said():
     assert plan.instruction == f'followed through 2 via points; left out: {left_out}'
 
 
-def test_a_wish_to_go_there_and_back_is_followed_in_order():
+def test_an_instruction_to_go_there_and_back_is_followed_in_order():
     plan = PLANNER.plan(request(Follower([(28.0, 8.0), (20.0, 8.0), (28.0, 12.0)])))
     assert plan.via == ((28, 8), (20, 8), (28, 12))
-    assert [point.status.value for point in plan.waypoints] == ['accepted'] * 3
+    assert [point.status.value for point in plan.checked_waypoints] == ['accepted'] * 3
 
 
 @pytest.mark.parametrize(
     ('way', 'outcome'),
     [
         ([(20.0, 10.0), (20.4, 10.2)], 'not honoured: no waypoint can be passed (2 occupied)'),
-        ([START, GOAL], 'followed by the direct way: no waypoint lies in between'),
+        ([START, GOAL], 'followed by the direct path: no waypoint lies in between'),
     ],
 )
-def test_without_a_point_to_pass_the_direct_way_is_taken(way, outcome):
+def test_without_a_point_to_pass_the_direct_path_is_taken(way, outcome):
     direct = PLANNER.plan(PlanRequest(START, GOAL))
     plan = PLANNER.plan(request(Follower(way)))
     assert plan.instruction == outcome
     assert (plan.length, plan.via) == (direct.length, ())
 
 
-def test_a_wish_that_leads_far_round_is_followed_with_a_warning():
+def test_an_instruction_that_leads_far_round_is_followed_with_a_warning():
     direct = PLANNER.plan(PlanRequest(START, (17, 8)))
     assert direct.length == 2.0
     plan = PLANNER.plan(request(Follower([(1.0, 8.0)]), goal=(17, 8)))
     assert plan.instruction == 'followed through 1 via point'
-    assert plan.warnings == ('the way of the wish is 15.0 times as long as the direct one',)
+    assert plan.warnings == (
+        'the path of the instruction is 15.0 times as long as the direct one',
+    )
     assert PLANNER.plan(request(Follower(EAST))).warnings == ()
 
 
-def test_where_the_way_of_the_wish_fails_the_direct_one_is_taken_and_the_reason_said():
+def test_if_the_path_of_the_instruction_fails_the_direct_one_is_taken_and_the_reason_given():
     def make(asked):
-        plan = PLANNER._answer(asked, no_stop())
+        plan = PLANNER.direct_plan(asked, no_stop())
         if asked.via:
             assert asked.time_limit < LIMIT  # what the direct way left
             return replace(
@@ -124,7 +126,7 @@ def test_where_the_way_of_the_wish_fails_the_direct_one_is_taken_and_the_reason_
             )
         return plan
 
-    plan = plan_with_wish(request(Follower(EAST)), make, PLANNER._judge, no_stop())
+    plan = plan_with_instruction(request(Follower(EAST)), make, PLANNER.costmap, no_stop())
     assert plan.code is ResultCode.NONE
     assert plan.instruction == 'not honoured: no path through its 2 via points: out of time'
     assert PLANNER.path_problem(plan.path, START, GOAL) is None
@@ -139,10 +141,10 @@ def test_where_the_way_of_the_wish_fails_the_direct_one_is_taken_and_the_reason_
         ({'instruction': 'x' * 501}, 'instruction: 501 characters are more than 500'),
         ({'method': 'exact_astar'}, 'method exact_astar asks for no waypoints'),
         ({'via': ((3, 3),)}, 'the request has via points of its own'),
-        ({'goal': START}, 'start and goal are one'),
+        ({'goal': START}, 'start and goal are the same'),
     ],
 )
-def test_a_wish_that_is_not_read_is_ignored_with_the_reason(changes, reason):
+def test_an_instruction_that_is_not_read_is_ignored_with_the_reason(changes, reason):
     asked = request(**{'source': Follower(EAST), **changes})
     plan = PLANNER.plan(asked)
     plain = PLANNER.plan(replace(asked, instruction=''))
@@ -152,19 +154,19 @@ def test_a_wish_that_is_not_read_is_ignored_with_the_reason(changes, reason):
 
 
 @pytest.mark.parametrize('name', sorted(set(SOURCES) - {'endpoint', 'replay'}))
-def test_no_source_ignores_a_wish_silently(name):
+def test_no_source_ignores_an_instruction_silently(name):
     plan = PLANNER.plan(request(make_source(SourceSettings(source=name))))
     assert plan.code is ResultCode.NONE
     assert plan.instruction.startswith('ignored: ')
     assert name in plan.instruction
 
 
-def test_a_wish_that_is_blank_is_none():
+def test_an_instruction_that_is_blank_is_none():
     assert PLANNER.plan(request(Follower(EAST), instruction=' \n\t ')).instruction == ''
 
 
 @pytest.mark.parametrize('at_once', [True, False])
-def test_the_answer_to_a_wish_is_waited_for(at_once):
+def test_the_answer_to_an_instruction_is_waited_for(at_once):
     asked = request(Follower(EAST, delay=0.2), search_while_waiting=at_once)
     assert PLANNER.plan(asked).instruction == 'followed through 2 via points'
 
@@ -196,18 +198,25 @@ def test_no_plan_stays_no_plan_and_says_so():
     assert plan.instruction == 'not honoured: there is no plan at all'
 
 
-def test_a_robot_on_its_way_keeps_to_the_wish_without_asking_again():
-    source, recall = Follower(EAST), Recall(8)
+def test_a_robot_on_its_way_keeps_to_the_instruction_without_asking_again():
+    source, cache = Follower(EAST), WaypointCache()
     asked = request(source)
-    first, _ = recall.plan(PLANNER, asked, 5.0, no_stop())
+
+    def plan_with_cache(planner, asked):
+        generation = cache.generation
+        plan = planner.plan(replace(asked, source=cache.source_for(asked, planner)))
+        cache.remember(asked, plan, planner.grid_map, generation)
+        return plan
+
+    first = plan_with_cache(PLANNER, asked)
     cells = CELLS.copy()
     cells[0, 0] = 100
     changed = Planner(GridMap(cells, 0.5))
     start = tuple(first.path[3].tolist())
-    later, _ = recall.plan(changed, replace(asked, start=start), 5.0, no_stop())
+    later = plan_with_cache(changed, replace(asked, start=start))
     assert len(source.queries) == 1
     assert later.instruction == 'followed through 2 via points'
-    other, _ = recall.plan(changed, replace(asked, instruction='hurry'), 5.0, no_stop())
+    other = plan_with_cache(changed, replace(asked, instruction='hurry'))
     assert len(source.queries) == 2
     assert other.instruction == 'followed through 2 via points'
 
@@ -221,13 +230,13 @@ def test_a_robot_on_its_way_keeps_to_the_wish_without_asking_again():
     st.text(max_size=600),
     st.sampled_from(['guided', 'llm_astar', 'astar']),
 )
-def test_whatever_is_wished_and_answered_there_is_the_plan_there_would_have_been(
-    way, wish, method
-):
-    asked = PlanRequest(START, GOAL, method, Follower(way), instruction=wish)
+def test_whatever_is_instructed_and_answered_there_is_a_valid_plan(way, instruction, method):
+    asked = PlanRequest(START, GOAL, method, Follower(way), instruction=instruction)
     plan = PLANNER.plan(asked)
     assert plan.code is ResultCode.NONE
     assert PLANNER.path_problem(plan.path, START, GOAL) is None
     assert plan.source_status in (SourceStatus.OK, SourceStatus.NONE)
-    assert bool(plan.instruction) == bool(''.join(c for c in wish if c.isprintable()).strip())
+    assert bool(plan.instruction) == bool(
+        ''.join(c for c in instruction if c.isprintable()).strip()
+    )
     assert passes(plan, plan.via)

@@ -10,7 +10,7 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import endpoints as ends
 from llm_astar_planner.planning import planner as planner_module
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.segment import Leg
+from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.any_angle import AnyAnglePath
 from llm_astar_planner.search.astar import exact_astar
@@ -64,38 +64,39 @@ def test_an_inflation_without_anything_is_caught(monkeypatch):
 
 @pytest.mark.parametrize('method', METHODS)
 def test_a_search_that_goes_through_walls_is_caught(monkeypatch, method):
-    def blind(leg, watcher=None):
-        request, free = leg.request, np.zeros_like(leg.costmap.blocked)
-        return exact_astar(free, request.start, request.goal)
+    def blind(segment):
+        request, free = segment.request, np.zeros_like(segment.costmap.blocked)
+        segment.result = exact_astar(free, request.start, request.goal)
+        return []
 
-    monkeypatch.setattr(Leg, 'search', blind)
+    monkeypatch.setattr(SegmentPlanner, 'search', blind)
     assert withheld(planner().plan(PlanRequest((10, 20), (30, 20), method)), 'hits an obstacle')
 
 
 def test_a_search_that_skips_a_via_cell_is_caught(monkeypatch):
-    real = Leg.search
+    real = SegmentPlanner.search
 
-    def skipping(leg, watcher=None):
-        via = leg.request.via
-        result = real(leg, watcher)
-        inside = [tuple(cell) not in via for cell in result.path.tolist()]
-        result.path[~np.array(inside)] += 1
-        return result
+    def skipping(segment):
+        via = segment.request.via
+        yield from real(segment)
+        inside = [tuple(cell) not in via for cell in segment.result.path.tolist()]
+        segment.result.path[~np.array(inside)] += 1
 
-    monkeypatch.setattr(Leg, 'search', skipping)
+    monkeypatch.setattr(SegmentPlanner, 'search', skipping)
     plan = planner(CostmapConfig()).plan(PlanRequest((2, 2), (18, 2), via=((10, 4),)))
     assert withheld(plan, '')
     monkeypatch.undo()
 
-    def elsewhere(leg, watcher=None):
+    def elsewhere(segment):
         """Go by another cell than the one asked for, but without a break."""
-        request, grid = leg.request, leg.costmap.blocked
+        request, grid = segment.request, segment.costmap.blocked
         ends = [
             (cell[0], 6) if cell == (10, 4) else cell for cell in (request.start, request.goal)
         ]
-        return exact_astar(grid, *ends)
+        segment.result = exact_astar(grid, *ends)
+        return []
 
-    monkeypatch.setattr(Leg, 'search', elsewhere)
+    monkeypatch.setattr(SegmentPlanner, 'search', elsewhere)
     plan = planner(CostmapConfig()).plan(PlanRequest((2, 2), (18, 2), via=((10, 4),)))
     assert withheld(plan, 'does not pass via 1 (10, 4)')
 

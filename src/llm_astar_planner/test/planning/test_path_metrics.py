@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning.path_metrics import turns, unknown_length
+from llm_astar_planner.planning.path_metrics import count_turns, unknown_length
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 
@@ -24,7 +24,7 @@ def cells(*points):
     ],
 )
 def test_turns_are_changes_of_direction(path, count):
-    assert turns(path) == count
+    assert count_turns(path) == count
 
 
 def test_a_move_lies_half_in_each_of_its_cells():

@@ -9,8 +9,8 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 from llm_astar_planner.planning.path_validator import (
-    legs_problem,
     path_problem,
+    segments_problem,
     shift_problem,
     via_problem,
 )
@@ -87,6 +87,6 @@ def meets(begin, end, blocked, corner_cutting):
 )
 def test_legs_are_stopped_by_the_cells_and_corners_they_meet(seed, points, corner_cutting):
     blocked = np.random.default_rng(seed).random((7, 9)) < 0.08
-    problem = legs_problem(np.array(points), blocked, corner_cutting=corner_cutting)
+    problem = segments_problem(np.array(points), blocked, corner_cutting=corner_cutting)
     met = any(meets(*leg, blocked, corner_cutting) for leg in pairwise(points))
     assert (problem is not None) == met

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning import plan_reuse as standing
-from llm_astar_planner.planning.plan_reuse import standing_problem
+from llm_astar_planner.planning import plan_reuse
+from llm_astar_planner.planning.plan_reuse import WaypointCache, reuse_problem
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.recall import Recall
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 
 WALL = np.zeros((30, 40), dtype=np.int8)
@@ -52,12 +50,12 @@ def plan():
 
 
 def test_a_path_stands_on_a_map_that_changed_elsewhere(plan):
-    assert standing_problem(plan, BEFORE.grid_map, changed((2, 28))) is None
+    assert reuse_problem(plan, BEFORE.grid_map, changed((2, 28))) is None
 
 
 def test_a_path_that_the_new_map_blocks_does_not_stand(plan):
     blocked = tuple(plan.path[len(plan.path) // 2].tolist())
-    problem = standing_problem(plan, BEFORE.grid_map, changed(blocked))
+    problem = reuse_problem(plan, BEFORE.grid_map, changed(blocked))
     assert 'obstacle' in problem
     assert str(blocked) in problem
 
@@ -71,13 +69,13 @@ def test_a_shortened_path_is_broken_where_it_leaves_its_cells_too():
     )
     after = before.grid_map.cells.copy()
     after[aside[1], aside[0]] = 100
-    problem = standing_problem(plan, before.grid_map, Planner(GridMap(after)))
+    problem = reuse_problem(plan, before.grid_map, Planner(GridMap(after)))
     assert str(tuple(aside)) in problem
 
 
 def test_rules_that_changed_may_break_a_path_too(plan):
     wide = Planner(BEFORE.grid_map, CostmapConfig(robot_radius=2.0))
-    assert standing_problem(plan, BEFORE.grid_map, wide) is not None
+    assert reuse_problem(plan, BEFORE.grid_map, wide) is not None
 
 
 @pytest.mark.parametrize(
@@ -90,24 +88,30 @@ def test_rules_that_changed_may_break_a_path_too(plan):
     ],
 )
 def test_a_path_does_not_stand_on_a_map_that_lies_elsewhere(plan, other):
-    assert 'another' in standing_problem(plan, BEFORE.grid_map, Planner(other))
+    assert 'another' in reuse_problem(plan, BEFORE.grid_map, Planner(other))
 
 
 def asked(source, *steps):
-    """Plan step by step with one memory; return how often the source was asked after each."""
-    recall, counts, plans = Recall(8), [], []
+    """Plan step by step with one cache; return how often the source was asked after each."""
+    cache, counts, plans = WaypointCache(), [], []
     for planner, changes in steps:
-        request = replace(REQUEST, source=source, **changes)
-        plan, _ = recall.plan(planner, request, 60.0, no_stop())
+        plans.append(plan_with(cache, planner, replace(REQUEST, source=source, **changes)))
         counts.append(source.asked)
-        plans.append(plan)
     return counts, plans
+
+
+def plan_with(cache, planner, request):
+    """Plan as the node's request handler does."""
+    generation = cache.generation
+    plan = planner.plan(replace(request, source=cache.source_for(request, planner)))
+    cache.remember(request, plan, planner.grid_map, generation)
+    return plan
 
 
 def test_waypoints_that_hold_on_a_changed_map_are_not_asked_for_again():
     counts, plans = asked(Source(*CORNER), (BEFORE, {}), (changed((2, 28)), {}))
     assert counts == [1, 1]
-    assert [point.status.value for point in plans[1].waypoints] == ['accepted', 'accepted']
+    assert [point.status.value for point in plans[1].checked_waypoints] == ['accepted', 'accepted']
     assert plans[1].reply.label == 'counting'
     assert BEFORE.grid_map.digest in plans[1].reply.detail
     reply = plans[1].reply
@@ -141,7 +145,7 @@ def test_a_robot_on_its_way_keeps_the_waypoints_that_are_still_ahead():
     on_the_way = {'start': (12, 15)}
     counts, plans = asked(source, (BEFORE, {}), (BEFORE, on_the_way))
     assert counts == [1, 1]
-    assert [(point.x, point.y) for point in plans[1].waypoints] == list(CORNER)
+    assert [(point.x, point.y) for point in plans[1].checked_waypoints] == list(CORNER)
 
 
 def test_a_waypoint_the_robot_stands_at_is_passed():
@@ -150,7 +154,7 @@ def test_a_waypoint_the_robot_stands_at_is_passed():
     at_the_first = {'start': tuple(plan.path[distances.argmin()].tolist())}
     counts, plans = asked(Source(*CORNER), (BEFORE, {}), (BEFORE, at_the_first))
     assert counts == [1, 1]
-    assert [(point.x, point.y) for point in plans[1].waypoints] == [CORNER[1]]
+    assert [(point.x, point.y) for point in plans[1].checked_waypoints] == [CORNER[1]]
 
 
 def test_waypoints_of_a_map_that_lay_elsewhere_are_asked_for_again():
@@ -166,7 +170,7 @@ def test_a_robot_driven_off_the_map_is_told_so():
 
 
 def test_the_goals_that_are_kept_are_bounded(monkeypatch):
-    monkeypatch.setattr(standing, 'KEPT_GOALS', 1)
+    monkeypatch.setattr(plan_reuse, 'CACHED_GOALS', 1)
     other, source = {'goal': (34, 6)}, Source(*CORNER)
     counts, _ = asked(source, (BEFORE, {}), (BEFORE, other), (changed((2, 28)), {}))
     assert counts == [1, 2, 3]
@@ -176,35 +180,27 @@ def test_a_robot_that_has_passed_them_all_asks_for_no_more():
     near = {'start': (34, 7)}
     counts, plans = asked(Source(*CORNER), (BEFORE, {}), (BEFORE, near), (changed((2, 28)), near))
     assert counts == [1, 1, 1]
-    assert [(plan.code, plan.waypoints) for plan in plans[1:]] == [(0, ())] * 2
+    assert [(plan.code, plan.checked_waypoints) for plan in plans[1:]] == [(0, ())] * 2
 
 
-def test_waypoints_that_were_under_way_when_all_was_forgotten_are_asked_for_again():
-    recall, source = Recall(8), Source(*CORNER)
+def test_waypoints_asked_for_before_the_cache_was_cleared_are_asked_for_again():
+    cache, source = WaypointCache(), Source(*CORNER)
     answer = source.waypoints
 
     def answer_at_last(query):
-        recall.forget()
+        cache.clear()
         return answer(query)
 
     source.waypoints = answer_at_last
     for planner in (BEFORE, changed((2, 28))):
-        recall.plan(planner, replace(REQUEST, source=source), 60.0, no_stop())
+        plan_with(cache, planner, replace(REQUEST, source=source))
     assert source.asked == 2
 
 
-def test_what_was_kept_is_lost_where_nothing_is_to_be_kept():
-    recall, source = Recall(8), Source(*CORNER)
+def test_a_cleared_cache_asks_again():
+    cache, source = WaypointCache(), Source(*CORNER)
     request = replace(REQUEST, source=source)
-    recall.plan(BEFORE, request, 60.0, no_stop())
-    recall.resize(0)
-    recall.resize(8)
-    recall.plan(changed((2, 28)), request, 60.0, no_stop())
-    assert source.asked == 2
-
-
-def test_a_memory_of_nothing_asks_each_time():
-    recall, source = Recall(0), Source(*CORNER)
-    for planner in (BEFORE, changed((2, 28))):
-        recall.plan(planner, replace(REQUEST, source=source), 60.0, no_stop())
+    plan_with(cache, BEFORE, request)
+    cache.clear()
+    plan_with(cache, changed((2, 28)), request)
     assert source.asked == 2

@@ -56,13 +56,13 @@ def test_cells_may_be_whole_numbers_of_any_kind(kind):
 
 
 @pytest.mark.parametrize('cell', [(1.0, 2), (1, 2, 3), 'ab', None, 7])
-def test_what_is_no_cell_is_refused_by_name(cell):
+def test_a_field_that_is_not_a_cell_is_named(cell):
     for name, make in {
         'start': lambda: PlanRequest(cell, GOAL),
         'goal': lambda: PlanRequest(START, cell),
         'via': lambda: PlanRequest(START, GOAL, via=(cell,)),
     }.items():
-        with pytest.raises(ValueError, match=f'{name}: .* is no cell'):
+        with pytest.raises(ValueError, match=f'{name}: .* is not a cell'):
             make()
 
 
@@ -75,7 +75,7 @@ def test_a_plan_tells_its_path_its_work_and_what_guided_it():
     assert plan.length == pytest.approx(np.hypot(*np.diff(plan.path, axis=0).T).sum())
     assert plan.guided_by == 'test:model'
     assert (plan.source, plan.source_status) == ('test', SourceStatus.OK)
-    verdicts = [point.status.value for point in plan.waypoints]
+    verdicts = [point.status.value for point in plan.checked_waypoints]
     assert verdicts == ['accepted', 'out_of_bounds', 'occupied']
     # Stale entries are popped and counted too, as in the published code.
     assert plan.expansions >= plan.expanded.sum() > 0
@@ -87,9 +87,9 @@ def test_a_plan_tells_its_path_its_work_and_what_guided_it():
 def test_a_waypoint_that_the_robots_body_cannot_take_is_occupied():
     beside_a_barrier = Source([(8, 6)])
     request = PlanRequest(START, GOAL, 'llm_astar', beside_a_barrier)
-    assert PLANNER.plan(request).waypoints[0].status is WaypointStatus.ACCEPTED
+    assert PLANNER.plan(request).checked_waypoints[0].status is WaypointStatus.ACCEPTED
     planner = Planner(MAP.to_grid(), CostmapConfig(robot_radius=1.0), MAP)
-    assert planner.plan(request).waypoints[0].status is WaypointStatus.OCCUPIED
+    assert planner.plan(request).checked_waypoints[0].status is WaypointStatus.OCCUPIED
 
 
 def test_a_plan_whose_waypoints_all_fell_is_guided_by_none():

@@ -1,4 +1,4 @@
-"""The facade over the guided search: bounds told, waypoints that come late, improvements."""
+"""The planner with guided search: bounds, late waypoints, better plans on the way."""
 
 import threading
 import time
@@ -8,8 +8,8 @@ import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning import segment as leg
-from llm_astar_planner.planning.path_validator import legs_problem, path_problem
+from llm_astar_planner.planning import segment
+from llm_astar_planner.planning.path_validator import path_problem, segments_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.landmarks import LandmarkManager
@@ -102,13 +102,13 @@ def test_the_search_does_not_wait_for_waypoints_it_does_not_need():
     assert source.asked.is_set()
     assert plan.code is ResultCode.NONE
     assert plan.source_status is SourceStatus.LATE
-    assert (plan.guided_by, plan.waypoints) == ('none', ())
+    assert (plan.guided_by, plan.checked_waypoints) == ('none', ())
     assert 'before test answered' in plan.message
     source.let.set()
 
 
 def test_a_source_that_answers_at_once_leads_a_search_that_does_not_wait(monkeypatch):
-    monkeypatch.setattr(leg, 'HEAD_START', 20.0)  # of a busy machine
+    monkeypatch.setattr(segment, 'HEAD_START', 20.0)  # of a busy machine
     plan = PLANNER.plan(PlanRequest(START, GOAL, source=Source(AROUND), search_while_waiting=True))
     assert (plan.source_status, plan.guided_by) == (SourceStatus.OK, 'test:model')
 
@@ -116,7 +116,8 @@ def test_a_source_that_answers_at_once_leads_a_search_that_does_not_wait(monkeyp
 def test_a_search_that_is_canceled_draws_no_picture():
     planner, stop = Planner(maze(60), CostmapConfig(corner_cutting=True)), no_stop()
     asked = PlanRequest((1, 1), (58, 58), max_suboptimality=1.0, source=Source([(1, 58), (58, 1)]))
-    plan = planner.plan(asked, stop, on_improvement=lambda _: stop.fill(1))
+    for plan in planner.plans(asked, stop):  # noqa: B007 - the last one counts
+        stop.fill(1)
     assert plan.code is ResultCode.NONE
     assert not plan.expanded.any()
     assert planner.plan(asked).expanded.any()
@@ -139,13 +140,14 @@ def test_a_failure_to_answer_is_told_while_the_search_goes_on():
     assert 'secret' not in begin.message
 
 
-def test_improvements_come_as_they_are_found_and_only_get_better():
+def test_better_plans_come_as_they_are_found_and_only_get_better():
     planner = Planner(maze(60), CostmapConfig(corner_cutting=True))
-    seen = []
-    plan = planner.plan(
-        PlanRequest((1, 1), (58, 58), source=Source([(1, 58), (58, 1)]), max_suboptimality=1.0),
-        on_improvement=seen.append,
+    request = PlanRequest(
+        (1, 1), (58, 58), source=Source([(1, 58), (58, 1)]), max_suboptimality=1.0
     )
+    *seen, plan = planner.plans(request)
+    assert plan.is_final
+    assert not any(better.is_final for better in seen)
     assert plan.code is ResultCode.NONE
     costs = [better.cost for better in seen]
     assert costs
@@ -161,10 +163,6 @@ def test_improvements_come_as_they_are_found_and_only_get_better():
 def test_a_cancelled_search_keeps_the_path_it_had():
     """Cancelled at its first path, it answers with that one instead of proving on."""
     stop = no_stop()
-
-    def cancel(better):
-        stop[0] = 1
-
     cells = np.zeros((400, 400), dtype=np.int8)
     cells[30:380, 200] = 100
     planner = Planner(GridMap(cells))
@@ -173,7 +171,8 @@ def test_a_cancelled_search_keeps_the_path_it_had():
     )
     full = planner.plan(request)
     assert full.expansions > full.first_expansions
-    plan = planner.plan(request, stop, cancel)
+    for plan in planner.plans(request, stop):  # noqa: B007 - the last one counts
+        stop[0] = 1
     assert plan.code is ResultCode.NONE
     assert plan.expansions < full.expansions
     assert plan.suboptimality_bound > 1.0
@@ -198,18 +197,18 @@ def test_the_any_angle_path_is_shorter_and_free():
     assert shortened.length < plan.length
     assert shortened.points[0].tolist() == list(START)
     assert shortened.points[-1].tolist() == list(GOAL)
-    assert legs_problem(shortened.points, PLANNER.costmap.blocked, corner_cutting=True) is None
+    assert segments_problem(shortened.points, PLANNER.costmap.blocked, corner_cutting=True) is None
 
 
 def test_landmarks_are_carried_from_map_to_map_while_cells_only_become_blocked():
     keeper = LandmarkManager()
-    first = Planner(GridMap(np.zeros((50, 50), dtype=np.int8)), keeper=keeper).prepare()
-    held = keeper.current(first.grid_graph)
+    first = Planner(GridMap(np.zeros((50, 50), dtype=np.int8)), landmarks=keeper).prepare()
+    held = keeper.current(first.costmap.grid_graph)
     cells = np.zeros((50, 50), dtype=np.int8)
     cells[5:45, 25] = 100
     second = Planner(GridMap(cells), landmarks=keeper).prepare(wait=False)
-    assert keeper.current(second.grid_graph) is held
-    third = Planner(GridMap(np.zeros((50, 50), dtype=np.int8)), keeper=keeper).prepare()
+    assert keeper.current(second.costmap.grid_graph) is held
+    third = Planner(GridMap(np.zeros((50, 50), dtype=np.int8)), landmarks=keeper).prepare()
     plan = third.plan(PlanRequest((2, 2), (47, 30), max_suboptimality=1.0))
     assert plan.suboptimality_bound == 1.0
     keeper.close()
@@ -234,5 +233,5 @@ LEGS[4, 4] = True
     ],
 )
 def test_legs_at_any_angle_are_checked_cell_by_cell(points, corner_cutting, problem):
-    found = legs_problem(np.array(points, dtype=np.int32), LEGS, corner_cutting=corner_cutting)
+    found = segments_problem(np.array(points, dtype=np.int32), LEGS, corner_cutting=corner_cutting)
     assert found is None if problem is None else problem in found

@@ -10,7 +10,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.path_validator import via_problem
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.segment import Leg
+from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.paper import METHODS
 from llm_astar_planner.search.stop import no_stop
@@ -58,7 +58,7 @@ def test_a_via_cell_may_be_an_end_or_the_one_before(method):
 
 def test_the_via_cells_stand_in_for_a_source():
     plan = PLANNER.plan(PlanRequest(START, GOAL, source=FixedReply('[[20, 20]]'), via=VIA))
-    assert (plan.guided_by, plan.waypoints) == ('none', ())
+    assert (plan.guided_by, plan.checked_waypoints) == ('none', ())
 
 
 def test_an_any_angle_path_still_turns_at_its_via_cells():
@@ -71,13 +71,13 @@ def test_an_any_angle_path_still_turns_at_its_via_cells():
 def test_each_leg_has_its_share_of_one_deadline(monkeypatch):
     """The first leg, however much it could prove, leaves the others their time."""
     deadlines = []
-    search = Leg.search
+    search = SegmentPlanner.search
 
-    def noted(leg, watcher=None):
-        deadlines.append(leg.deadline)
-        return search(leg, watcher)
+    def noted(segment):
+        deadlines.append(segment.deadline)
+        return search(segment)
 
-    monkeypatch.setattr(Leg, 'search', noted)
+    monkeypatch.setattr(SegmentPlanner, 'search', noted)
     begin = time.monotonic()
     PLANNER.plan(PlanRequest(START, GOAL, via=VIA, time_limit=1000.0))
     shares = np.array(deadlines) - begin

@@ -9,7 +9,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.waypoint_filter import (
     CheckedWaypoint,
     WaypointStatus,
-    judge,
+    check_waypoints,
     mark_out_of_order,
     snap,
     target_list,
@@ -23,13 +23,13 @@ COMPONENTS[:, 6] = 0
 COMPONENTS[:, 7:] = 2
 
 
-def verdicts(*waypoints):
-    judged = judge(waypoints, BLOCKED, COMPONENTS, start=(2, 2))
-    return [point.status.value for point in judged]
+def statuses(*waypoints):
+    checked = check_waypoints(waypoints, BLOCKED, COMPONENTS, start=(2, 2))
+    return [point.status.value for point in checked]
 
 
-def test_each_waypoint_gets_its_verdict():
-    assert verdicts((3, 3), (6, 4), (8, 4), (40, 4), (3, -2)) == [
+def test_each_waypoint_gets_its_status():
+    assert statuses((3, 3), (6, 4), (8, 4), (40, 4), (3, -2)) == [
         'accepted',
         'occupied',
         'unreachable',
@@ -39,13 +39,13 @@ def test_each_waypoint_gets_its_verdict():
 
 
 def test_the_published_filter_keeps_two_lines_off_the_edge():
-    assert verdicts((1, 5), (2, 5), (9, 5), (10, 5)) == [
+    assert statuses((1, 5), (2, 5), (9, 5), (10, 5)) == [
         'out_of_bounds',
         'accepted',
         'unreachable',
         'out_of_bounds',
     ]
-    assert verdicts((3, 1), (3, 2), (3, 7), (3, 8)) == [
+    assert statuses((3, 1), (3, 2), (3, 7), (3, 8)) == [
         'out_of_bounds',
         'accepted',
         'accepted',
@@ -54,12 +54,12 @@ def test_the_published_filter_keeps_two_lines_off_the_edge():
 
 
 def test_a_point_between_lattice_points_lies_on_no_cell():
-    assert verdicts((6.25, 4)) == ['accepted']
+    assert statuses((6.25, 4)) == ['accepted']
 
 
 @given(st.lists(st.tuples(st.floats(), st.floats())))
-def test_any_numbers_are_judged(waypoints):
-    assert len(verdicts(*waypoints)) == len(waypoints)
+def test_any_numbers_are_checked(waypoints):
+    assert len(statuses(*waypoints)) == len(waypoints)
 
 
 def test_the_last_cell_of_a_known_barrier_passes_as_in_the_published_code():
@@ -70,8 +70,8 @@ def test_the_last_cell_of_a_known_barrier_passes_as_in_the_published_code():
     assert Costmap(barrier_map.to_grid()).rejected_cells[5, 7]
 
 
-def judged(*waypoints):
-    return [CheckedWaypoint(x, y, WaypointStatus(verdict)) for x, y, verdict in waypoints]
+def checked(*waypoints):
+    return [CheckedWaypoint(x, y, WaypointStatus(status)) for x, y, status in waypoints]
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def judged(*waypoints):
     ],
 )
 def test_the_target_list_has_start_and_goal_and_what_can_be_stood_on(waypoints, expected):
-    assert target_list(judged(*waypoints), (1, 1), (9, 9)) == expected
+    assert target_list(checked(*waypoints), (1, 1), (9, 9)) == expected
 
 
 def test_start_equal_to_goal_is_one_target():
@@ -98,14 +98,14 @@ PATH = np.array([[x, 5] for x in range(10)], dtype=np.int32)
 
 def test_waypoints_the_path_passes_in_another_order_are_marked():
     places = [(2, 4), (7, 6), (4, 5), (5, 5)]
-    points = judged(*((x, y, 'accepted') for x, y in places))
+    points = checked(*((x, y, 'accepted') for x, y in places))
     marked = [point.status.value for point in mark_out_of_order(points, PATH)]
     assert marked == ['accepted', 'out_of_order', 'accepted', 'accepted']
 
 
 def test_of_every_list_as_few_are_marked_as_can_be():
     for places in product(range(1, 5), repeat=5):
-        marked = mark_out_of_order(judged(*((x, 5, 'accepted') for x in places)), PATH)
+        marked = mark_out_of_order(checked(*((x, 5, 'accepted') for x in places)), PATH)
         kept = [point.x for point in marked if point.status.value == 'accepted']
         longest = max(
             length
@@ -118,12 +118,12 @@ def test_of_every_list_as_few_are_marked_as_can_be():
 
 
 def test_only_accepted_waypoints_can_be_out_of_order():
-    points = judged((7, 5, 'accepted'), (1, 5, 'occupied'), (8, 5, 'accepted'))
+    points = checked((7, 5, 'accepted'), (1, 5, 'occupied'), (8, 5, 'accepted'))
     assert mark_out_of_order(points, PATH) == tuple(points)
 
 
 def test_without_a_path_there_is_no_order():
-    points = judged((7, 5, 'accepted'), (1, 5, 'accepted'))
+    points = checked((7, 5, 'accepted'), (1, 5, 'accepted'))
     assert mark_out_of_order(points, PATH[:0]) == tuple(points)
 
 

@@ -153,7 +153,7 @@ def draw_median_sample(
         # The animation replays the paper's rules, which do not hold on a grid.
         return pictures
     waypoints = [(int(x), int(y)) for x, y in parse_points(row.waypoints)]
-    targets = target_list(plans[1].waypoints, *endpoints)[1:]
+    targets = target_list(plans[1].checked_waypoints, *endpoints)[1:]
     blocked = grid_map.blocked()
     plain, guided = trace(blocked, *endpoints), trace(blocked, *endpoints, targets)
     path = folder / 'search.gif'

@@ -273,7 +273,7 @@ def plan_columns(plan: Plan) -> dict[str, Any]:
         'storage': float(plan.storage),
         'seconds_search': plan.seconds_search,
         'guided_by': plan.guided_by,
-        'verdicts': ';'.join(point.status.value for point in plan.waypoints),
+        'verdicts': ';'.join(point.status.value for point in plan.checked_waypoints),
         'path': format_points(turning_points(plan.path)),
         'ratio': plan.suboptimality_bound,
     }

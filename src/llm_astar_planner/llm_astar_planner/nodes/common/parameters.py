@@ -47,7 +47,7 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
 
 
 class Parameters:
-    """The declared parameters of a node, as plain values."""
+    """The declared parameters of a node, as plain values; `current` is a snapshot of all."""
 
     def __init__(self, node: Node, table: str, check: Check | None = None) -> None:
         """Declare the parameters that NODES lists under `table`, and its deprecated ones.
@@ -67,7 +67,9 @@ class Parameters:
         problem = self._problem(self.values())
         if problem:
             raise ParameterError(problem)
+        self.current = self.values()
         node.add_on_set_parameters_callback(self._on_set)
+        node.add_post_set_parameters_callback(self._on_changed)
 
     def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - of the parameter's type
         """Return a parameter's current value."""
@@ -76,6 +78,10 @@ class Parameters:
     def values(self) -> dict[str, Any]:
         """Return every parameter's current value by name, without the deprecated ones."""
         return {name: self[name] for name in self._table}
+
+    def _on_changed(self, _: list[Any]) -> None:
+        """Take a new snapshot; `current` is never changed in place."""
+        self.current = self.values()
 
     def _declare(self, given: dict[str, Any]) -> None:
         defaults = {name: parameter.default for name, parameter in self._table.items()}

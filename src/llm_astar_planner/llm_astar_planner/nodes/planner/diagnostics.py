@@ -1,4 +1,4 @@
-"""The state of the planner for /diagnostics."""
+"""The state of the planner on /diagnostics."""
 
 from __future__ import annotations
 
@@ -7,59 +7,61 @@ from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from llm_astar_msgs_adapter.messages.diagnostics import PlanReport, status_to_message
+from llm_astar_msgs_adapter.messages.diagnostics import status_to_message
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE
+from llm_astar_planner.planning.types import Plan, ResultCode, finite_or_none
 
-PERIOD = 1.0
+PERIOD_S = 1.0
 
 
 class PlanStatistics:
-    """Counts what became of the questions, and keeps the last report."""
+    """Counts what became of the requests, and keeps the last plan's figures."""
 
     def __init__(self) -> None:
-        """Nothing was asked yet."""
+        """Start at zero."""
         self._lock = threading.Lock()
-        self.last: PlanReport | None = None
-        self.asked = self.planned = self.certified = 0
+        self._last: Plan | None = None
+        self._asked = self._made = self._certified = 0
 
-    def count(self, report: PlanReport) -> None:
-        """Count a report; a plan is certified where a bound on its cost is proven."""
+    def count(self, plan: Plan) -> None:
+        """Count a plan; it is certified if a bound on its cost is proven."""
+        is_made = plan.code is ResultCode.NONE
         with self._lock:
-            self.last = report
-            self.asked += 1
-            self.planned += report.code == 0
-            self.certified += report.code == 0 and report.ratio is not None
+            self._last = plan
+            self._asked += 1
+            self._made += is_made
+            self._certified += is_made and finite_or_none(plan.suboptimality_bound) is not None
 
     def values(self) -> dict[str, Any]:
-        """Return the figures by name; `certified_ratio` is of the plans made, None before any."""
+        """Return the figures by name; `certified_ratio` is of the plans made, None without any."""
         with self._lock:
-            last = self.last
+            last = self._last.to_dict() if self._last else {}
             return {
-                'plans_asked': self.asked,
-                'plans_made': self.planned,
-                'certified_ratio': self.certified / self.planned if self.planned else None,
-                'last_code': last.code_name if last else None,
-                'last_guided_by': last.guided_by if last else None,
-                'last_ratio': last.ratio if last else None,
-                'last_source_status': last.source_status if last else None,
-                'last_source_detail': last.source_detail if last else None,
+                'plans_asked': self._asked,
+                'plans_made': self._made,
+                'certified_ratio': self._certified / self._made if self._made else None,
+                'last_code': last.get('code_name'),
+                'last_guided_by': last.get('guided_by'),
+                'last_ratio': last.get('ratio'),
+                'last_source_status': last.get('source_status'),
+                'last_source_detail': last.get('source_detail'),
             }
 
 
-class Health:
-    """Publishes the state at 1 Hz, and whenever it is told to."""
+class DiagnosticsPublisher:
+    """Publishes the state at 1 Hz, and on request."""
 
     def __init__(
         self, entities: Entities, state: Callable[[], tuple[bool, str, dict[str, Any]]]
     ) -> None:
-        """Begin; `state` returns whether all is well, a sentence, and values by name."""
+        """Start; `state` returns whether all is well, a sentence, and values by name."""
         self._node = entities.node
         self._state = state
         self._publisher = entities.publisher(DiagnosticArray, '/diagnostics', RELIABLE)
-        entities.timer(PERIOD, self.publish, MutuallyExclusiveCallbackGroup())
+        entities.timer(PERIOD_S, self.publish, MutuallyExclusiveCallbackGroup())
 
     def publish(self) -> None:
         """Publish the state now."""

@@ -1,7 +1,6 @@
-"""Nav2's planner interface: its two path actions and `is_path_valid`, where nav2_msgs is there.
+"""Nav2's planner interface: its two path actions and `is_path_valid`, if nav2_msgs is installed.
 
-The translation takes and gives anything with the messages' fields, so that it can be tested
-without them.
+The conversions work on any object with the messages' fields, so they are tested without nav2_msgs.
 """
 
 from __future__ import annotations
@@ -9,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from builtin_interfaces.msg import Duration
@@ -23,8 +22,8 @@ from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.nodes.planner.preemption import CancellationToken, PreemptingGoalSlot
 from llm_astar_planner.nodes.planner.request_conversion import PlanGoal
-from llm_astar_planner.nodes.planner.request_handler import Answer, RequestHandler
-from llm_astar_planner.planning.path_check import invalid_poses, nearest_pose
+from llm_astar_planner.nodes.planner.request_handler import PlanResponse
+from llm_astar_planner.planning.path_validator import invalid_poses, nearest_pose
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import ResultCode
 
@@ -36,123 +35,144 @@ except ImportError:
 else:
     HAS_NAV2 = True
 
-# A result of a thousand poses is no small thing: kept as long as Nav2's own planner keeps it.
+# Seconds that a result is kept, as long as Nav2's planner_server keeps it: it may be large.
 RESULT_SECONDS = 10
 CANCELED = 'the caller canceled'
-# Seconds to wait for rclpy to note a cancel of which it has told.
-NOTING_SECONDS = 1.0
+# Seconds to wait until rclpy's goal handle knows of a cancel that was announced.
+CANCEL_SECONDS = 1.0
 
 
-def question_of(goal: Any) -> PlanGoal:  # noqa: ANN401 - a goal of either action
-    """Return the question of a goal: `goal`, or `goals`, since Kilted within a nav_msgs/Goals."""
+class GoalAnswerer(Protocol):
+    """Answers goals, as the planner node does."""
+
+    @property
+    def is_active(self) -> bool:
+        """Whether goals are answered."""
+
+    def answer_goal(
+        self,
+        goal: PlanGoal,
+        token: CancellationToken | None = None,
+        on_better: Callable[[], None] | None = None,
+    ) -> PlanResponse:
+        """Plan and publish; never raises."""
+
+
+def plan_goal(goal: Any) -> PlanGoal:  # noqa: ANN401 - a goal of either action
+    """Convert an action's goal: `goal`, or `goals`, which since Kilted is a nav_msgs/Goals."""
     goals = getattr(goal, 'goals', None)
     poses = [goal.goal] if goals is None else getattr(goals, 'goals', goals)
     start = goal.start if goal.use_start else None
     return PlanGoal(tuple(poses), start, planner_id=goal.planner_id)
 
 
-def fill_result(result: Any, question: PlanGoal, answer: Answer) -> Any:  # noqa: ANN401 - of either action
-    """Write an answer into a result, in the action's own numbers.
+def fill_result(result: Any, response: PlanResponse) -> Any:  # noqa: ANN401 - of either action
+    """Write a response into an action's result, in the action's own numbers.
 
-    The two actions count from 200 and from 300, and the second has a code for no poses at all.
-    `error_msg` came in the course of Jazzy.
+    The two actions count from 200 and from 300, and the second has a code for an empty list of
+    poses. `error_msg` was added in the course of Jazzy.
     """
-    name = answer.code.name if question.goals else 'NO_VIAPOINTS_GIVEN'
-    whole = int(answer.seconds)
-    result.path = answer.path
-    result.planning_time = Duration(sec=whole, nanosec=int((answer.seconds - whole) * 1e9))
+    plan = response.plan
+    name = plan.code.name if response.goal.goals else 'NO_VIAPOINTS_GIVEN'
+    whole = int(response.seconds)
+    result.path = response.path
+    result.planning_time = Duration(sec=whole, nanosec=int((response.seconds - whole) * 1e9))
     result.error_code = int(getattr(type(result), name))
     if hasattr(result, 'error_msg'):
-        result.error_msg = '' if answer.code is ResultCode.NONE else answer.message
+        result.error_msg = '' if plan.code is ResultCode.NONE else plan.message
     return result
 
 
 class PathAction:
-    """One action server: plans for its newest goal, and gives up the one before."""
+    """One action server; a new goal preempts the previous one."""
 
     def __init__(
         self,
         entities: Entities,
         kind: Any,  # noqa: ANN401 - an action type
         name: str,
-        answering: RequestHandler,
+        answerer: GoalAnswerer,
     ) -> None:
         """Serve the action."""
         self._kind = kind
-        self._answering = answering
-        self._newest = PreemptingGoalSlot()
-        self._cancels: dict[bytes, CancellationToken] = {}
+        self._answerer = answerer
+        self._slot = PreemptingGoalSlot()
+        self._tokens: dict[bytes, CancellationToken] = {}
         server = ActionServer(
             entities.node,
             kind,
             name,
-            self._execute,
+            self.execute,
             callback_group=ReentrantCallbackGroup(),
-            goal_callback=self._on_request,
-            handle_accepted_callback=self._on_accepted,
-            cancel_callback=self._on_cancel,
+            goal_callback=self.on_goal,
+            handle_accepted_callback=self.on_accepted,
+            cancel_callback=self.on_cancel,
             result_timeout=RESULT_SECONDS,
         )
         entities.on_close(server.destroy)
-        entities.on_close(lambda: self._newest.cancel('the node ends'))
+        entities.on_close(lambda: self._slot.cancel('the node ends'))
 
-    def _on_request(self, _: Any) -> GoalResponse:  # noqa: ANN401 - any goal
-        return GoalResponse.ACCEPT if self._answering.is_active else GoalResponse.REJECT
+    def on_goal(self, _: Any) -> GoalResponse:  # noqa: ANN401 - any goal
+        """Accept a goal if the node is active."""
+        return GoalResponse.ACCEPT if self._answerer.is_active else GoalResponse.REJECT
 
-    def _on_accepted(self, handle: Any) -> None:  # noqa: ANN401 - rclpy's own
-        self._newest.begin('a newer goal came', self._cancel_of(handle))
+    def on_accepted(self, handle: Any) -> None:  # noqa: ANN401 - rclpy's own
+        """Cancel the previous goal and execute this one."""
+        self._slot.begin('a newer goal came', self.token_of(handle))
         handle.execute()
 
-    def _on_cancel(self, handle: Any) -> CancelResponse:  # noqa: ANN401 - rclpy's own
-        self._cancel_of(handle)(CANCELED)
+    def on_cancel(self, handle: Any) -> CancelResponse:  # noqa: ANN401 - rclpy's own
+        """Cancel a goal."""
+        self.token_of(handle).cancel(CANCELED)
         return CancelResponse.ACCEPT
 
-    def _cancel_of(self, handle: Any) -> CancellationToken:  # noqa: ANN401 - rclpy's own
-        """Return a goal's way out, which may be asked for before the goal is taken up."""
-        return self._cancels.setdefault(_id(handle), CancellationToken())
+    def token_of(self, handle: Any) -> CancellationToken:  # noqa: ANN401 - rclpy's own
+        """Return a goal's token; a cancel may ask for it before the goal is executed."""
+        return self._tokens.setdefault(bytes(handle.goal_id.uuid), CancellationToken())
 
-    def _execute(self, handle: Any) -> Any:  # noqa: ANN401 - rclpy's own
-        question, cancel = question_of(handle.request), self._cancel_of(handle)
-        answer = self._answering.answer(
-            question,
-            cancel,
-            lambda: handle.publish_feedback(self._kind.Feedback()),
+    def execute(self, handle: Any) -> Any:  # noqa: ANN401 - rclpy's own
+        """Plan for a goal and finish it."""
+        goal, token = plan_goal(handle.request), self.token_of(handle)
+        feedback = self._kind.Feedback()
+        response = self._answerer.answer_goal(
+            goal, token, lambda: handle.publish_feedback(feedback)
         )
-        if cancel.reason == CANCELED:
-            _wait_for_cancel(handle)
+        if token.reason == CANCELED:
+            wait_for_cancel(handle)
         if handle.is_cancel_requested:
-            # The path may have been there just before: it is not taken any more.
-            message = f'canceled: {cancel.reason or CANCELED}'
-            answer = replace(answer, path=Path(), code=ResultCode.TIMEOUT, message=message)
+            # The path may have been found just before, but the caller does not take it any more.
+            message = f'canceled: {token.reason or CANCELED}'
+            plan = replace(response.plan, code=ResultCode.TIMEOUT, message=message)
+            response = replace(response, plan=plan, path=Path())
             handle.canceled()
-        elif answer.code is ResultCode.NONE:
+        elif response.plan.code is ResultCode.NONE:
             handle.succeed()
         else:
             handle.abort()
-        # Not before the end, which is when no cancel can come any more.
-        del self._cancels[_id(handle)]
-        return fill_result(self._kind.Result(), question, answer)
+        # Not before the end, after which no cancel can come.
+        del self._tokens[bytes(handle.goal_id.uuid)]
+        return fill_result(self._kind.Result(), response)
 
 
-class PathCheck:
-    """Tells whether a path, from whichever planner, can still be followed on the latest map."""
+class PathValidityService:
+    """Tells whether a path, of any planner, can still be followed on the newest map."""
 
     def __init__(self, frames: Frames, base_frame: Callable[[], str]) -> None:
-        """Take what knows the robot; `base_frame` returns its frame's name."""
+        """Take the transforms; `base_frame` returns the name of the robot's frame."""
         self._frames = frames
         self._base_frame = base_frame
 
     def fill(self, request: Any, response: Any, planner: Planner | None) -> Any:  # noqa: ANN401 - IsPathValid's
-        """Write the verdict: from the pose nearest to the robot on, if it is known where it is.
+        """Fill the response, checking from the pose nearest to the robot on, if that is known.
 
-        A path that is empty, or cannot be placed on the map, is not valid; nor is any without a
-        map. Kilted's `consider_unknown_as_obstacle` is heeded where it is there.
+        A path that is empty, or cannot be transformed to the map, is not valid; nor is any
+        without a map. Kilted's `consider_unknown_as_obstacle` is used if it is there.
         """
         checked = planner is not None and bool(request.path.poses)
         invalid: list[int] = []
         try:
             if planner is not None and checked:
-                invalid = self._invalid(request, planner)
+                invalid = self.invalid(request, planner)
         except (FrameError, GridMapError):
             checked = False
         response.is_valid = checked and not invalid
@@ -161,7 +181,8 @@ class PathCheck:
             response.success = checked
         return response
 
-    def _invalid(self, request: Any, planner: Planner) -> list[int]:  # noqa: ANN401 - IsPathValid's
+    def invalid(self, request: Any, planner: Planner) -> list[int]:  # noqa: ANN401 - IsPathValid's
+        """Return the indices of the poses that cannot be reached."""
         grid_map, path = planner.grid_map, request.path
         frame_id, path_frame = grid_map.frame_id, path.header.frame_id
         for pose in path.poses:
@@ -172,9 +193,10 @@ class PathCheck:
         blocked = planner.costmap.blocked
         if getattr(request, 'consider_unknown_as_obstacle', False):
             blocked = blocked | (grid_map.cells < FREE)
-        return invalid_poses(cells, blocked, self._first(points, frame_id))
+        return invalid_poses(cells, blocked, self.first_index(points, frame_id))
 
-    def _first(self, points: NDArray[np.float64], frame_id: str) -> int:
+    def first_index(self, points: NDArray[np.float64], frame_id: str) -> int:
+        """Return the index of the pose [n, 2] nearest to the robot, 0 if that is not known."""
         try:
             robot = self._frames.robot(self._base_frame(), frame_id)
         except (FrameError, GridMapError):
@@ -184,33 +206,29 @@ class PathCheck:
 
 def serve_nav2(
     entities: Entities,
-    answering: RequestHandler,
-    check: PathCheck,
+    answerer: GoalAnswerer,
+    validity: PathValidityService,
     planner: Callable[[], Planner | None],
 ) -> bool:
-    """Serve what Nav2 calls a planner by; tell whether nav2_msgs is there to do so.
+    """Serve Nav2's planner interface; tell whether nav2_msgs is there to do so.
 
-    `planner` returns the planner of the latest map.
+    `planner` returns the planner of the newest map.
     """
     if not HAS_NAV2:
         return False
-    PathAction(entities, ComputePathToPose, 'compute_path_to_pose', answering)
-    PathAction(entities, ComputePathThroughPoses, 'compute_path_through_poses', answering)
+    PathAction(entities, ComputePathToPose, 'compute_path_to_pose', answerer)
+    PathAction(entities, ComputePathThroughPoses, 'compute_path_through_poses', answerer)
     entities.service(
         IsPathValid,
         'is_path_valid',
-        lambda request, response: check.fill(request, response, planner()),
+        lambda request, response: validity.fill(request, response, planner()),
         ReentrantCallbackGroup(),
     )
     return True
 
 
-def _wait_for_cancel(handle: Any) -> None:  # noqa: ANN401 - rclpy's own
-    """Wait until a goal counts as canceled, which may be a moment after the cancel was told of."""
-    deadline = time.monotonic() + NOTING_SECONDS
+def wait_for_cancel(handle: Any) -> None:  # noqa: ANN401 - rclpy's own
+    """Wait until a goal handle knows that it was cancelled, a moment after the callback."""
+    deadline = time.monotonic() + CANCEL_SECONDS
     while not handle.is_cancel_requested and time.monotonic() < deadline:
         time.sleep(0.001)
-
-
-def _id(handle: Any) -> bytes:  # noqa: ANN401 - rclpy's own
-    return bytes(handle.goal_id.uuid)

@@ -1,4 +1,4 @@
-"""Looks at the last path again when the ground has changed, and replans a broken one."""
+"""Owns the last published path; checks it when the map changes and replans a broken one."""
 
 from __future__ import annotations
 
@@ -8,65 +8,84 @@ from dataclasses import replace
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.preemption import CancellationToken, PreemptingGoalSlot
-from llm_astar_planner.nodes.planner.request_handler import RequestHandler, Standing
-from llm_astar_planner.planning.plan_reuse import standing_problem
+from llm_astar_planner.nodes.planner.request_handler import PlanResponse, RequestHandler
+from llm_astar_planner.planning.plan_reuse import reuse_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import ResultCode
 
-# A costmap changes every second: what is well is logged once in so many.
+# A costmap changes every second: that all is well is logged once in so many seconds.
 QUIET_SECONDS = 10.0
 
 
 class PathMonitor:
-    """Keeps the last published path true to the map, on a thread of its own."""
+    """Keeps the last published path valid on the newest map, on a thread of its own."""
 
-    def __init__(self, node: Node, settings: Parameters, answering: RequestHandler) -> None:
-        """Take whose path it is."""
+    def __init__(
+        self,
+        node: Node,
+        settings: Parameters,
+        maps: MapManager,
+        handler: RequestHandler,
+        replans: PreemptingGoalSlot,
+    ) -> None:
+        """Take who replans; `replans` is the slot in which it does."""
+        self.state = 'no path yet'
         self._logger = node.get_logger()
         self._settings = settings
-        self._answering = answering
-        self._newest = PreemptingGoalSlot()
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='revalidation')
-        self.last = 'no path yet'
+        self._maps = maps
+        self._handler = handler
+        self._replans = replans
+        self._watched: PlanResponse | None = None
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='path_monitor')
 
-    def look(self, planner: Planner) -> None:
-        """Look at the last path on this ground, soon; a look that still goes on is given up."""
-        cancel = self._newest.begin('the map has changed again')
-        self._thread.submit(self._look, planner, cancel)
+    def watch(self, response: PlanResponse) -> None:
+        """Watch the path of a response instead of the last one; a failure changes nothing."""
+        if response.plan.code is not ResultCode.NONE:
+            return
+        self._watched = response
+        newest = self._maps.planner
+        if newest is not None and newest is not response.planner:
+            self.check(newest)  # the map changed while the path was planned
 
-    def give_up(self, reason: str) -> None:
-        """Give up a look that goes on: what it would publish is out of date."""
-        self._newest.cancel(reason)
+    def forget(self) -> None:
+        """Watch no path, because nobody follows one any more."""
+        self._watched = None
+
+    def check(self, planner: Planner) -> None:
+        """Check the path on this map soon; a check that still runs is cancelled."""
+        token = self._replans.begin('the map has changed again')
+        self._thread.submit(self.check_now, planner, token)
 
     def close(self) -> None:
-        """End."""
-        self.give_up('the node ends')
+        """Stop."""
+        self._replans.cancel('the node ends')
         self._thread.shutdown(cancel_futures=True)
 
-    def _look(self, planner: Planner, cancel: CancellationToken) -> None:
-        standing = self._answering.standing
-        if standing is None or not self._answering.is_active or cancel.reason:
+    def check_now(self, planner: Planner, token: CancellationToken) -> None:
+        """Check the path, and replan if it is broken or `replan_on_map` is set."""
+        watched = self._watched
+        if watched is None or watched.planner is None:
+            return
+        if not self._handler.is_active or token.reason:
             return
         digest = planner.grid_map.digest
-        problem = standing_problem(standing.plan, standing.grid_map, planner)
+        problem = reuse_problem(watched.plan, watched.planner.grid_map, planner)
         if problem is None and not self._settings['replan_on_map']:
-            self._settle(standing, replace(standing, grid_map=planner.grid_map))
-            self.last = f'the path stands on map {digest}'
-            self._logger.info(self.last, throttle_duration_sec=QUIET_SECONDS)
+            self.update(watched, replace(watched, planner=planner))
+            self.state = f'the path stands on map {digest}'
+            self._logger.info(self.state, throttle_duration_sec=QUIET_SECONDS)
             return
-        cause = problem or 'replan_on_map is set'
-        self._replan(standing, cancel, f'replanned on map {digest}: {cause}')
+        self.state = f'replanned on map {digest}: {problem or "replan_on_map is set"}'
+        response = self._handler.answer(watched.goal, token, replan_reason=self.state)
+        if response.plan.code is ResultCode.NONE:
+            self.update(watched, response)
+        elif not token.reason:
+            self.update(watched, None)
+            self.state = response.plan.message
 
-    def _replan(self, standing: Standing, cancel: CancellationToken, why: str) -> None:
-        self.last = why
-        answer = self._answering.answer(standing.question, cancel, why=why)
-        if answer.code is not ResultCode.NONE and not cancel.reason:
-            # There is no path any more to look at.
-            self._settle(standing, None)
-            self.last = answer.message
-
-    def _settle(self, before: Standing, after: Standing | None) -> None:
-        """Note what became of the path looked at, unless a newer one was published."""
-        if self._answering.standing is before:
-            self._answering.standing = after
+    def update(self, before: PlanResponse, after: PlanResponse | None) -> None:
+        """Replace the watched path, unless a newer one was published meanwhile."""
+        if self._watched is before:
+            self._watched = after

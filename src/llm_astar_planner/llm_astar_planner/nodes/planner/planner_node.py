@@ -1,64 +1,254 @@
-"""planner_node: plans on the latest map, for a service, RViz's buttons, Nav2, and who listens."""
+"""planner_node: plans on the newest map, for services, actions and RViz's buttons."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
-import rclpy
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from lifecycle_msgs.srv import ChangeState
+from nav_msgs.srv import GetPlan
 from rclpy._rclpy_pybind11 import RCLError
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.service_introspection import ServiceIntrospectionState
+from std_msgs.msg import String
 
+from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.map_subscription import MapListener
 from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.spin import run
-from llm_astar_planner.nodes.planner.server import PlannerServer
+from llm_astar_planner.nodes.common.tf import HAS_TF2, Frames, TransformListener
+from llm_astar_planner.nodes.planner.diagnostics import DiagnosticsPublisher
+from llm_astar_planner.nodes.planner.map_manager import MapManager
+from llm_astar_planner.nodes.planner.nav2_server import PathValidityService, serve_nav2
+from llm_astar_planner.nodes.planner.path_monitor import QUIET_SECONDS, PathMonitor
+from llm_astar_planner.nodes.planner.preemption import CancellationToken, PreemptingGoalSlot
+from llm_astar_planner.nodes.planner.publishers import PlanPublisher
+from llm_astar_planner.nodes.planner.request_conversion import PlanGoal, RequestConverter
+from llm_astar_planner.nodes.planner.request_handler import PlanResponse, RequestHandler
+from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
+from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.planning.parameters import costmap_config
+from llm_astar_planner.planning.plan_reuse import WaypointCache
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.search.paper import compile_kernels
+from llm_astar_planner.waypoints.prompts.instruction import clean_instruction
 
 NAME = 'planner_node'
-# Callers served at once; more wait their turn. Waiting for waypoints takes a thread, no core.
+# Callers served at a time; more wait their turn. Waiting for waypoints takes a thread, no core.
 THREADS = 16
+INTROSPECTION_STATES = {
+    'disabled': ServiceIntrospectionState.OFF,
+    'metadata': ServiceIntrospectionState.METADATA,
+    'contents': ServiceIntrospectionState.CONTENTS,
+}
 
 
-class PlannerNode(Node):
-    """Plans from the start; see the README for its topics, services and parameters."""
+class PlannerServer:
+    """What the node does between configure and cleanup: its parts, and its topics and services.
+
+    Goals are answered while it is active and refused with the reason otherwise; maps are taken
+    in both states.
+    """
+
+    def __init__(self, node: Node, settings: Parameters) -> None:
+        """Join the graph, not active yet."""
+        self._node = node
+        self._settings = settings
+        self._entities = entities = Entities(node)
+        self._goals = PreemptingGoalSlot()
+        self._initial_pose: PoseStamped | None = None
+        self._cache = WaypointCache()
+        self._source = self.make_source()
+        frames = self.make_frames()
+        self._maps = MapManager(
+            node.get_logger(), lambda: costmap_config(settings.values()), self.on_planner
+        )
+        replans = PreemptingGoalSlot()
+        self._handler = RequestHandler(
+            node,
+            settings,
+            self._maps,
+            RequestConverter(settings, frames, self._source),
+            cache=self._cache,
+            publisher=PlanPublisher(entities),
+            replans=replans,
+        )
+        self._monitor = PathMonitor(node, settings, self._maps, self._handler, replans)
+        self._diagnostics = DiagnosticsPublisher(entities, self.state)
+        # Last of all: the executor may call back at once.
+        self.subscribe()
+        validity = PathValidityService(frames, lambda: str(settings['robot_base_frame']))
+        has_nav2 = serve_nav2(entities, self, validity, lambda: self._maps.planner)
+        served = 'with' if has_nav2 else 'without nav2_msgs, so without'
+        node.get_logger().info(f"{served} Nav2's planner actions")
+        MapListener(entities, self._maps.take)
+
+    @property
+    def is_active(self) -> bool:
+        """Whether goals are answered."""
+        return self._handler.is_active
+
+    def activate(self) -> None:
+        """Answer goals from now on."""
+        self._handler.activate()
+
+    def deactivate(self) -> None:
+        """Refuse goals from now on; cancel what is being planned."""
+        self._handler.deactivate('the node was deactivated')
+        # The path must not be replanned when the node is activated again.
+        self._monitor.forget()
+
+    def close(self) -> None:
+        """Cancel what is being planned, and leave the graph."""
+        self.deactivate()
+        self._maps.close()
+        self._monitor.close()
+        self._entities.close()
+
+    def answer_goal(
+        self,
+        goal: PlanGoal,
+        token: CancellationToken | None = None,
+        on_better: Callable[[], None] | None = None,
+    ) -> PlanResponse:
+        """Plan, publish and watch the path; never raises. See RequestHandler.answer."""
+        response = self._handler.answer(goal, token, on_better)
+        self._monitor.watch(response)
+        return response
+
+    def on_get_plan(
+        self, request: GetPlan.Request, response: GetPlan.Response
+    ) -> GetPlan.Response:
+        """Answer `~/get_plan`."""
+        goal = PlanGoal((request.goal,), request.start, float(request.tolerance))
+        response.plan = self.answer_goal(goal).path
+        return response
+
+    def on_goal_pose(self, message: PoseStamped) -> None:
+        """Plan to the goal that was set in RViz; a newer one preempts it."""
+        token = self._goals.begin('a newer goal came')
+        self.answer_goal(PlanGoal((message,), fallback_start=self._initial_pose), token)
+
+    def on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        """Keep the pose that was set in RViz as the start if tf does not know the robot's."""
+        self._initial_pose = PoseStamped(header=message.header, pose=message.pose.pose)
+
+    def on_instruction(self, message: String) -> None:
+        """Set the parameter `instruction`; an empty message clears it."""
+        result = self._node.set_parameters([Parameter('instruction', value=message.data)])[0]
+        logger = self._node.get_logger()
+        if not result.successful:
+            logger.error(f'instruction refused, the last one stays: {result.reason}')
+        elif message.data:
+            logger.info(f'instruction from now on: {clean_instruction(message.data)}')
+        else:
+            logger.info('no instruction any more')
+
+    def on_parameters(self, _: Any) -> None:  # noqa: ANN401 - rclpy's own
+        """Follow changed parameters."""
+        self._maps.refresh()
+
+    def on_planner(self, planner: Planner) -> None:
+        """Check the last path on a new map."""
+        message = f'planning on {self._maps.name}'
+        self._node.get_logger().info(message, throttle_duration_sec=QUIET_SECONDS)
+        self._diagnostics.publish()
+        self._monitor.check(planner)
+
+    def make_source(self) -> WaypointClient | None:
+        """Return the client of the waypoint node, None if no node is to be asked."""
+        client = self._settings['llm_client']
+        if not client:
+            return None
+        source = WaypointClient(self._node, client, self._cache.clear)
+        self._entities.on_close(source.close)
+        return source
+
+    def make_frames(self) -> Frames:
+        """Return the transforms, empty without tf2_ros."""
+        if not HAS_TF2:
+            return Frames(None)
+        listener = TransformListener(self._node)
+        self._entities.on_close(listener.close)
+        return Frames(listener.buffer)
+
+    def subscribe(self) -> None:
+        """Serve and subscribe."""
+        # Any number of callers at a time; a newer goal must get through while one is planned for.
+        group, node = ReentrantCallbackGroup(), self._node
+        service = self._entities.service(GetPlan, '~/get_plan', self.on_get_plan, group)
+        state = INTROSPECTION_STATES[self._settings['introspection_mode']]
+        service.configure_introspection(node.get_clock(), RELIABLE, state)
+        for kind, topic, callback in (
+            (PoseWithCovarianceStamped, 'initialpose', self.on_initial_pose),
+            (PoseStamped, 'goal_pose', self.on_goal_pose),
+        ):
+            self._entities.subscription(kind, topic, callback, RELIABLE, group)
+        self._entities.subscription(
+            String,
+            '~/instruction',
+            self.on_instruction,
+            RELIABLE,
+            MutuallyExclusiveCallbackGroup(),
+        )
+        node.add_post_set_parameters_callback(self.on_parameters)
+        self._entities.on_close(
+            lambda: node.remove_post_set_parameters_callback(self.on_parameters)
+        )
+
+    def state(self) -> tuple[bool, str, dict[str, Any]]:
+        """Return what /diagnostics says."""
+        planner, age = self._maps.planner, self._maps.age
+        values = {
+            'active': self.is_active,
+            'map_digest': planner.grid_map.digest if planner else None,
+            'map_age': None if age is None else round(age, 3),
+            'llm_client_ready': self._source is not None and self._source.ready,
+            'landmark_bytes': self._maps.landmark_bytes,
+            'last_path': self._monitor.state,
+            'instruction': self._settings['instruction'],
+            **self._handler.statistics.values(),
+        }
+        is_well = planner is not None and self.is_active
+        state = 'planning' if self.is_active else 'not active'
+        return is_well, f'{state} on {self._maps.name}', values
+
+
+class PlannerNode(LifecycleNodeMixin, Node):
+    """A lifecycle node: configure joins the graph, activate answers goals.
+
+    It configures and activates itself unless the parameter `autostart` is false. Its topics,
+    services and parameters are in docs/reference.md.
+    """
 
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
-        """Compile the searches and join the graph."""
+        """Compile the searches, declare the parameters, and start or wait to be configured."""
+        # Before the services are there: a lifecycle manager waits for these first.
         compile_kernels()
-        super().__init__(NAME, **node_options)
-        self._server = PlannerServer(self, Parameters(self, NAME))
-        self._server.is_active = True
+        Node.__init__(self, NAME, **node_options)
+        # Setting a parameter may take as long as a large map does; a manager waits two seconds.
+        LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
+        self._change_state = self._service_change_state.callback
+        self._service_change_state.callback = self.on_change_state
+        self._settings = Parameters(self, NAME)
+        self._server: PlannerServer | None = None
+        if not self._settings['autostart']:
+            self.get_logger().info('ready to be configured')
+            return
+        if self.trigger_configure() is not TransitionCallbackReturn.SUCCESS:
+            raise ParameterError('planner_node could not be configured: see the log')
+        self.trigger_activate()
         self.get_logger().info('ready; waiting for a map')
 
     def destroy_node(self) -> None:
-        """Leave the graph, the waypoint client included."""
-        self._server.close()
-        super().destroy_node()
-
-
-class ManagedPlannerNode(LifecycleNodeMixin, Node):
-    """The same as a managed node: configure joins the graph, activate answers."""
-
-    def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
-        """Compile the searches, declare the parameters, and wait to be configured."""
-        # Before its services are there: who brings nodes up waits for these first.
-        compile_kernels()
-        Node.__init__(self, NAME, **node_options)
-        # To set a parameter may take as long as a large map does; its manager waits two seconds.
-        LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
-        self._change_state = self._service_change_state.callback
-        self._service_change_state.callback = self._on_change_state
-        self._settings = Parameters(self, NAME)
-        self._server: PlannerServer | None = None
-        self.get_logger().info('ready to be configured')
-
-    def destroy_node(self) -> None:
         """Leave the graph, in whatever state."""
-        self._close()
+        self.close()
         super().destroy_node()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -71,62 +261,52 @@ class ManagedPlannerNode(LifecycleNodeMixin, Node):
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Answer questions."""
+        """Answer goals."""
         if self._server is not None:
-            self._server.is_active = True
+            self._server.activate()
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Give up what is being planned, and tell callers that the node is not active."""
+        """Cancel what is being planned, and refuse goals."""
         if self._server is not None:
-            self._server.is_active = False
+            self._server.deactivate()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Leave the graph, to be configured anew."""
-        self._close()
+        """Leave the graph, to be configured again."""
+        self.close()
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Leave the graph for good."""
-        self._close()
+        self.close()
         return super().on_shutdown(state)
 
     def on_error(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Leave the graph, and be ready to be configured anew."""
-        self._close()
+        """Leave the graph, ready to be configured again."""
+        self.close()
         return TransitionCallbackReturn.SUCCESS
 
-    def _on_change_state(
+    def on_change_state(
         self, request: ChangeState.Request, response: ChangeState.Response
     ) -> ChangeState.Response:
-        """Refuse a transition that the state does not have, which in rclpy ends the process."""
+        """Refuse a transition that the state does not have; in rclpy it ends the process."""
         try:
             return self._change_state(request, response)
         except RCLError:  # rcl has logged it
             response.success = False
             return response
 
-    def _close(self) -> None:
+    def close(self) -> None:
+        """Leave the graph, but for the lifecycle services."""
         if self._server is not None:
             self._server.close()
             self._server = None
 
 
-def make_node() -> Node:
-    """Make the node of the kind that its parameter `autostart` asks for."""
-    # A node is of one kind from its making, and only a node can read its parameters.
-    probe = rclpy.create_node(NAME, start_parameter_services=False, enable_rosout=False)
-    try:
-        is_managed = not Parameters(probe, NAME)['autostart']
-    finally:
-        probe.destroy_node()
-    return ManagedPlannerNode() if is_managed else PlannerNode()
-
-
 def main(args: Sequence[str] | None = None) -> int:
     """Run planner_node."""
-    return run(make_node, args, lambda: MultiThreadedExecutor(num_threads=THREADS))
+    return run(PlannerNode, args, lambda: MultiThreadedExecutor(num_threads=THREADS))
 
 
 if __name__ == '__main__':

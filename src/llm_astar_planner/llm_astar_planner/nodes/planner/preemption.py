@@ -1,4 +1,4 @@
-"""Cancel what is being planned, from another thread."""
+"""Cancelling a plan from another thread, and new goals that preempt old ones."""
 
 from __future__ import annotations
 
@@ -8,35 +8,35 @@ from llm_astar_planner.search.stop import no_stop
 
 
 class CancellationToken:
-    """One plan's way out: `stop` is what the search looks at, `reason` why it was raised."""
+    """Cancellation of one plan: the search polls `stop`; `reason` says why, '' while it runs."""
 
     def __init__(self) -> None:
-        """Nothing is canceled yet."""
+        """Make a token that is not cancelled."""
         self.stop = no_stop()
         self.reason = ''
 
-    def __call__(self, reason: str) -> None:
+    def cancel(self, reason: str) -> None:
         """Cancel, once and for all; the first reason counts."""
         self.reason = self.reason or reason
         self.stop[0] = 1
 
 
 class PreemptingGoalSlot:
-    """Lets only the newest of its kind go on: to begin one is to cancel the one before."""
+    """A new goal preempts the previous one."""
 
     def __init__(self) -> None:
-        """Nothing has begun yet."""
+        """Make an empty slot."""
         self._lock = threading.Lock()
         self._current = CancellationToken()
 
-    def begin(self, reason: str, cancel: CancellationToken | None = None) -> CancellationToken:
-        """Cancel the one before for that reason; return the token of the new one, or take it."""
+    def begin(self, reason: str, token: CancellationToken | None = None) -> CancellationToken:
+        """Cancel the previous goal for this reason; return the token of the new one."""
         with self._lock:
-            before, self._current = self._current, cancel or CancellationToken()
-            before(reason)
+            previous, self._current = self._current, token or CancellationToken()
+            previous.cancel(reason)
             return self._current
 
     def cancel(self, reason: str) -> None:
-        """Cancel the one that goes on, if any does."""
+        """Cancel the current goal, if there is one."""
         with self._lock:
-            self._current(reason)
+            self._current.cancel(reason)

@@ -1,26 +1,70 @@
-"""Publishes plans, what they tell of themselves, and what RViz shows of them."""
+"""Publishes paths, reports and markers."""
 
 from __future__ import annotations
 
 import threading
 import traceback
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.messages.diagnostics import PlanReport, report_to_message
 from llm_astar_msgs_adapter.messages.markers import expanded_to_message, waypoints_to_markers
+from llm_astar_msgs_adapter.messages.path import path_to_message
 from nav_msgs.msg import GridCells, Path
+from numpy.typing import ArrayLike, NDArray
 from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.planning.types import Plan
+from llm_astar_planner.search.any_angle import interpolate
+
+
+class PathWriter:
+    """Writes the paths of one goal as messages: one frame, one stamp, one final heading."""
+
+    def __init__(
+        self, grid_map: GridMap, stamp: Time, start_yaw: float, goal_yaw: float | None
+    ) -> None:
+        """Take the map of the cells, and the headings at start and goal in radians.
+
+        With `goal_yaw` None the last pose looks along the path, and the only pose of a path of
+        one cell as the start (Nav2's use_final_approach_orientation).
+        """
+        self._grid_map = grid_map
+        self._stamp = stamp
+        self._start_yaw = start_yaw
+        self._goal_yaw = goal_yaw
+        self._last: tuple[NDArray[np.float64], Path] | None = None
+
+    def write(self, points: ArrayLike) -> Path:
+        """Write points [n, 2] in grid coordinates; equal points give the same message again."""
+        cells = np.asarray(points, dtype=np.float64)
+        if self._last is not None and np.array_equal(self._last[0], cells):
+            return self._last[1]
+        places = self._grid_map.grid_to_world(cells)
+        yaw = self._start_yaw if len(cells) == 1 and self._goal_yaw is None else self._goal_yaw
+        path = path_to_message(places, self._grid_map.frame_id, self._stamp, yaw)
+        self._last = (cells, path)
+        return path
+
+    def write_plan(self, plan: Plan) -> Path:
+        """Write a plan's path; an any-angle one with a pose a cell, as controllers expect."""
+        if plan.any_angle is None:
+            return self.write(plan.path)
+        return self.write(interpolate(plan.any_angle.points))
 
 
 class PlanPublisher:
-    """The topics a plan leaves on."""
+    """The topics that plans are published on.
+
+    Paths are published at once. Reports and markers are written on a thread of their own, so that
+    no caller waits for them.
+    """
 
     def __init__(self, entities: Entities) -> None:
         """Make the publishers."""
@@ -30,65 +74,76 @@ class PlanPublisher:
         self._report = entities.publisher(DiagnosticArray, '~/report', REPORTS)
         self._markers = entities.publisher(MarkerArray, '~/markers', RELIABLE)
         self._explored = entities.publisher(GridCells, '~/explored', RELIABLE)
-        self._change = threading.Lock()
-        self._latest: tuple[Plan, GridMap, Time] | None = None
-        self._painter = ThreadPoolExecutor(1, 'painter')
-        entities.on_close(self._painter.shutdown)
+        self._lock = threading.Lock()
+        self._to_draw: tuple[Plan, GridMap, Time] | None = None
+        self._published: Path | None = None
+        self._thread = ThreadPoolExecutor(1, 'publisher')
+        entities.on_close(self._thread.shutdown)
 
     @property
     def wants_expanded(self) -> bool:
-        """Whether anybody looks at the expanded cells."""
+        """Whether anybody subscribes to the expanded cells."""
         return bool(self._explored.get_subscription_count())
 
     @property
     def wants_raw(self) -> bool:
-        """Whether anybody listens for the path before it is shortened."""
+        """Whether anybody subscribes to the path before it is shortened."""
         return bool(self._raw_plan.get_subscription_count())
 
-    def publish(self, path: Path) -> None:
-        """Publish a plan."""
-        self._plan.publish(path)
+    def publish_path(self, path: Path) -> None:
+        """Publish a path, unless this very message was the last one published."""
+        with self._lock:
+            is_new, self._published = path is not self._published, path
+        if is_new:
+            self._plan.publish(path)
 
     def publish_raw(self, path: Path) -> None:
-        """Publish a plan as it was before it was shortened."""
+        """Publish a path as it was before it was shortened."""
         self._raw_plan.publish(path)
 
-    def show(self, plan: Plan, grid_map: GridMap, stamp: Time) -> None:
-        """Draw the plan for RViz, if anyone looks.
+    def publish_report(self, make_report: Callable[[], PlanReport], stamp: Time) -> None:
+        """Publish and log a report, made on the publisher's thread."""
+        self._thread.submit(self.logged, lambda: self.write_report(make_report(), stamp))
 
-        That is done aside, so no caller waits for it; a plan that a newer one overtakes meanwhile
-        is not drawn.
-        """
-        if not (self._markers.get_subscription_count() or self.wants_expanded):
-            return
-        with self._change:
-            is_waiting = self._latest is not None
-            self._latest = (plan, grid_map, stamp)
-        if not is_waiting:
-            self._painter.submit(self._draw)
-
-    def _draw(self) -> None:
-        with self._change:
-            latest, self._latest = self._latest, None
-        if latest is None:
-            return
-        plan, grid_map, stamp = latest
-        try:
-            if self._markers.get_subscription_count():
-                waypoints = [(point.x, point.y, point.status.value) for point in plan.waypoints]
-                ends = (plan.start, plan.goal)
-                markers = waypoints_to_markers(waypoints, grid_map, stamp, ends, plan.via)
-                self._markers.publish(markers)
-            if self.wants_expanded and plan.expanded.size:
-                self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
-        except Exception:  # noqa: BLE001 - a picture that fails must not go unnoticed
-            self._node.get_logger().error(traceback.format_exc())
-
-    def tell(self, report: PlanReport, stamp: Time) -> None:
-        """Publish and log a report."""
+    def write_report(self, report: PlanReport, stamp: Time) -> None:
+        """Publish and log a report now."""
         self._report.publish(report_to_message(report, self._node.get_name(), stamp))
         logger = self._node.get_logger()
         if report.code:
             logger.warning(report.summary)
         else:
             logger.info(f'{report.summary}; guided by {report.guided_by}')
+
+    def publish_markers(self, plan: Plan, grid_map: GridMap, stamp: Time) -> None:
+        """Draw the plan for RViz if anybody looks; a newer plan replaces one not drawn yet."""
+        if not (self._markers.get_subscription_count() or self.wants_expanded):
+            return
+        with self._lock:
+            is_waiting = self._to_draw is not None
+            self._to_draw = (plan, grid_map, stamp)
+        if not is_waiting:
+            self._thread.submit(self.logged, self.draw)
+
+    def draw(self) -> None:
+        """Publish the markers and expanded cells of the newest plan."""
+        with self._lock:
+            newest, self._to_draw = self._to_draw, None
+        if newest is None:
+            return
+        plan, grid_map, stamp = newest
+        if self._markers.get_subscription_count():
+            waypoints = [
+                (point.x, point.y, point.status.value) for point in plan.checked_waypoints
+            ]
+            endpoints = (plan.start, plan.goal)
+            markers = waypoints_to_markers(waypoints, grid_map, stamp, endpoints, plan.via)
+            self._markers.publish(markers)
+        if self.wants_expanded and plan.expanded.size:
+            self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
+
+    def logged(self, publish: Callable[[], None]) -> None:
+        """Run something on the publisher's thread; an exception is logged."""
+        try:
+            publish()
+        except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
+            self._node.get_logger().error(traceback.format_exc())

@@ -1,15 +1,17 @@
-"""From a caller's poses to a request of the core, or the code and the sentence it fails with."""
+"""From a caller's poses to a PlanRequest, or the code and the sentence why there is none."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
-from llm_astar_planner.planning.types import PlanRequest, ResultCode
+from llm_astar_planner.planning.parameters import request_fields
+from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
 from llm_astar_planner.search.paper import METHODS
 from llm_astar_planner.waypoints.source import WaypointSource
 
@@ -19,10 +21,10 @@ OWN_IDS = ('', 'LLMAStar', 'GridBased')
 
 @dataclass(frozen=True, eq=False)
 class PlanGoal:
-    """What a caller wants: a way from `start`, or from where the robot is, through `goals`.
+    """What a caller wants: a path from `start`, or from the robot's pose, through `goals`.
 
-    `tolerance` in metres counts where it is above 0, else the parameter does. `planner_id` may
-    name a method. `fallback_start` serves where the robot's pose is not known.
+    `tolerance` in metres replaces the parameter if it is above 0. `planner_id` may name a method.
+    `fallback_start` is used if the robot's pose is not known.
     """
 
     goals: tuple[PoseStamped, ...]
@@ -32,58 +34,51 @@ class PlanGoal:
     fallback_start: PoseStamped | None = None
 
 
-@dataclass(frozen=True)
-class Ends:
-    """A question's poses in the map's frame."""
+class RequestError(PlanningFailure):
+    """A goal that cannot be planned for: why, and Nav2's code for it."""
+
+
+class GoalPoses(NamedTuple):
+    """The poses of a goal in the map's frame."""
 
     start: Pose2D
     goals: tuple[Pose2D, ...]
 
 
-class RequestError(Exception):
-    """A question that cannot be planned for: why, and Nav2's code of it."""
-
-    def __init__(self, code: ResultCode, message: str) -> None:
-        """Say why."""
-        super().__init__(message)
-        self.code = code
-
-
 class RequestConverter:
-    """Reads questions under the node's parameters."""
+    """Converts goals under the node's parameters."""
 
     def __init__(
         self, settings: Parameters, frames: Frames, source: WaypointSource | None
     ) -> None:
-        """Take what a request is made of beside the question."""
+        """Take the parameters, the transforms, and who is asked for waypoints."""
         self._settings = settings
         self._frames = frames
         self._source = source
 
-    def ends(self, question: PlanGoal, grid_map: GridMap, may_wait: MayWait = never) -> Ends:
-        """Return the question's poses on a map; a transform is waited for while `may_wait()`.
+    def poses(self, goal: PlanGoal, grid_map: GridMap, may_wait: MayWait = never) -> GoalPoses:
+        """Return a goal's poses in the map's frame; a transform is awaited while `may_wait()`.
 
         Raises RequestError, and what `may_wait` raises.
         """
         frame_id = grid_map.frame_id
-        if not question.goals:
+        if not goal.goals:
             raise RequestError(ResultCode.UNKNOWN, 'no goal is given')
         try:
-            start = self._start(question, frame_id, may_wait)
-            goals = tuple(
-                self._frames.locate(goal, frame_id, 'goal', may_wait) for goal in question.goals
-            )
+            start = self.start_pose(goal, frame_id, may_wait)
+            locate = self._frames.locate
+            goals = tuple([locate(pose, frame_id, 'goal', may_wait) for pose in goal.goals])
         except FrameError as error:
             raise RequestError(ResultCode.TF_ERROR, str(error)) from None
         except GridMapError as error:
             raise RequestError(ResultCode.UNKNOWN, str(error)) from None
-        return Ends(start, goals)
+        return GoalPoses(start, goals)
 
-    def _start(self, question: PlanGoal, frame_id: str, may_wait: MayWait) -> Pose2D:
-        """Return the start given, or the robot's pose, or the one to fall back on."""
-        if question.start is not None:
-            return self._frames.locate(question.start, frame_id, 'start', may_wait)
-        base, fallback = self._settings['robot_base_frame'], question.fallback_start
+    def start_pose(self, goal: PlanGoal, frame_id: str, may_wait: MayWait) -> Pose2D:
+        """Return the goal's start, else the robot's pose, else its fallback start."""
+        if goal.start is not None:
+            return self._frames.locate(goal.start, frame_id, 'start', may_wait)
+        base, fallback = self._settings['robot_base_frame'], goal.fallback_start
         if fallback is None:
             return self._frames.robot(base, frame_id, may_wait)
         try:
@@ -91,37 +86,34 @@ class RequestConverter:
         except FrameError:
             return self._frames.locate(fallback, frame_id, 'start', may_wait)
 
-    def request(
-        self, question: PlanGoal, ends: Ends, grid_map: GridMap, *, want_expanded: bool
+    def to_request(
+        self,
+        goal: PlanGoal,
+        poses: GoalPoses,
+        grid_map: GridMap,
+        time_limit: float,
+        *,
+        want_expanded: bool,
     ) -> PlanRequest:
-        """Return the request for the core. Raises RequestError."""
-        settings, own = self._settings, question.tolerance
-        *via, goal = (grid_map.world_to_cell(place.x, place.y) for place in ends.goals)
+        """Return the request to the planner; `time_limit` in seconds. Raises RequestError."""
+        settings = self._settings.current
+        *via, last = [grid_map.world_to_cell(pose.x, pose.y) for pose in poses.goals]
+        method = settings['method']
+        if goal.planner_id not in OWN_IDS:
+            method = goal.planner_id
+        if method not in METHODS:
+            names = ', '.join([*OWN_IDS[1:], *METHODS])
+            message = f'no planner {method!r}; there is {names}'
+            raise RequestError(ResultCode.INVALID_PLANNER, message)
+        fields = request_fields(settings) | {'method': method, 'time_limit': time_limit}
+        # A NaN is for the planner to refuse.
+        if not goal.tolerance <= 0.0:
+            fields['tolerance'] = goal.tolerance
         return PlanRequest(
-            start=grid_map.world_to_cell(ends.start.x, ends.start.y),
-            goal=goal,
+            start=grid_map.world_to_cell(poses.start.x, poses.start.y),
+            goal=last,
             via=tuple(via),
-            method=self._method(question.planner_id),
             source=self._source if settings['use_waypoints'] else None,
-            heuristic=settings['heuristic'],
-            weight=settings['weight'],
-            time_limit=settings['max_planning_time'],
-            source_time_limit=settings['source_timeout'],
-            max_suboptimality=settings['max_suboptimality'] or None,
-            search_while_waiting=settings['search_while_waiting'],
-            any_angle=settings['any_angle'],
             want_expanded=want_expanded,
-            # What is no number is the core's to refuse.
-            tolerance=settings['tolerance'] if own <= 0.0 else own,
-            start_tolerance=settings['start_tolerance'],
-            instruction=settings['instruction'],
+            **fields,
         )
-
-    def _method(self, planner_id: str) -> str:
-        if planner_id in OWN_IDS:
-            return str(self._settings['method'])
-        if planner_id in METHODS:
-            return planner_id
-        names = ', '.join([*OWN_IDS[1:], *METHODS])
-        message = f'no planner {planner_id!r}; there is {names}'
-        raise RequestError(ResultCode.INVALID_PLANNER, message)

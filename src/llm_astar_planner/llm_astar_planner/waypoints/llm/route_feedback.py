@@ -50,7 +50,7 @@ def find_faults(
     good: list[Waypoint] = [(float(start[0]), float(start[1]))]
     for point in waypoints:
         cell = round(point[0]), round(point[1])
-        if not costmap.contains(cell):
+        if not costmap.grid_map.contains(cell):
             faults.append(Fault('off the map', point))
         elif blocked[cell[1], cell[0]]:
             faults.append(Fault('occupied', point))

@@ -67,7 +67,7 @@ class Lattice(NamedTuple):
                 return float(endpoint[0]), float(endpoint[1])
         x0, y0 = ((value - low) * self.unit for value, low in zip(block, (self.x, self.y)))
         centre = x0 + (self.unit - 1) // 2, y0 + (self.unit - 1) // 2
-        if not costmap.contains(centre):
+        if not costmap.grid_map.contains(centre):
             return float(centre[0]), float(centre[1])
         rows, columns = np.nonzero(~costmap.blocked[y0 : y0 + self.unit, x0 : x0 + self.unit])
         if rows.size == 0:

@@ -1,4 +1,4 @@
-"""From callers' poses to requests of the core, with tf2 played by a table."""
+"""From callers' poses to requests for the planner, with tf2 played by a table."""
 
 import math
 from functools import partial
@@ -17,24 +17,24 @@ from llm_astar_msgs_adapter.messages.occupancy_grid import quaternion_of
 from llm_astar_msgs_adapter.messages.path import path_to_message, pose_to_message
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.nodes.common.tf import PATIENCE, POLL_PERIOD_S, FrameError, Frames
-from llm_astar_planner.nodes.planner import nav2_server as nav2_actions
+from llm_astar_planner.nodes.planner import nav2_server
 from llm_astar_planner.nodes.planner.nav2_server import (
     PathAction,
-    PathCheck,
+    PathValidityService,
     fill_result,
-    question_of,
+    plan_goal,
 )
-from llm_astar_planner.nodes.planner.preemption import CancellationToken
+from llm_astar_planner.nodes.planner.preemption import CancellationToken, PreemptingGoalSlot
 from llm_astar_planner.nodes.planner.request_conversion import (
     PlanGoal,
     RequestConverter,
     RequestError,
 )
-from llm_astar_planner.nodes.planner.request_handler import Answer, RequestHandler
+from llm_astar_planner.nodes.planner.request_handler import PlanResponse, RequestHandler
 from llm_astar_planner.planning.parameters import PLANNER
+from llm_astar_planner.planning.plan_reuse import WaypointCache
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.recall import Recall
-from llm_astar_planner.planning.types import ResultCode
+from llm_astar_planner.planning.types import Plan, ResultCode
 from nav_msgs.msg import Path
 
 LONG = 60.0
@@ -67,17 +67,26 @@ def pose(x, y, yaw=0.0, frame='map', stamp=STAMP):
     return pose_to_message(Pose2D(x, y, yaw), frame, stamp)
 
 
-def reader(buffer=None, source=None, **changes):
-    settings = {parameter.name: parameter.default for parameter in PLANNER} | changes
-    return RequestConverter(settings, Frames(buffer), source)
+class Settings(dict):
+    """The node's parameters at their defaults, but for some."""
+
+    def __init__(self, **changes):
+        super().__init__({parameter.name: parameter.default for parameter in PLANNER} | changes)
+        self.current = self
 
 
-def refusal(reader, question):
-    def read():
-        reader.request(question, reader.ends(question, MAP), MAP, want_expanded=False)
+def converter(buffer=None, source=None, **changes):
+    return RequestConverter(Settings(**changes), Frames(buffer), source)
 
+
+def to_request(converter, goal, grid_map=MAP, want_expanded=False):
+    poses = converter.poses(goal, grid_map)
+    return converter.to_request(goal, poses, grid_map, 2.0, want_expanded=want_expanded)
+
+
+def refusal(converter, goal):
     with pytest.raises(RequestError) as caught:
-        read()
+        to_request(converter, goal)
     return caught.value.code.name, str(caught.value)
 
 
@@ -94,23 +103,24 @@ def test_stamp_zero_means_the_latest_transform():
     assert buffer.asked == [0]
 
 
-def answered(buffer, max_planning_time=LONG, cancel=None):
-    """Answer a question whose goal is in another frame."""
-    settings = {parameter.name: parameter.default for parameter in PLANNER}
-    settings |= {'max_planning_time': max_planning_time, 'remember_plans': 64}
+def answered(buffer, max_planning_time=LONG, token=None):
+    """Answer a goal that is in another frame."""
+    settings = Settings(max_planning_time=max_planning_time)
     node = Mock()
     node.get_clock().now().to_msg.return_value = STAMP
-    answering = RequestHandler(
+    handler = RequestHandler(
         node,
         settings,
         SimpleNamespace(planner=Planner(MAP)),
         RequestConverter(settings, Frames(buffer), None),
-        recall=Recall(0),
-        announcer=Mock(wants_expanded=False),
+        cache=WaypointCache(),
+        publisher=Mock(wants_expanded=False),
+        replans=PreemptingGoalSlot(),
     )
-    answering.is_active = True
-    answer = answering.answer(PlanGoal((pose(1.0, 1.0, frame='odom'),), pose(2.0, 2.0)), cancel)
-    return answer.code, answer.message
+    handler.activate()
+    goal = PlanGoal((pose(1.0, 1.0, frame='odom'),), pose(2.0, 2.0))
+    plan = handler.answer(goal, token).plan
+    return plan.code, plan.message
 
 
 def test_a_transform_that_comes_late_is_waited_for():
@@ -129,9 +139,9 @@ def test_the_wait_for_a_transform_ends_with_patience_or_with_the_planning_time()
 
 
 def test_a_cancel_ends_the_wait_for_a_transform():
-    cancel = CancellationToken()
-    buffer = Buffer(on_look=lambda: cancel('a newer goal came'))
-    code, message = answered(buffer, cancel=cancel)
+    token = CancellationToken()
+    buffer = Buffer(on_look=lambda: token.cancel('a newer goal came'))
+    code, message = answered(buffer, token=token)
     assert (code, message) == (ResultCode.TIMEOUT, 'canceled: a newer goal came')
     assert len(buffer.asked) == 1
 
@@ -146,11 +156,11 @@ def test_poses_of_the_maps_frame_or_of_none_need_no_tf2():
     [(None, 'tf2_ros is not installed'), (Buffer(), 'no transform is known: "odom" passed')],
 )
 def test_what_cannot_be_transformed_is_a_tf_error_with_the_reason(buffer, words):
-    for question in (
+    for goal in (
         PlanGoal((pose(1.0, 1.0, frame='odom'),), pose(2.0, 2.0)),
         PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0, frame='odom')),
     ):
-        code, message = refusal(reader(buffer), question)
+        code, message = refusal(converter(buffer), goal)
         assert code == 'TF_ERROR'
         assert words in message
         assert "'odom', the map in 'map'" in message
@@ -158,40 +168,39 @@ def test_what_cannot_be_transformed_is_a_tf_error_with_the_reason(buffer, words)
 
 def test_without_a_start_the_robots_pose_counts():
     buffer = Buffer(base_link=(3.0, 4.0, 0.5), robot_base=(5.0, 6.0, 0.0))
-    question = PlanGoal((pose(1.0, 1.0),))
-    assert reader(buffer).ends(question, MAP).start == pytest.approx((3.0, 4.0, 0.5))
-    named = reader(buffer, robot_base_frame='robot_base')
-    assert named.ends(question, MAP).start == pytest.approx((5.0, 6.0, 0.0))
-    code, message = refusal(reader(Buffer()), question)
+    goal = PlanGoal((pose(1.0, 1.0),))
+    assert converter(buffer).poses(goal, MAP).start == pytest.approx((3.0, 4.0, 0.5))
+    named = converter(buffer, robot_base_frame='robot_base')
+    assert named.poses(goal, MAP).start == pytest.approx((5.0, 6.0, 0.0))
+    code, message = refusal(converter(Buffer()), goal)
     assert code == 'TF_ERROR'
     assert 'base_link' in message
 
 
 def test_a_fallback_serves_where_the_robots_pose_is_not_known():
-    question = PlanGoal((pose(1.0, 1.0),), fallback_start=pose(9.0, 8.0))
-    assert reader(None).ends(question, MAP).start[:2] == (9.0, 8.0)
-    assert reader(Buffer()).ends(question, MAP).start[:2] == (9.0, 8.0)
+    goal = PlanGoal((pose(1.0, 1.0),), fallback_start=pose(9.0, 8.0))
+    assert converter(None).poses(goal, MAP).start[:2] == (9.0, 8.0)
+    assert converter(Buffer()).poses(goal, MAP).start[:2] == (9.0, 8.0)
     known = Buffer(base_link=(3.0, 4.0, 0.0))
-    assert reader(known).ends(question, MAP).start[:2] == (3.0, 4.0)
+    assert converter(known).poses(goal, MAP).start[:2] == (3.0, 4.0)
 
 
 def test_a_pose_that_is_not_finite_is_no_pose():
-    question = PlanGoal((pose(math.nan, 1.0),), pose(2.0, 2.0))
-    assert refusal(reader(), question) == ('UNKNOWN', 'goal: holds a number that is not finite')
+    goal = PlanGoal((pose(math.nan, 1.0),), pose(2.0, 2.0))
+    assert refusal(converter(), goal) == ('UNKNOWN', 'goal: holds a number that is not finite')
     with pytest.raises(GridMapError):
         Frames(None).locate(pose(1.0, math.inf), 'map', 'goal')
 
 
 @pytest.mark.parametrize(('asked', 'counts'), [(0.0, 0.5), (-1.0, 0.5), (0.2, 0.2)])
 def test_the_callers_tolerance_counts_where_it_states_one(asked, counts):
-    question = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), asked)
-    ends = reader().ends(question, MAP)
-    assert reader().request(question, ends, MAP, want_expanded=False).tolerance == counts
+    goal = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), asked)
+    assert to_request(converter(), goal).tolerance == counts
 
 
 def test_a_tolerance_that_is_not_finite_is_the_cores_to_refuse():
-    question = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), math.nan)
-    request = reader().request(question, reader().ends(question, MAP), MAP, want_expanded=False)
+    goal = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), math.nan)
+    request = to_request(converter(), goal)
     assert Planner(MAP).plan(request).code.name == 'INVALID_PLANNER'
 
 
@@ -199,13 +208,11 @@ def test_parameters_reach_the_request():
     changes = {
         'start_tolerance': 0.7,
         'max_suboptimality': 0.0,
-        'max_planning_time': 2.0,
         'instruction': 'keep to the south side',
         'use_waypoints': False,
     }
-    question = PlanGoal((pose(1.0, 1.0), pose(3.0, 3.0), pose(4.1, 5.0)), pose(2.0, 2.0))
-    asker = reader(source=object(), **changes)
-    request = asker.request(question, asker.ends(question, MAP), MAP, want_expanded=True)
+    goal = PlanGoal((pose(1.0, 1.0), pose(3.0, 3.0), pose(4.1, 5.0)), pose(2.0, 2.0))
+    request = to_request(converter(source=object(), **changes), goal, want_expanded=True)
     assert (request.start, request.via, request.goal) == ((4, 4), ((2, 2), (6, 6)), (8, 10))
     assert (request.start_tolerance, request.max_suboptimality) == (0.7, None)
     assert (request.time_limit, request.instruction) == (2.0, 'keep to the south side')
@@ -218,14 +225,13 @@ def test_parameters_reach_the_request():
     [('', 'guided'), ('LLMAStar', 'guided'), ('GridBased', 'guided'), ('astar', 'astar')],
 )
 def test_planner_ids_name_this_planner_or_a_method(planner_id, method):
-    question = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), planner_id=planner_id)
-    ends = reader().ends(question, MAP)
-    assert reader().request(question, ends, MAP, want_expanded=False).method == method
+    goal = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), planner_id=planner_id)
+    assert to_request(converter(), goal).method == method
 
 
 def test_an_unknown_planner_id_is_an_invalid_planner():
-    question = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), planner_id='SmacHybrid')
-    code, message = refusal(reader(), question)
+    goal = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), planner_id='SmacHybrid')
+    code, message = refusal(converter(), goal)
     assert code == 'INVALID_PLANNER'
     assert "'SmacHybrid'" in message
     assert 'LLMAStar' in message
@@ -246,41 +252,40 @@ class ThroughPoses:
         self.error_msg = 'x'
 
 
-def answer(code, message='because', points=()):
-    return Answer(path_to_message(points, 'map', STAMP), code, message, 1.25)
+def response(code, message='because', points=(), goals=1):
+    plan = Plan(code, message, 'guided', (0, 0), (1, 1), np.zeros((0, 0), dtype=bool))
+    goal = PlanGoal((pose(1.0, 1.0),) * goals)
+    return PlanResponse(goal, plan, path_to_message(points, 'map', STAMP), 1.25)
 
 
 def test_results_carry_each_actions_own_numbers():
-    question = PlanGoal((pose(1.0, 1.0),))
-    to = fill_result(ToPose(), question, answer(ResultCode.TF_ERROR))
+    to = fill_result(ToPose(), response(ResultCode.TF_ERROR))
     assert (to.error_code, hasattr(to, 'error_msg')) == (202, False)
     assert (to.planning_time.sec, to.planning_time.nanosec) == (1, 250_000_000)
-    through = fill_result(ThroughPoses(), question, answer(ResultCode.TF_ERROR))
+    through = fill_result(ThroughPoses(), response(ResultCode.TF_ERROR))
     assert (through.error_code, through.error_msg) == (302, 'because')
-    fine = fill_result(ThroughPoses(), question, answer(ResultCode.NONE))
+    fine = fill_result(ThroughPoses(), response(ResultCode.NONE))
     assert (fine.error_code, fine.error_msg) == (0, '')
-    nothing = fill_result(ThroughPoses(), PlanGoal(()), answer(ResultCode.UNKNOWN))
+    nothing = fill_result(ThroughPoses(), response(ResultCode.UNKNOWN, goals=0))
     assert nothing.error_code == 309
 
 
 def test_goals_of_both_actions_and_of_later_distributions_are_read():
     poses = [pose(1.0, 1.0), pose(2.0, 2.0)]
     common = {'start': pose(3.0, 3.0), 'use_start': True, 'planner_id': 'astar'}
-    one = question_of(SimpleNamespace(goal=poses[0], **common))
+    one = plan_goal(SimpleNamespace(goal=poses[0], **common))
     assert (one.goals, one.start, one.planner_id) == ((poses[0],), common['start'], 'astar')
-    jazzy = question_of(SimpleNamespace(goals=poses, **common))
-    kilted = question_of(SimpleNamespace(goals=SimpleNamespace(goals=poses), **common))
+    jazzy = plan_goal(SimpleNamespace(goals=poses, **common))
+    kilted = plan_goal(SimpleNamespace(goals=SimpleNamespace(goals=poses), **common))
     assert jazzy.goals == kilted.goals == tuple(poses)
-    assert question_of(SimpleNamespace(goals=[], **common)).goals == ()
-    assert (
-        question_of(SimpleNamespace(goal=poses[0], **common | {'use_start': False})).start is None
-    )
+    assert plan_goal(SimpleNamespace(goals=[], **common)).goals == ()
+    assert plan_goal(SimpleNamespace(goal=poses[0], **common | {'use_start': False})).start is None
 
 
-def verdict(path, planner, buffer=None, **fields):
-    check = PathCheck(Frames(buffer), lambda: 'base_link')
-    response = check.fill(SimpleNamespace(path=path, **fields), SimpleNamespace(), planner)
-    return response.is_valid, response.invalid_pose_indices
+def validity(path, planner, buffer=None, **fields):
+    service = PathValidityService(Frames(buffer), lambda: 'base_link')
+    answer = service.fill(SimpleNamespace(path=path, **fields), SimpleNamespace(), planner)
+    return answer.is_valid, answer.invalid_pose_indices
 
 
 def test_a_path_is_checked_pose_by_pose_on_the_latest_map():
@@ -289,19 +294,19 @@ def test_a_path_is_checked_pose_by_pose_on_the_latest_map():
     cells[5, 20] = -1
     planner = Planner(GridMap(cells, 0.5))
     through = path_to_message([(4.0, 2.0), (5.2, 2.0), (6.0, 2.0)], 'map', STAMP)
-    assert verdict(through, planner) == (False, [1])
+    assert validity(through, planner) == (False, [1])
     beside = path_to_message([(6.0, 2.0), (14.0, 8.0)], 'map', STAMP)
-    assert verdict(beside, planner) == (True, [])
+    assert validity(beside, planner) == (True, [])
     over_unknown = path_to_message([(10.2, 2.7)], 'map', STAMP)
-    assert verdict(over_unknown, planner) == (True, [])
-    assert verdict(over_unknown, planner, consider_unknown_as_obstacle=True) == (False, [0])
+    assert validity(over_unknown, planner) == (True, [])
+    assert validity(over_unknown, planner, consider_unknown_as_obstacle=True) == (False, [0])
     behind = Buffer(base_link=(6.0, 2.0, 0.0))
-    assert verdict(through, planner, behind) == (True, [])
+    assert validity(through, planner, behind) == (True, [])
     moved = path_to_message([(0.0, 0.0), (1.0, 0.0)], 'odom', STAMP)
-    assert verdict(moved, planner, Buffer(odom=(4.2, 3.0, 0.0))) == (False, [1])
-    assert verdict(moved, planner) == (False, [])
-    assert verdict(Path(), planner) == (False, [])
-    assert verdict(beside, None) == (False, [])
+    assert validity(moved, planner, Buffer(odom=(4.2, 3.0, 0.0))) == (False, [1])
+    assert validity(moved, planner) == (False, [])
+    assert validity(Path(), planner) == (False, [])
+    assert validity(beside, None) == (False, [])
 
 
 def test_frames_that_are_missing_say_so():
@@ -331,11 +336,10 @@ def test_whatever_is_asked_there_is_a_code_and_a_sentence(
 ):
     cells = np.random.default_rng(3).choice([0, 0, 0, 40, 100, -1], (20, 30)).astype(np.int8)
     grid_map = GridMap(cells, 0.5, Pose2D(-2.0, 1.0, 0.4))
-    asker = reader(Buffer(odom=(1.0, 2.0, 0.5), base_link=(3.0, 3.0, 0.0)), **parameters)
-    question = PlanGoal(tuple(goals), start, tolerance, planner_id)
+    own = converter(Buffer(odom=(1.0, 2.0, 0.5), base_link=(3.0, 3.0, 0.0)), **parameters)
+    goal = PlanGoal(tuple(goals), start, tolerance, planner_id)
     try:
-        ends = asker.ends(question, grid_map)
-        request = asker.request(question, ends, grid_map, want_expanded=False)
+        request = to_request(own, goal, grid_map)
     except RequestError as error:
         assert error.code is not ResultCode.NONE
         assert str(error)
@@ -369,10 +373,10 @@ class Goal:
         self.canceled, self.abort = (partial(setattr, self, 'ended', end) for end in 'ca')
 
     def execute(self):
-        self.result = self.action._execute(self)
+        self.result = self.action.execute(self)
 
 
-class LateAnswering:
+class LateAnswerer:
     """Has a path just when it is canceled; rclpy notes that a moment later."""
 
     is_active = True
@@ -380,19 +384,19 @@ class LateAnswering:
     def __init__(self, goal):
         self.goal = goal
 
-    def answer(self, _, cancel, on_better):
-        assert cancel.stop[0]
+    def answer_goal(self, _, token, on_better):
+        assert token.stop[0]
         Timer(0.05, setattr, (self.goal, 'is_cancel_requested', True)).start()
-        return answer(ResultCode.NONE, points=[(1.0, 1.0)])
+        return response(ResultCode.NONE, points=[(1.0, 1.0)])
 
 
 def test_a_goal_canceled_before_it_is_taken_up_ends_as_canceled_and_has_no_path(monkeypatch):
-    monkeypatch.setattr(nav2_actions, 'ActionServer', Mock())
+    monkeypatch.setattr(nav2_server, 'ActionServer', Mock())
     goal = Goal()
     kind = SimpleNamespace(Result=ToPose, Feedback=object)
-    goal.action = PathAction(Mock(), kind, 'plan', LateAnswering(goal))
-    goal.action._on_cancel(goal)
-    goal.action._on_accepted(goal)
+    goal.action = PathAction(Mock(), kind, 'plan', LateAnswerer(goal))
+    goal.action.on_cancel(goal)
+    goal.action.on_accepted(goal)
     assert goal.ended == 'c'
     assert (goal.result.error_code, len(goal.result.path.poses)) == (207, 0)
-    assert goal.action._cancels == {}
+    assert goal.action._tokens == {}

@@ -1,7 +1,7 @@
 """Where a path from any planner can no longer be followed."""
 
 import numpy as np
-from llm_astar_planner.planning.path_check import invalid_poses, nearest_pose
+from llm_astar_planner.planning.path_validator import invalid_poses, nearest_pose
 
 BLOCKED = np.zeros((10, 12), dtype=np.bool_)
 BLOCKED[2:8, 6] = True
