@@ -16,9 +16,8 @@ from llm_astar_planner.cli.plan import plan_to_json, plan_to_text
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.report import plan_report
-from llm_astar_planner.planning.request_check import MAX_VIA
-from llm_astar_planner.planning.segment import Leg
-from llm_astar_planner.planning.types import PlanRequest, ResultCode
+from llm_astar_planner.planning.segment import SegmentPlanner
+from llm_astar_planner.planning.types import MAX_VIA, PlanRequest, ResultCode
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.stop import no_stop
 
@@ -111,10 +110,10 @@ def test_the_callers_flag_is_only_read():
 
 
 def test_a_path_too_long_for_the_records_is_unknown(monkeypatch):
-    def too_long(leg, watcher=None):
+    def too_long(segment):
         raise PathTooLongError('the cost of a path does not fit')
 
-    monkeypatch.setattr(Leg, 'search', too_long)
+    monkeypatch.setattr(SegmentPlanner, 'search', too_long)
     assert_told_alike(Planner(GRID).plan(request_of({})), CODE.UNKNOWN, 'does not fit')
 
 

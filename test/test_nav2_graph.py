@@ -18,7 +18,7 @@ from llm_astar_msgs_adapter.messages.path import (
     pose_to_message,
 )
 from llm_astar_planner.nodes.common.qos import LATCHED
-from llm_astar_planner.nodes.planner.planner_node import ManagedPlannerNode, PlannerNode
+from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetPlan
 from rclpy.action import ActionClient
@@ -273,7 +273,9 @@ def test_the_robots_pose_and_poses_of_other_frames_come_through_tf2(graph):
 
 
 def test_a_managed_node_rejects_goals_until_it_is_active(graph):
-    node = ManagedPlannerNode(namespace='/managed_nav2')
+    node = PlannerNode(
+        namespace='/managed_nav2', parameter_overrides=[Parameter('autostart', value=False)]
+    )
     with running(node), calling('/managed_nav2') as caller:
         managed = Graph(caller)
         node.trigger_configure()

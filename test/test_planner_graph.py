@@ -21,7 +21,7 @@ from llm_astar_msgs_adapter.messages.path import (
 )
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.planner.map_manager import MapManager
-from llm_astar_planner.nodes.planner.planner_node import ManagedPlannerNode, PlannerNode
+from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetPlan
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -118,14 +118,14 @@ class Graph:
         return self.caller._health.get(f'{WORLD[1:]}/planner_node: planner', {})
 
 
-def node_of(kind, namespace=WORLD, **parameters):
+def node_of(namespace=WORLD, **parameters):
     overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    return kind(namespace=namespace, parameter_overrides=overrides)
+    return PlannerNode(namespace=namespace, parameter_overrides=overrides)
 
 
 @contextlib.contextmanager
 def graph(**parameters):
-    client, planner = Client(), node_of(PlannerNode, **parameters)
+    client, planner = Client(), node_of(**parameters)
     with running(client, planner), calling(WORLD) as caller:
         made = Graph(planner, client, caller)
         made.show()
@@ -150,9 +150,9 @@ def world(slow_graph):
 
 
 def forget(world):
-    """Have nothing of an earlier test remembered."""
-    world.set(remember_plans=0)
-    world.set(remember_plans=64)
+    """Drop the waypoints and the path of an earlier test."""
+    world.planner._server._cache.clear()
+    world.planner._server._monitor.forget()
 
 
 def yaws(path):
@@ -164,7 +164,7 @@ def test_a_newer_goal_cancels_the_one_that_waits_for_waypoints(world):
     start.header.frame_id = 'map'
     start.pose.pose = pose_to_message(START, 'map', Time()).pose
     world.starts.publish(start)
-    wait_for(lambda: world.planner._server._initial, 'the start')
+    wait_for(lambda: world.planner._server._initial_pose, 'the start')
     world.client.go.clear()
     began = time.monotonic()
     world.aim(GOAL)
@@ -195,42 +195,36 @@ def test_a_path_comes_in_time_whatever_the_client_does(world):
     assert len(path.poses) > 30
 
 
-def test_the_same_question_of_many_at_a_time_is_asked_and_searched_once(world):
-    forget(world)
-    world.client.go.clear()
-    reports = []
-
-    def work():
-        with calling(WORLD) as caller:
-            reports.append(caller.call(START, GOAL, seconds=LONG)[1])
-
-    threads = [threading.Thread(target=work) for _ in range(3)]
-    for thread in threads:
-        thread.start()
-    wait_for(lambda: world.client.asked, 'the question')
-    world.client.go.set()
-    for thread in threads:
-        thread.join(LONG)
-    assert len(world.client.asked) == 1
-    assert [report.code for report in reports] == [0, 0, 0]
-    assert {report.waypoints for report in reports} == {reports[0].waypoints}
-    free = [report for report in reports if report.seconds_search == 0.0]
-    assert len(free) == 2
-    assert all('remembered' in report.message or 'another' in report.message for report in free)
-
-
 def test_a_client_whose_parameters_change_is_asked_again(world):
     forget(world)
     world.caller.call(START, GOAL)
+    world.show((2, 28))
     world.caller.call(START, GOAL)
-    assert len(world.client.asked) == 1
+    assert len(world.client.asked) == 1  # its waypoints hold on the changed map
     assert set_parameter(world.caller, 'llm_client_node', 'model', 'two').successful
 
     def is_asked_again():
         world.caller.call(START, GOAL)
         return len(world.client.asked) == 2
 
-    wait_for(is_asked_again, 'the second question')
+    wait_for(is_asked_again, 'the second query')
+    world.show()
+
+
+def test_the_client_is_given_the_rules_that_the_planner_plans_by(world):
+    forget(world)
+    world.client.declare_parameter('occupied_threshold', 65)
+    world.client.declare_parameter('robot_radius', 0.0)
+    world.set(robot_radius=0.25, occupied_threshold=99)
+    try:
+        world.caller.call(START, GOAL)
+        known = [
+            world.client.get_parameter(name).value
+            for name in ('occupied_threshold', 'robot_radius')
+        ]
+    finally:
+        world.set(robot_radius=0.0, occupied_threshold=65)
+    assert known == [99, 0.25]
 
 
 def test_the_last_path_is_looked_at_on_a_new_map_and_replanned_only_if_broken(world):
@@ -371,7 +365,7 @@ def state(caller):
 
 
 def test_a_managed_node_answers_while_it_is_active_and_says_why_not_otherwise():
-    node = node_of(ManagedPlannerNode, MANAGED, lifecycle=True, llm_client='')
+    node = node_of(MANAGED, autostart=False, llm_client='')
     with running(node), calling(MANAGED) as caller:
         assert state(caller) == 'unconfigured'
         assert caller.node.count_publishers('plan') == 0
@@ -402,7 +396,7 @@ def test_a_managed_node_tells_its_state_while_a_parameter_waits_for_the_map(monk
         go.wait(PATIENCE)
 
     monkeypatch.setattr(MapManager, 'refresh', refresh)
-    node = node_of(ManagedPlannerNode, WAITING, lifecycle=True, llm_client='')
+    node = node_of(WAITING, autostart=False, llm_client='')
     with running(node), calling(WAITING) as caller:
         assert change_state(caller, Transition.TRANSITION_CONFIGURE)
         setting = threading.Thread(
@@ -416,7 +410,7 @@ def test_a_managed_node_tells_its_state_while_a_parameter_waits_for_the_map(monk
 
 
 def test_a_path_of_before_a_deactivation_is_not_replanned_after_it():
-    node = node_of(ManagedPlannerNode, AGAIN, lifecycle=True, llm_client='')
+    node = node_of(AGAIN, autostart=False, llm_client='')
     with running(node), calling(AGAIN) as caller:
         maps = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
         maps.publish(grid_to_message(GridMap(CELLS), Time()))

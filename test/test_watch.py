@@ -8,6 +8,7 @@ import sys
 import threading
 from dataclasses import asdict
 
+import numpy as np
 import pytest
 import rclpy
 from graph_tools import GOAL, START, calling, spinning, wait_for
@@ -17,8 +18,8 @@ from llm_astar_planner.nodes.llm_client_node import LlmClientNode
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.nodes.tools.monitor_lines import Kind, Seen, to_json, to_line
-from llm_astar_planner.planning.report import failure_report
-from llm_astar_planner.planning.types import ResultCode
+from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import Plan, ResultCode
 from rclpy.parameter import Parameter
 
 SPACE = '/watched'
@@ -27,12 +28,13 @@ REPLAY = [
     Parameter('transcript', value='demo_transcript.jsonl'),
     Parameter('dataset', value='demo.json'),
 ]
+FINE = Plan(ResultCode.NONE, 'fine', '', (0, 0), (0, 0), np.zeros((0, 0), dtype=bool))
 PLAN = Seen(
     Kind.PLAN,
     5.0,
     'planner_node',
     {
-        **asdict(failure_report(ResultCode.NONE, 'fine')),
+        **asdict(plan_report(FINE, None)),
         'method': 'guided',
         'guided_by': 'replay:x',
         'source_status': 'OK',
