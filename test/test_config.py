@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from llm_astar_planner.nodes.planner.introspection import STATES
+from llm_astar_planner.nodes.planner.planner_node import INTROSPECTION_STATES
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import NODES
 
@@ -28,4 +28,4 @@ def test_a_parameter_file_holds_what_its_nodes_take(name):
 
 
 def test_the_modes_of_introspection_are_those_of_the_table():
-    assert TABLE['planner_node']['introspection_mode'].choices == tuple(STATES)
+    assert TABLE['planner_node']['introspection_mode'].choices == tuple(INTROSPECTION_STATES)

@@ -14,7 +14,7 @@ MAX_RADIUS = 10.0
 class CostmapConfig:
     """Where a path may go, and what it costs there.
 
-    `cost_multiplier` is Nav2's `cost_travel_multiplier`: a move of length d into a cell below
+    `cost_travel_multiplier` is Nav2's: a move of length d into a cell below
     the threshold costs d * (1 + multiplier * occupancy / 100) in `guided` and `exact_astar`.
     Inflation is that of Nav2's InflationLayer; the formula is in `costmap.inflation`.
 
@@ -37,11 +37,10 @@ class CostmapConfig:
         cli_default=True,
         cli_reason='on barrier maps only, as in the paper',
     )
-    cost_multiplier: float = parameter(
+    cost_travel_multiplier: float = parameter(
         2.0,
         'How much occupancy below the threshold adds to the cost of a move, in `guided` and '
         '`exact_astar`; 0 counts length only',
-        name='cost_travel_multiplier',
         minimum=0.0,
         maximum=100.0,
     )

@@ -85,12 +85,14 @@ class Costmap:
     @cached_property
     def grid_graph(self) -> GridGraph:
         """The cells as the graph that our own searches work on."""
-        graded = self.config.cost_multiplier > 0 and bool(((self.cost > 0) & ~self.blocked).any())
+        graded = self.config.cost_travel_multiplier > 0 and bool(
+            ((self.cost > 0) & ~self.blocked).any()
+        )
         return GridGraph(
             self.blocked,
             corner_cutting=self.config.corner_cutting,
             cost=self.cost if graded else None,
-            cost_multiplier=self.config.cost_multiplier,
+            cost_multiplier=self.config.cost_travel_multiplier,
         )
 
     @cached_property

@@ -120,7 +120,7 @@ def test_a_costmaps_bands_block_from_99_and_grade_below():
     cells = np.zeros((7, 40), dtype=np.int8)
     cells[1:6, 18:22] = [[40], [98], [99], [98], [40]]
     cells[1, 20] = -1
-    rules = CostmapConfig(occupied_threshold=99, cost_multiplier=2.0)
+    rules = CostmapConfig(occupied_threshold=99, cost_travel_multiplier=2.0)
     planner = Planner(GridMap(cells, 0.05), rules)
     np.testing.assert_array_equal(planner.costmap.blocked, cells == 99)
     surcharge = planner.costmap.grid_graph.cell_surcharge.reshape(cells.shape) / 256.0
@@ -166,7 +166,7 @@ def test_a_gap_narrower_than_the_robot_is_none():
         ('inflation_radius', math.inf),
         ('cost_scaling_factor', -1.0),
         ('occupied_threshold', 0),
-        ('cost_multiplier', math.nan),
+        ('cost_travel_multiplier', math.nan),
     ],
 )
 def test_rules_no_robot_can_have_are_refused_by_name(name, value):

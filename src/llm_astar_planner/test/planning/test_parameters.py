@@ -57,12 +57,11 @@ def test_the_sources_of_the_table_are_those_that_can_be_made():
 
 
 def test_configurations_have_the_defaults_of_the_table():
-    names = {field.name for field in fields(CostmapConfig)} - {'cost_multiplier'}
+    names = {field.name for field in fields(CostmapConfig)}
     planner = defaults(NODES['planner_node'])
     assert {name: getattr(CostmapConfig(), name) for name in names} == {
         name: planner[name] for name in names
     }
-    assert CostmapConfig().cost_multiplier == planner['cost_travel_multiplier']
     client = defaults(NODES['llm_client_node'])
     names = [field.name for field in fields(SourceSettings)]
     assert {name: getattr(SourceSettings(), name) for name in names} == {

@@ -184,7 +184,7 @@ def test_graded_cells_are_avoided_as_far_as_they_cost():
     cells[8:13, 10:31] = 60
     request = PlanRequest((2, 10), (38, 10), max_suboptimality=1.0)
     around = Planner(GridMap(cells)).plan(request)
-    through = Planner(GridMap(cells), CostmapConfig(cost_multiplier=0.0)).plan(request)
+    through = Planner(GridMap(cells), CostmapConfig(cost_travel_multiplier=0.0)).plan(request)
     assert through.length == 36.0
     assert around.length > through.length
     assert not (cells[around.path[:, 1], around.path[:, 0]] > 0).any()

@@ -19,7 +19,7 @@ SCENARIOS, YAML, BARE_MAP = ('.scen',), ('.yaml', '.yml'), ('.map',)
 # Pairs drawn on a map that has none, unless a limit is given.
 DEFAULT_PAIRS = 100
 # MovingAI's rules: a diagonal move needs both adjacent cells free, and only lengths count.
-GRID_CONFIG = CostmapConfig(corner_cutting=False, cost_multiplier=0.0)
+GRID_CONFIG = CostmapConfig(corner_cutting=False, cost_travel_multiplier=0.0)
 
 
 def is_grid_dataset(path: str | Path) -> bool:

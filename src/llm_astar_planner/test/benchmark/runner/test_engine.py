@@ -318,7 +318,7 @@ def test_the_traced_search_is_the_compiled_one(dataset):
         planner = Planner.for_barrier_map(sample.barrier_map)
         for row in rows_of(tasks_of([sample], methods=['llm_astar'])[0]):
             plan = plan_again(sample.barrier_map, sample.sample, row, SearchSettings())
-            targets = [(p.x, p.y) for p in plan.waypoints if not p.status.drops]
+            targets = [(p.x, p.y) for p in plan.checked_waypoints if not p.status.is_dropped]
             goals = [] if row.method == 'astar' else [*targets, sample.sample.goal]
             traced = trace(planner.costmap.blocked, *sample.sample[:2], goals)
             assert len(traced.order) == row.operation

@@ -207,7 +207,7 @@ def test_it_says_what_it_is_and_which_weights():
     assert plan.guided_by.startswith('embedded:learned waypoint model ')
     assert plan.guided_by.endswith(', not an LLM')
     assert packaged_weights().digest in plan.guided_by
-    assert [point.status for point in plan.waypoints] == [WaypointStatus.ACCEPTED]
+    assert [point.status for point in plan.checked_waypoints] == [WaypointStatus.ACCEPTED]
     assert packaged_weights().digest in (ROOT / 'docs' / 'embedded-model.md').read_text()
 
 
