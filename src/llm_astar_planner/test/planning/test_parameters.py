@@ -131,7 +131,9 @@ def test_a_bad_file_is_refused_with_its_name_and_the_parameter(tmp_path, text, e
 
 def test_what_is_not_given_is_at_the_nodes_defaults():
     assert costmap_config({}) == CostmapConfig()
-    assert costmap_config({'cost_travel_multiplier': 5.0}) == CostmapConfig(cost_multiplier=5.0)
+    assert costmap_config({'cost_travel_multiplier': 5.0}) == CostmapConfig(
+        cost_travel_multiplier=5.0
+    )
     assert defaults(NODES['planner_node'])['tolerance'] == 0.5
 
 
