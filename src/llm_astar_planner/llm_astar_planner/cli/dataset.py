@@ -102,7 +102,7 @@ def check_dataset(args: argparse.Namespace) -> int:
 def write_bag(args: argparse.Namespace) -> int:
     """Write a dataset as a bag."""
     # Only this needs the library that writes bags.
-    from llm_astar_planner.benchmark.bags.sample_bag import write_sample_bag  # noqa: PLC0415
+    from llm_astar_planner.benchmark.bags.writing import write_sample_bag  # noqa: PLC0415
 
     samples = load_samples(find_file(args.dataset, 'maps'), args.maps)
     counts = write_sample_bag(samples, args.out, args.storage)

@@ -16,10 +16,10 @@ from llm_astar_msgs_adapter.bags.reading import Bag, open_bags
 from llm_astar_msgs_adapter.bags.writing import BagWriteError
 
 from llm_astar_planner.benchmark.bags.exchanges import write_exchanges
-from llm_astar_planner.benchmark.bags.request_list import ListedRequest
-from llm_astar_planner.benchmark.bags.results_bag import ResultsBag
-from llm_astar_planner.benchmark.bags.tasks import BagRun, BagSweep
-from llm_astar_planner.benchmark.bags.topics import Wanted, describe, describe_text
+from llm_astar_planner.benchmark.bags.requests import ListedRequest
+from llm_astar_planner.benchmark.bags.tasks import BagTasks, EvaluationConfig
+from llm_astar_planner.benchmark.bags.topics import TopicSelection, describe, describe_text
+from llm_astar_planner.benchmark.bags.writing import ResultsBag
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap, save_kept_maps
 from llm_astar_planner.benchmark.results import (
     MAPS_FILE,
@@ -117,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
             done = open_folder(folder, metadata, resume=args.resume)
         except ResultsError as error:
             return complain(args, str(error), BAD_INPUT)
-        bag_run = BagRun(sweep)
+        bag_run = BagTasks(sweep)
         try:
             tasks = bag_run.tasks(done)
             code = _plan(args, folder, metadata, tasks, sources=sweep.sources, plans=plans)
@@ -172,11 +172,13 @@ def _show(bag: ResultsBag, task: Task, outcomes: list[Outcome]) -> None:
     """Write what the methods made of a request into a bag."""
     grid_map = task.sample.barrier_map.to_grid()
     for row, plan in outcomes:
-        if plan is not None and task.occasion is not None:
+        if plan is not None and task.recorded_plan is not None:
             source = '/'.join(part for part in row.variant[1:] if part)
             points = grid_map.grid_to_world(plan.path)
             report = replace(plan_report(plan, grid_map), seconds_source=row.seconds_source)
-            bag.add(row.method, source, grid_map, task.occasion.time, points=points, report=report)
+            bag.add(
+                row.method, source, grid_map, task.recorded_plan.time, points=points, report=report
+            )
 
 
 def _close(
@@ -198,7 +200,7 @@ def _close(
     return close_run(args, folder, metadata, code)
 
 
-def _list(args: argparse.Namespace, wanted: Wanted) -> int:
+def _list(args: argparse.Namespace, wanted: TopicSelection) -> int:
     """Show what bags offer; return 3 where one cannot be read or evaluated."""
     code = OK
     with open_bags(args.bags) as (bags, unopened):
@@ -212,7 +214,7 @@ def _list(args: argparse.Namespace, wanted: Wanted) -> int:
 
 
 def _take_exchanges(
-    args: argparse.Namespace, bags: Sequence[Bag], wanted: Wanted, folder: ResultsFolder
+    args: argparse.Namespace, bags: Sequence[Bag], wanted: TopicSelection, folder: ResultsFolder
 ) -> Path:
     """Write the traffic the bags hold into the folder, as the transcript to replay.
 
@@ -235,10 +237,10 @@ def _take_exchanges(
 def _sweep(
     args: argparse.Namespace,
     bags: Sequence[Bag],
-    wanted: Wanted,
+    wanted: TopicSelection,
     listed: Sequence[ListedRequest],
     options: dict[str, Any],
-) -> BagSweep:
+) -> EvaluationConfig:
     asked = defaults(RULES) | options
     settings = SearchSettings(
         args.heuristic,
@@ -250,7 +252,7 @@ def _sweep(
         asked['start_tolerance'],
         'corner_cutting' not in options and not args.params_file,
     )
-    return BagSweep(
+    return EvaluationConfig(
         bags,
         replace(wanted, base_frame=asked['robot_base_frame']),
         args.methods,
@@ -275,12 +277,12 @@ def _sources(args: argparse.Namespace, bags: Sequence[Bag]) -> list[SourceSpec]:
     )
 
 
-def _parameters(args: argparse.Namespace, sweep: BagSweep) -> dict[str, Any]:
+def _parameters(args: argparse.Namespace, sweep: EvaluationConfig) -> dict[str, Any]:
     names = (
         'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds', 'heuristic',
         'weight', 'time_limit', 'max_suboptimality', 'price', 'jobs', 'requests', 'plan_window',
     )  # fmt: skip
-    settings, wanted = sweep.settings, sweep.wanted
+    settings, wanted = sweep.settings, sweep.selection
     return {name: getattr(args, name) for name in names} | {
         'rules': None if settings.costmap is None else asdict(settings.costmap),
         'tolerance': settings.tolerance,

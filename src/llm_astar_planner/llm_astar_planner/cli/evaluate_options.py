@@ -6,9 +6,8 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
-from llm_astar_planner.benchmark.bags.request_list import ListedRequest, load_requests
-from llm_astar_planner.benchmark.bags.topics import REQUESTS as REQUEST_KINDS
-from llm_astar_planner.benchmark.bags.topics import Wanted
+from llm_astar_planner.benchmark.bags.requests import ListedRequest, load_requests
+from llm_astar_planner.benchmark.bags.topics import REQUEST_KINDS, TopicSelection
 from llm_astar_planner.cli.parameter_flags import (
     add_parameter_flags,
     add_params_file_flag,
@@ -77,7 +76,7 @@ def add_rules(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
     add_parameter_flags(group, RULES)
 
 
-def wanted_of(args: argparse.Namespace) -> tuple[Wanted, Sequence[ListedRequest]]:
+def wanted_of(args: argparse.Namespace) -> tuple[TopicSelection, Sequence[ListedRequest]]:
     """Return what is taken, and the requests of a file. Raises ValueError."""
     listed: Sequence[ListedRequest] = ()
     requests = args.requests
@@ -87,7 +86,7 @@ def wanted_of(args: argparse.Namespace) -> tuple[Wanted, Sequence[ListedRequest]
         message = f'--plan-window {args.plan_window} is not 0 seconds or more'
         raise ValueError(message)
     namespace = args.namespace.strip('/')
-    wanted = Wanted(
+    wanted = TopicSelection(
         f'/{namespace}' if namespace else '',
         args.map_topic,
         args.plan_topic,

@@ -21,7 +21,7 @@ from bag_makers import (
 from llm_astar_msgs_adapter.bags import reading as bag_reading
 from llm_astar_msgs_adapter.bags.reading import Bag
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barrier_maps
-from llm_astar_planner.benchmark.bags.tasks import Numbers
+from llm_astar_planner.benchmark.bags.tasks import SampleIdAllocator
 from llm_astar_planner.benchmark.datasets.generate import MapRules, generate
 from llm_astar_planner.benchmark.report import write as report_writer
 from llm_astar_planner.benchmark.report.figures import comparison_figure
@@ -237,9 +237,9 @@ def test_the_same_map_in_two_bags_is_one_map_with_all_its_requests(drive, tmp_pa
 
 
 def test_samples_keep_their_places_and_what_comes_again_is_numbered_behind_them():
-    numbers = Numbers()
-    assert [numbers.map(digest, 7) for digest in ('a', 'b', 'a')] == [7, 8, 7]
-    assert [numbers.pair(7, wanted, 3) for wanted in (1, None, 0, 1, 2, None)] == [
+    ids = SampleIdAllocator()
+    assert [ids.map_id(digest, 7) for digest in ('a', 'b', 'a')] == [7, 8, 7]
+    assert [ids.pair(7, wanted, 3) for wanted in (1, None, 0, 1, 2, None)] == [
         1,
         3,
         0,
@@ -247,7 +247,7 @@ def test_samples_keep_their_places_and_what_comes_again_is_numbered_behind_them(
         2,
         5,
     ]
-    assert [numbers.pair(8, wanted, 0) for wanted in (None, None)] == [0, 1]
+    assert [ids.pair(8, wanted, 0) for wanted in (None, None)] == [0, 1]
 
 
 def test_a_list_of_what_bags_offer_is_for_people_and_for_programs(drive, capsys):

@@ -1,23 +1,23 @@
-"""The traffic with models that bags recorded, as a transcript to replay."""
+"""Exchanges with language models that were recorded in bags, as a transcript to replay."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.bags.reading import Bag
 from llm_astar_msgs_adapter.messages.fields import values_of_report
 
-from llm_astar_planner.benchmark.bags.topics import Wanted, parts
+from llm_astar_planner.benchmark.bags.topics import TopicSelection, topic_roles
 from llm_astar_planner.waypoints.llm.source import read_answer
 from llm_astar_planner.waypoints.source import Message, SourceStatus
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter
 
 
-def write_exchanges(bags: Sequence[Bag], wanted: Wanted, transcript: Path) -> int:
-    """Write every exchange in bags to a new transcript, in their order; return how many there are.
+def write_exchanges(bags: Sequence[Bag], selection: TopicSelection, transcript: Path) -> int:
+    """Write every exchange in bags to a new transcript, in their order; return their number.
 
     Raises TranscriptError or OSError where the file cannot be written.
     """
@@ -25,24 +25,19 @@ def write_exchanges(bags: Sequence[Bag], wanted: Wanted, transcript: Path) -> in
     writer = TranscriptWriter(transcript)
     count = 0
     for bag in bags:
-        for exchange in _exchanges(bag, wanted):
-            writer.write(exchange)
-            count += 1
+        roles = topic_roles(bag, selection)
+        for message in bag.messages([name for name, role in roles.items() if role == 'exchange']):
+            exchange = exchange_from_values(values_of_report(message.value))
+            if exchange is not None:
+                writer.write(exchange)
+                count += 1
     return count
 
 
-def _exchanges(bag: Bag, wanted: Wanted) -> Iterator[Exchange]:
-    topics = [name for name, part in parts(bag, wanted).items() if part == 'exchange']
-    for message in bag.messages(topics):
-        exchange = _exchange(values_of_report(message.value))
-        if exchange is not None:
-            yield exchange
-
-
-def _exchange(values: Mapping[str, Any]) -> Exchange | None:
-    """Read the values of an exchange message; None where it is none, or of no request."""
+def exchange_from_values(values: Mapping[str, Any]) -> Exchange | None:
+    """Make an exchange of a message's values; None where they are not those of an exchange."""
     try:
-        response, unit = _response(values)
+        response, unit = response_of(values)
         return Exchange(
             map=str(values['map_digest']),
             pair=str(values['pair']),
@@ -62,11 +57,11 @@ def _exchange(values: Mapping[str, Any]) -> Exchange | None:
         return None
 
 
-def _response(values: Mapping[str, Any]) -> tuple[str, int]:
-    """Return a reply's text and the cells a step of its coordinates is.
+def response_of(values: Mapping[str, Any]) -> tuple[str, int]:
+    """Return the reply's text, and how many cells one step of its coordinates is.
 
-    The waypoints as they came count: where the text does not say them itself, being cut, on
-    another lattice or none at all, they are its list, in cells.
+    The message has the waypoints too. Where the text does not give the same ones, since it was
+    cut, is in other units, or the source has no text, the response is their list in cells.
     """
     text, unit = str(values['text']), int(values['unit'])
     points = tuple((float(x), float(y)) for x, y in values['waypoints'])

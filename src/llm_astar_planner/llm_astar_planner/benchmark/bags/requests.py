@@ -1,102 +1,129 @@
-"""From a bag's messages to questions for a planner: from where to where, on the map of then.
+"""Requests of a bag, each on the map of its time; also requests listed in a CSV or JSON file.
 
-Messages are taken one by one; kept are the current map, the latest poses and transforms, and the
-few requests whose recorded answer may still come.
+Messages are read one by one. Only the current map, the newest poses and transforms, and the
+requests that wait for their recorded plan are kept.
 """
 
 from __future__ import annotations
 
+import csv
 import json
+import math
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.bags.files import JUMP
 from llm_astar_msgs_adapter.bags.reading import Bag, BagMessage
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message
 from llm_astar_msgs_adapter.messages.map_update import updated
 
-from llm_astar_planner.benchmark.bags.pending_requests import Answers, BagRequest, Call
-from llm_astar_planner.benchmark.bags.request_list import ListedRequest
-from llm_astar_planner.benchmark.bags.robot_poses import Places
-from llm_astar_planner.benchmark.bags.topics import Wanted, missing, parts
+from llm_astar_planner.benchmark.bags.recorded_plans import BagRequest, Call, PendingRequests
+from llm_astar_planner.benchmark.bags.robot_poses import PoseError, RobotPoseTracker
+from llm_astar_planner.benchmark.bags.topics import TopicSelection, find_missing, topic_roles
 
-ANSWERED = (2, 3)  # event types of service_msgs/ServiceEventInfo: sent and received responses
-# Calls remembered, since client and server may both have told of one.
+# The event types of service_msgs/ServiceEventInfo with a response: sent and received.
+RESPONSES = (2, 3)
+# How many calls are remembered, since both client and server may publish an event of one.
 MAX_CALLS = 1000
+# Columns that a list of requests must have.
+COLUMNS = ('start_x', 'start_y', 'goal_x', 'goal_y')
+
+# Returns start and goal in the map's frame, whose name it gets; raises PoseError.
+Locate = Callable[[str], tuple[Pose2D, Pose2D]]
+
+
+class RequestListError(LlmAstarError, ValueError):
+    """A list that cannot be used; the message names the file, the entry and the field."""
+
+
+class ListedRequest(NamedTuple):
+    """A request of a list; `time` is in seconds after the bag's first message, inf at its end."""
+
+    number: int
+    time: float
+    start: Pose2D
+    goal: Pose2D
+
+    def endpoints(self, map_frame: str) -> tuple[Pose2D, Pose2D]:
+        """Return start and goal; they are in the map's frame, whatever its name."""
+        del map_frame
+        return self.start, self.goal
 
 
 class RequestReader:
     """Reads the requests of one bag."""
 
     def __init__(
-        self, bag: Bag, wanted: Wanted, window: float, listed: Sequence[ListedRequest] = ()
+        self,
+        bag: Bag,
+        selection: TopicSelection,
+        window: float,
+        listed: Sequence[ListedRequest] = (),
     ) -> None:
-        """Take a bag; answers are looked for `window` seconds behind a request."""
+        """Take an open bag; a recorded plan may come `window` seconds after its request."""
         self.bag = bag
-        self._problems = bag.problems
-        self._parts = parts(bag, wanted)
-        self._missing = missing(bag, self._parts, wanted)
-        held = self._parts.values()
+        self._roles = topic_roles(bag, selection)
+        self._missing = find_missing(bag, self._roles, selection)
         self._listed = deque(sorted(listed, key=lambda item: item.time))
-        plans = 'plan' in held or 'plan as request' in held
-        self._answers = Answers(int(window * 1e9), plans=plans, reports='report' in held)
-        self._places = Places(wanted.base_frame)
+        roles = self._roles.values()
+        plans = 'plan' in roles or 'plan as request' in roles
+        self._pending = PendingRequests(int(window * 1e9), plans=plans, reports='report' in roles)
+        self._poses = RobotPoseTracker(selection.base_frame)
         self._grid_map: GridMap | None = None
         self._barriers: BarrierMap | None = None
         self._calls: OrderedDict[Call, None] = OrderedDict()
         self._now = 0
         self._count = 0
-        self._noted: set[str] = set()
+        self._resized = False
         self._handlers: dict[str, Callable[[BagMessage], object]] = {
             'map': self._on_map,
             'map update': self._on_update,
             'barriers': self._on_barriers,
             'request': self._on_event,
             'goal': self._on_goal,
-            'plan': lambda message: self._answers.take_plan(message.value),
+            'plan': lambda message: self._pending.take_plan(message.value),
             'plan as request': self._on_plan,
-            'report': lambda message: self._answers.take_report(message.value),
+            'report': lambda message: self._pending.take_report(message.value),
             **{
-                part: partial(self._places.take, part)
-                for part in ('tf', 'static tf', 'odometry', 'start')
+                role: partial(self._poses.take, role)
+                for role in ('tf', 'static tf', 'odometry', 'start')
             },
         }
 
     def requests(self) -> Iterator[BagRequest]:
-        """Yield the requests in the order they were made, each when its answer is known."""
+        """Yield the requests in the order they were made, each when its plan is known."""
         if self._missing:
-            self._problems.leave_out(self._missing)
+            self.bag.problems.leave_out(self._missing)
             return
-        topics = [name for name, part in self._parts.items() if part in self._handlers]
+        topics = [name for name, role in self._roles.items() if role in self._handlers]
         for message in self.bag.messages(topics):
             self._advance(message.time)
-            self._handlers[self._parts[message.topic]](message)
-            yield from self._answers.ready()
-        self._ask_listed(None)
-        self._answers.give_up()
-        yield from self._answers.ready()
+            self._handlers[self._roles[message.topic]](message)
+            yield from self._pending.pop_ready()
+        self._make_listed(math.inf)
+        self._pending.expire()
+        yield from self._pending.pop_ready()
         if not self._count:
             self._leave_out('no request in it could be read', 'requests')
 
     def _advance(self, now: int) -> None:
-        """Let the time pass: listed requests are made, waiting ones given up."""
+        """Set the time: make the listed requests that are due and expire waiting ones."""
         if now < self._now - JUMP:
-            self._jump(self._now - now)
-        self._ask_listed(self.bag.seconds(now))
-        self._answers.give_up(now)
+            self.bag.problems.note(
+                f'{self.bag.path}: the clock jumps back by {(self._now - now) / 1e9:.3f} s; what '
+                "was known of the robot's pose before is forgotten"
+            )
+            self._poses.forget()
+            self._pending.expire()
+        self._make_listed(self.bag.seconds(now))
+        self._pending.expire(now)
         self._now = now
-
-    def _jump(self, back: int) -> None:
-        self._problems.note(
-            f'{self.bag.path}: the clock jumps back by {back / 1e9:.3f} s; what was known of the '
-            "robot's place before is forgotten"
-        )
-        self._places.forget()
-        self._answers.give_up()
 
     def _on_map(self, message: BagMessage) -> None:
         before = self._grid_map
@@ -105,13 +132,11 @@ class RequestReader:
         except GridMapError as error:
             self._leave_out(f'{self._when(message)}: a map is refused, {error}', 'maps')
             return
-        if before is not None and before.cells.shape != self._grid_map.cells.shape:
-            sizes = [f'{item.width} x {item.height}' for item in (before, self._grid_map)]
-            self._note_once(
-                'resized',
-                f'the map changes its size; at {self.bag.seconds(message.time):.3f} s from '
-                f'{sizes[0]} to {sizes[1]} cells',
-            )
+        if before and before.cells.shape != self._grid_map.cells.shape and not self._resized:
+            self._resized = True
+            old, new = (f'{item.width} x {item.height}' for item in (before, self._grid_map))
+            when = f'at {self.bag.seconds(message.time):.3f} s from {old} to {new} cells'
+            self.bag.problems.note(f'{self.bag.path}: the map changes its size; {when}')
 
     def _on_update(self, message: BagMessage) -> None:
         if self._grid_map is None:
@@ -129,17 +154,17 @@ class RequestReader:
             self._leave_out(f'{self._when(message)}: {error}', 'barrier maps')
 
     def _on_event(self, message: BagMessage) -> None:
-        """Take a call of GetPlan, or its answer; events without contents tell nothing."""
+        """Take a call of GetPlan or its response. Events without contents are left out."""
         event = message.value
         call = (bytes(bytearray(event.info.client_gid)), int(event.info.sequence_number))
-        if event.info.event_type in ANSWERED:
+        if event.info.event_type in RESPONSES:
             if len(event.response):
-                self._answers.take_response(call, event.response[0].plan)
+                self._pending.take_response(call, event.response[0].plan)
             return
         if call in self._calls:
             return
         if not len(event.request):
-            self._problems.leave_out(
+            self.bag.problems.leave_out(
                 f'{self.bag.path}: {message.topic}: its events are without contents; set '
                 'service introspection to `contents` to record requests'
             )
@@ -148,81 +173,144 @@ class RequestReader:
         if len(self._calls) > MAX_CALLS:
             self._calls.popitem(last=False)
         request = event.request[0]
-        start, goal = self._on_the_map(request.start), self._on_the_map(request.goal)
-        self._ask(self._when(message), start, goal, call, float(request.tolerance))
+
+        def locate(frame: str) -> tuple[Pose2D, Pose2D]:
+            start = self._to_map(request.start, frame, 'start')
+            return start, self._to_map(request.goal, frame, 'goal')
+
+        self._make_request(self._when(message), locate, call, float(request.tolerance))
 
     def _on_goal(self, message: BagMessage) -> None:
-        start = self._places.robot(self._frame, message.time)
-        self._ask(self._when(message), start, self._on_the_map(message.value))
+        def locate(frame: str) -> tuple[Pose2D, Pose2D]:
+            start = self._poses.robot(frame, message.time)
+            return start, self._to_map(message.value, frame, 'goal')
+
+        self._make_request(self._when(message), locate)
 
     def _on_plan(self, message: BagMessage) -> None:
-        """Take a path as a request that it answers itself, unless it betters the one before."""
+        """Make a request of a path, unless the path improves the one before."""
         plan = message.value
-        if not len(plan.poses) or self._answers.take_plan(plan):
+        if not len(plan.poses) or self._pending.take_plan(plan):
             return
-        start, goal = (
-            self._places.on_map(stamped.pose, plan.header.frame_id, self._frame, self._now)
-            for stamped in (plan.poses[0], plan.poses[-1])
-        )
-        self._ask(self._when(message), start, goal)
-        self._answers.take_plan(plan)
 
-    def _ask_listed(self, now: float | None) -> None:
-        """Make the listed requests whose time has come, all that are left for None."""
-        while self._listed and (now is None or self._listed[0].time < now):
-            item = self._listed.popleft()
-            self._ask(f'listed request {item.number}', item.start, item.goal)
-
-    def _ask(
-        self,
-        when: str,
-        start: Pose2D | str,
-        goal: Pose2D | str,
-        call: Call | None = None,
-        tolerance: float = 0.0,
-    ) -> None:
-        """Make a request; a pose that is a sentence says why it is none."""
-        index, self._count = self._count, self._count + 1
-        if self._grid_map is None:
-            self._leave_out(f'{when}: a request before the first map', 'requests')
-        elif isinstance(start, str):
-            self._leave_out(f'{when}: a request whose start {start}', 'requests')
-        elif isinstance(goal, str):
-            self._leave_out(f'{when}: a request whose goal {goal}', 'requests')
-        else:
-            barriers = self._fitting_barriers(self._grid_map)
-            request = BagRequest(
-                index, self._now, start, goal, self._grid_map, barriers, tolerance
+        def locate(frame: str) -> tuple[Pose2D, Pose2D]:
+            start, goal = (
+                self._poses.to_map(stamped.pose, plan.header.frame_id, frame, self._now, name)
+                for name, stamped in (('start', plan.poses[0]), ('goal', plan.poses[-1]))
             )
-            self._answers.wait(request, call)
+            return start, goal
 
-    def _fitting_barriers(self, grid_map: GridMap) -> BarrierMap | None:
-        """Return the barriers told last, if they are those of the map."""
-        if self._barriers is None or not _are_of(self._barriers, grid_map):
-            return None
-        return self._barriers
+        self._make_request(self._when(message), locate)
+        self._pending.take_plan(plan)
 
-    @property
-    def _frame(self) -> str:
-        return '' if self._grid_map is None else self._grid_map.frame_id
+    def _make_listed(self, now: float) -> None:
+        """Make the listed requests that are due `now` seconds after the first message."""
+        while self._listed and (now == math.inf or self._listed[0].time < now):
+            item = self._listed.popleft()
+            self._make_request(f'listed request {item.number}', item.endpoints)
 
-    def _on_the_map(self, stamped: Any) -> Pose2D | str:  # noqa: ANN401 - a decoded PoseStamped
+    def _make_request(
+        self, when: str, locate: Locate, call: Call | None = None, tolerance: float = 0.0
+    ) -> None:
+        """Make a request on the current map, or say why that is not possible."""
+        index, self._count = self._count, self._count + 1
+        grid_map = self._grid_map
+        if grid_map is None:
+            self._leave_out(f'{when}: a request before the first map', 'requests')
+            return
+        try:
+            start, goal = locate(grid_map.frame_id)
+        except PoseError as error:
+            self._leave_out(f'{when}: a request whose {error}', 'requests')
+            return
+        barriers = self._barriers
+        if barriers is not None and not are_barriers_of(barriers, grid_map):
+            barriers = None
+        request = BagRequest(index, self._now, start, goal, grid_map, barriers, tolerance)
+        self._pending.add(request, call)
+
+    def _to_map(self, stamped: Any, map_frame: str, name: str) -> Pose2D:  # noqa: ANN401 - decoded
         frame = stamped.header.frame_id
-        return self._places.on_map(stamped.pose, frame, self._frame, self._now)
-
-    def _note_once(self, kind: str, what: str) -> None:
-        if kind not in self._noted:
-            self._noted.add(kind)
-            self._problems.note(f'{self.bag.path}: {what}')
+        return self._poses.to_map(stamped.pose, frame, map_frame, self._now, name)
 
     def _when(self, message: BagMessage) -> str:
         return f'{message.topic} at {self.bag.seconds(message.time):.3f} s'
 
     def _leave_out(self, what: str, kind: str) -> None:
-        self._problems.leave_out(f'{self.bag.path}: {what}', f'{self.bag.path}: {kind} left out')
+        path = self.bag.path
+        self.bag.problems.leave_out(f'{path}: {what}', f'{path}: {kind} left out')
 
 
 @lru_cache(maxsize=1)
-def _are_of(barriers: BarrierMap, grid_map: GridMap) -> bool:
-    """Tell whether barriers are those of a map; asked once a map, not once a request."""
+def are_barriers_of(barriers: BarrierMap, grid_map: GridMap) -> bool:
+    """Tell whether a map was made from barriers; the last answer is kept for the next request."""
     return barriers.to_grid(frame_id=grid_map.frame_id).digest == grid_map.digest
+
+
+def load_requests(path: str | Path) -> list[ListedRequest]:
+    """Read a list of requests, in metres in the map's frame.
+
+    A `.json` file holds a list of `{"start": [x, y], "goal": [x, y], "time": t}`. Any other is CSV
+    with a first line that names `start_x, start_y, goal_x, goal_y` and optionally `time`. A
+    request without a time is made on the last map. Raises RequestListError.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding='utf-8-sig')
+    except (OSError, UnicodeDecodeError) as error:
+        raise RequestListError(f'{path}: {getattr(error, "strerror", None) or error}') from None
+    entries = read_json(text, path) if path.suffix == '.json' else read_csv(text, path)
+    requests = []
+    for number, entry in enumerate(entries, 1):
+        where = f'{path}: entry {number}'
+        start_x, start_y, goal_x, goal_y = (
+            read_number(entry[name], f'{where}: {name}') for name in COLUMNS
+        )
+        given = entry.get('time')
+        time = math.inf if given in (None, '') else read_number(given, f'{where}: time')
+        start, goal = Pose2D(start_x, start_y), Pose2D(goal_x, goal_y)
+        requests.append(ListedRequest(number, time, start, goal))
+    if not requests:
+        raise RequestListError(f'{path}: lists no requests')
+    return requests
+
+
+def read_csv(text: str, path: Path) -> Iterable[Mapping[str, Any]]:
+    """Return the entries of a CSV list. Raises RequestListError where a column is missing."""
+    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
+    if missing:
+        raise RequestListError(f'{path}: its first line must name {", ".join(missing)}, too')
+    return reader
+
+
+def read_json(text: str, path: Path) -> Iterable[Mapping[str, Any]]:
+    """Yield the entries of a JSON list with the columns of a CSV one. Raises RequestListError."""
+    try:
+        entries = json.loads(text)
+    except ValueError as error:
+        raise RequestListError(f'{path}: not JSON: {error}') from None
+    if not isinstance(entries, list):
+        raise RequestListError(f'{path}: a JSON list of requests is expected')
+    for number, entry in enumerate(entries, 1):
+        where = f'{path}: entry {number}'
+        if not isinstance(entry, dict):
+            raise RequestListError(f'{where}: an object with start and goal is expected')
+        values = {'time': entry.get('time')}
+        for name in ('start', 'goal'):
+            point = entry.get(name)
+            if not isinstance(point, list) or len(point) != 2:
+                raise RequestListError(f'{where}: {name}: [x, y] in metres is expected')
+            values[f'{name}_x'], values[f'{name}_y'] = point
+        yield values
+
+
+def read_number(value: Any, where: str) -> float:  # noqa: ANN401 - as the file has it
+    """Return a finite number. Raises RequestListError, which begins with `where`."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if isinstance(value, bool) or not math.isfinite(number):
+        raise RequestListError(f'{where}: a number is expected, not {value!r}')
+    return number

@@ -1,67 +1,79 @@
-"""Where the robot was, and where poses lie on the map, by what a bag has told so far."""
+"""Poses on the map and the pose of the robot, from the messages of a bag read so far."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from llm_astar_msgs_adapter.bags.reading import BagMessage
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.transforms import Transforms, flat_pose, moved
 
-# What tells where the robot is, besides tf, the better first.
-TOLD = {'odometry': 'odometry', 'start': 'amcl_pose or initialpose'}
+# Roles of the topics with the robot's pose, besides tf, and their names; the better one first.
+POSE_ROLES = {'odometry': 'odometry', 'start': 'amcl_pose or initialpose'}
 
 
-class Places:
-    """The latest transforms, odometry, and pose by amcl or as it was told."""
+class PoseError(LlmAstarError, ValueError):
+    """A pose that is not known on the map; the message says which pose, and why."""
+
+
+class RobotPoseTracker:
+    """Keeps the newest transforms, odometry, and pose from amcl_pose or initialpose."""
 
     def __init__(self, base_frame: str) -> None:
-        """Know no place yet; `base_frame` is the robot's in tf."""
+        """Begin without poses; `base_frame` is the robot's frame in tf."""
         self._base_frame = base_frame
         self._transforms = Transforms()
-        self._told: dict[str, BagMessage] = {}
+        self._latest: dict[str, BagMessage] = {}
 
-    def take(self, part: str, message: BagMessage) -> None:
-        """Take a message of the part `tf`, `static tf`, `odometry` or `start`."""
-        if part in ('tf', 'static tf'):
-            static = part == 'static tf'
-            self._transforms.add(message.value, message.time, static=static)
+    def take(self, role: str, message: BagMessage) -> None:
+        """Take a message of the role `tf`, `static tf`, `odometry` or `start`."""
+        if role in ('tf', 'static tf'):
+            self._transforms.add(message.value, message.time, static=role == 'static tf')
         else:
-            self._told[part] = message
+            self._latest[role] = message
 
     def forget(self) -> None:
-        """Forget all but what never moves, as when the clock has jumped."""
+        """Forget all but static transforms, for when the clock jumps."""
         self._transforms.forget_moving()
-        self._told.clear()
+        self._latest.clear()
 
-    def on_map(self, pose: Any, frame: str, target: str, now: int) -> Pose2D | str:  # noqa: ANN401
-        """Return a decoded pose in the frame `target`, or say why that cannot be."""
+    def to_map(self, pose: Any, frame: str, map_frame: str, now: int, name: str) -> Pose2D:  # noqa: ANN401
+        """Return a decoded pose in the map's frame. An empty frame means the map's.
+
+        Raises PoseError, which begins with `name`.
+        """
         try:
-            place = pose_from_message(pose)
+            own = pose_from_message(pose)
         except GridMapError as error:
-            return f'cannot be used ({error})'
-        # Callers that leave the frame empty mean the map's.
-        if frame in ('', target):
-            return place
-        known = self._transforms.lookup(target, frame, now)
-        if known is None:
-            return f'is in frame {frame!r}, the map in {target!r}, and no tf joins them'
-        return moved(place, known)
+            message = f'{name} cannot be used ({error})'
+            raise PoseError(message) from None
+        if frame in ('', map_frame):
+            return own
+        transform = self._transforms.lookup(map_frame, frame, now)
+        if transform is None:
+            message = f'{name} is in frame {frame!r}, the map in {map_frame!r}, and no tf'
+            raise PoseError(f'{message} joins them')
+        return moved(own, transform)
 
-    def robot(self, target: str, now: int) -> Pose2D | str:
-        """Return the robot's place by tf, else by odometry, else as it was last told."""
-        known = self._transforms.lookup(target, self._base_frame, now)
-        if known is not None:
-            return flat_pose(known)
-        why = [f'no tf from {target} to {self._base_frame}']
-        for part, name in TOLD.items():
-            if part not in self._told:
-                why.append(f'no {name} yet')
+    def robot(self, map_frame: str, now: int) -> Pose2D:
+        """Return the robot's pose by tf, else by odometry, else by amcl_pose or initialpose.
+
+        Raises PoseError, which begins with `start`.
+        """
+        transform = self._transforms.lookup(map_frame, self._base_frame, now)
+        if transform is not None:
+            return flat_pose(transform)
+        problems = [f'no tf from {map_frame} to {self._base_frame}']
+        for role, name in POSE_ROLES.items():
+            if role not in self._latest:
+                problems.append(f'no {name} yet')
                 continue
-            value = self._told[part].value
-            place = self.on_map(value.pose.pose, value.header.frame_id, target, now)
-            if isinstance(place, Pose2D):
-                return place
-            why.append(f'{name} {place}')
-        return f'is not known: {"; ".join(why)}'
+            value = self._latest[role].value
+            try:
+                return self.to_map(value.pose.pose, value.header.frame_id, map_frame, now, name)
+            except PoseError as error:
+                problems.append(str(error))
+        message = f'start is not known: {"; ".join(problems)}'
+        raise PoseError(message)

@@ -1,4 +1,4 @@
-"""What of a bag an evaluation takes: which topic plays which part."""
+"""Which topics of a bag an evaluation uses, and the role of each."""
 
 from __future__ import annotations
 
@@ -14,24 +14,29 @@ EVENT, PATH = 'nav_msgs/srv/GetPlan_Event', 'nav_msgs/msg/Path'
 POSE, POSE_GUESS = 'geometry_msgs/msg/PoseStamped', 'geometry_msgs/msg/PoseWithCovarianceStamped'
 ODOMETRY, TF, TEXT = 'nav_msgs/msg/Odometry', 'tf2_msgs/msg/TFMessage', 'std_msgs/msg/String'
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
-SERVICE = '/get_plan/_service_event'
-# What requests may be taken from: the part that tells them, and its name for people.
-ASKING = {
+# Topics that may have any name: their type, the end of their name, and their role.
+BY_ENDING = (
+    (EVENT, '/get_plan/_service_event', 'request'),
+    (DIAGNOSTICS, '/report', 'report'),
+    (DIAGNOSTICS, '/exchange', 'exchange'),
+)
+# Where requests come from: the role of such topics, and a description for error messages.
+REQUEST_ROLES = {
     'service': ('request', 'events of GetPlan (service introspection)'),
     'goals': ('goal', 'goals on goal_pose'),
     'plans': ('plan as request', "paths of the robot's own"),
 }
-REQUESTS = ('auto', *ASKING)
+REQUEST_KINDS = ('auto', *REQUEST_ROLES)
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """Which topics to take, and which requests: a member of REQUESTS, or `list` for a file's.
+class TopicSelection:
+    """Which topics to read, and which requests: a member of REQUEST_KINDS, or `list` for a file's.
 
-    `namespace` is the robot's where a bag has several, '' or beginning with a slash; a topic that
-    is '' is the namespace's own. `base_frame` is the robot's in tf. Plans are requests, each from
-    its first pose to its last, where that is wanted, and by `auto` where neither calls nor goals
-    are in the bag.
+    `namespace` is the robot's where a bag has several, '' or beginning with a slash. A topic that
+    is '' is the default one in that namespace. `base_frame` is the robot's frame in tf. `plans`
+    makes each recorded path a request from its first pose to its last; `auto` does so where the
+    bag has neither calls nor goals.
     """
 
     namespace: str = ''
@@ -51,86 +56,80 @@ class Wanted:
         """The topic of the robot's own plans."""
         return self.plan_topic or f'{self.namespace}/plan'
 
+    def named_topics(self) -> Iterable[tuple[str, str, str]]:
+        """Yield role, name and message type of each topic that is known by name."""
+        own = self.namespace
+        yield 'map', self.map, GRID
+        yield 'map update', f'{self.map}_updates', UPDATE
+        yield 'barriers', BARRIER_MAP, TEXT
+        yield 'plan', self.plan, PATH
+        yield 'odometry', self.odom_topic or f'{own}/odom', ODOMETRY
+        if self.requests in ('auto', 'goals'):
+            yield 'goal', f'{own}/goal_pose', POSE
+            yield 'start', f'{own}/initialpose', POSE_GUESS
+            yield 'start', f'{own}/amcl_pose', POSE_GUESS
+        for prefix in dict.fromkeys(('', own)):
+            yield 'tf', f'{prefix}/tf', TF
+            yield 'static tf', f'{prefix}/tf_static', TF
 
-def parts(bag: Bag, wanted: Wanted) -> dict[str, str]:
-    """Return the part each topic of a bag plays, by topic; topics without one are left out.
 
-    What has the name but not the type of a part is said in the bag's problems.
+def topic_roles(bag: Bag, selection: TopicSelection) -> dict[str, str]:
+    """Return the role of each topic that is used, by topic.
+
+    A topic that has the name but not the type of a role is named in the bag's problems.
     """
-    found: dict[str, str] = {}
-    for part, name, msgtype in _named(wanted):
+    roles: dict[str, str] = {}
+    for role, name, msgtype in selection.named_topics():
         topic = bag.topics.get(name)
         if topic is None:
             continue
         if topic.msgtype == msgtype:
-            found[name] = part
+            roles[name] = role
         else:
             bag.problems.leave_out(f'{bag.path}: {name} is a {topic.msgtype}, not a {msgtype}')
     for name, topic in bag.topics.items():
-        part = _by_ending(name, topic.msgtype) if name.startswith(f'{wanted.namespace}/') else ''
-        if part and (part != 'request' or wanted.requests in ('auto', 'service')):
-            found[name] = part
-    untold = wanted.requests == 'auto' and not _held(bag, found) & {'request', 'goal'}
-    if found.get(wanted.plan) == 'plan' and (untold or wanted.requests == 'plans'):
-        found[wanted.plan] = 'plan as request'
-        if untold and bag.topics[wanted.plan].count:
+        for msgtype, ending, role in BY_ENDING:
+            fits = topic.msgtype == msgtype and name.endswith(ending)
+            used = role != 'request' or selection.requests in ('auto', 'service')
+            if fits and used and name.startswith(f'{selection.namespace}/'):
+                roles[name] = role
+    neither = selection.requests == 'auto' and not recorded_roles(bag, roles) & {'request', 'goal'}
+    plan = selection.plan
+    if roles.get(plan) == 'plan' and (neither or selection.requests == 'plans'):
+        roles[plan] = 'plan as request'
+        if neither and bag.topics[plan].count:
             bag.problems.note(
-                f'{bag.path}: neither calls nor goals are in it, and actions do not tell theirs: '
-                f'each path on {wanted.plan} is a request, from its first pose to its last'
+                f'{bag.path}: it has neither calls nor goals, and the goals of actions are not '
+                f'recorded: each path on {plan} is a request, from its first pose to its last'
             )
-    return found
+    return roles
 
 
-def _held(bag: Bag, found: Mapping[str, str]) -> set[str]:
-    """Return the parts there are messages of."""
-    return {part for name, part in found.items() if bag.topics[name].count}
+def recorded_roles(bag: Bag, roles: Mapping[str, str]) -> set[str]:
+    """Return the roles of the topics that have messages."""
+    return {role for name, role in roles.items() if bag.topics[name].count}
 
 
-def _named(wanted: Wanted) -> Iterable[tuple[str, str, str]]:
-    own = wanted.namespace
-    yield 'map', wanted.map, GRID
-    yield 'map update', f'{wanted.map}_updates', UPDATE
-    yield 'barriers', BARRIER_MAP, TEXT
-    yield 'plan', wanted.plan, PATH
-    yield 'odometry', wanted.odom_topic or f'{own}/odom', ODOMETRY
-    if wanted.requests in ('auto', 'goals'):
-        yield 'goal', f'{own}/goal_pose', POSE
-        yield 'start', f'{own}/initialpose', POSE_GUESS
-        yield 'start', f'{own}/amcl_pose', POSE_GUESS
-    for prefix in dict.fromkeys(('', own)):
-        yield 'tf', f'{prefix}/tf', TF
-        yield 'static tf', f'{prefix}/tf_static', TF
-
-
-def _by_ending(name: str, msgtype: str) -> str:
-    if msgtype == EVENT and name.endswith(SERVICE):
-        return 'request'
-    if msgtype == DIAGNOSTICS and name.endswith('/report'):
-        return 'report'
-    if msgtype == DIAGNOSTICS and name.endswith('/exchange'):
-        return 'exchange'
-    return ''
-
-
-def missing(bag: Bag, found: Mapping[str, str], wanted: Wanted) -> str:
-    """Say what keeps a bag from being evaluated at all, or ''."""
-    held = _held(bag, found)
-    if 'map' not in held:
+def find_missing(bag: Bag, roles: Mapping[str, str], selection: TopicSelection) -> str | None:
+    """Say why a bag cannot be evaluated at all; None where it can."""
+    recorded = recorded_roles(bag, roles)
+    if 'map' not in recorded:
         grids = [name for name, topic in bag.topics.items() if topic.msgtype == GRID]
         hint = f'; name one with --map-topic: {", ".join(grids)}' if grids else ''
-        return f'{bag.path}: no map: there is no {GRID} on {wanted.map}{hint}'
-    sought = [ASKING[wanted.requests]] if wanted.requests in ASKING else ASKING.values()
-    if wanted.requests != 'list' and not held & {part for part, _ in sought}:
-        none = ' and no '.join(name for _, name in sought)
+        return f'{bag.path}: no map: there is no {GRID} on {selection.map}{hint}'
+    chosen = REQUEST_ROLES.get(selection.requests)
+    sources = [chosen] if chosen else list(REQUEST_ROLES.values())
+    if selection.requests != 'list' and not recorded & {role for role, _ in sources}:
+        none = ' and no '.join(name for _, name in sources)
         return f'{bag.path}: no requests: it has no {none}; a file of them goes to --requests'
-    return ''
+    return None
 
 
-def describe(bag: Bag, wanted: Wanted) -> dict[str, Any]:
-    """Return what a bag offers: times in seconds since 1970, topics, and each one's part."""
-    found = parts(bag, wanted)
+def describe(bag: Bag, selection: TopicSelection) -> dict[str, Any]:
+    """Return a bag's contents: times in seconds since 1970, topics, and the role of each."""
+    roles = topic_roles(bag, selection)
     topics = [
-        {'name': t.name, 'type': t.msgtype, 'count': t.count, 'part': found.get(t.name, '')}
+        {'name': t.name, 'type': t.msgtype, 'count': t.count, 'part': roles.get(t.name, '')}
         for t in sorted(bag.topics.values(), key=lambda topic: topic.name)
     ]
     return {
@@ -140,21 +139,21 @@ def describe(bag: Bag, wanted: Wanted) -> dict[str, Any]:
         'seconds': bag.seconds(bag.end),
         'messages': sum(topic.count for topic in bag.topics.values()),
         'topics': topics,
-        'missing': missing(bag, found, wanted),
+        'missing': find_missing(bag, roles, selection) or '',
         'notes': bag.problems.notes,
         'left_out': bag.problems.lines(),
     }
 
 
-def describe_text(offer: Mapping[str, Any]) -> str:
-    """Write what a bag offers for a person."""
-    head = f'{offer["path"]}: {offer["messages"]} messages in {offer["seconds"]:.3f} s'
-    width = max((len(topic['name']) for topic in offer['topics']), default=0)
-    kinds = max((len(topic['type']) for topic in offer['topics']), default=0)
+def describe_text(contents: Mapping[str, Any]) -> str:
+    """Return what `describe` found as lines for a person."""
+    head = f'{contents["path"]}: {contents["messages"]} messages in {contents["seconds"]:.3f} s'
+    width = max((len(topic['name']) for topic in contents['topics']), default=0)
+    type_width = max((len(topic['type']) for topic in contents['topics']), default=0)
     lines = [
-        f'  {topic["name"]:<{width}}  {topic["type"]:<{kinds}}  {topic["count"]:>8}'
+        f'  {topic["name"]:<{width}}  {topic["type"]:<{type_width}}  {topic["count"]:>8}'
         f'  {topic["part"]}'.rstrip()
-        for topic in offer['topics']
+        for topic in contents['topics']
     ]
-    said = [*offer['notes'], *offer['left_out'], offer['missing']]
-    return '\n'.join([head, *lines, *(line for line in said if line)])
+    problems = [*contents['notes'], *contents['left_out'], contents['missing']]
+    return '\n'.join([head, *lines, *filter(None, problems)])

@@ -19,7 +19,7 @@ import numpy as np
 from cachetools import LRUCache, cached
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
 
-from llm_astar_planner.benchmark.bags.recorded_plans import Occasion
+from llm_astar_planner.benchmark.bags.recorded_plans import RecordedPlan
 from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, ProblemMap
 from llm_astar_planner.benchmark.results import (
@@ -85,7 +85,7 @@ class SearchSettings:
 class Task:
     """One sample at one scale; `variants` pairs each variant with the index of its source.
 
-    `occasion` is the recorded plan for a request from a bag. Sources see the sample's key only if
+    `recorded_plan` belongs to a request from a bag. Sources see the sample's key only if
     `is_sample`, that is if the request is a sample of a known dataset.
     """
 
@@ -94,7 +94,7 @@ class Task:
     variants: tuple[tuple[Variant, int], ...]
     sources: tuple[SourceSpec, ...]
     settings: SearchSettings = field(default_factory=SearchSettings)
-    occasion: Occasion | None = None
+    recorded_plan: RecordedPlan | None = None
     is_sample: bool = True
 
 
@@ -193,7 +193,7 @@ def run_task(task: Task) -> list[Outcome]:
     endpoints = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
     key = SampleKey(*task.sample.key, task.scale)
     replies: dict[int, tuple[WaypointReply, float]] = {}
-    recorded = {} if task.occasion is None else task.occasion.columns(planner)
+    recorded = {} if task.recorded_plan is None else task.recorded_plan.columns(planner)
     outcomes = []
     for variant, index in task.variants:
         source = task.sources[index].source

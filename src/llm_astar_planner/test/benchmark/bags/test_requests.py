@@ -23,9 +23,12 @@ from bag_makers import (
 from llm_astar_msgs_adapter.bags.messages import barrier_map_text
 from llm_astar_msgs_adapter.bags.reading import Bag
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
-from llm_astar_planner.benchmark.bags.request_list import RequestListError, load_requests
-from llm_astar_planner.benchmark.bags.requests import RequestReader
-from llm_astar_planner.benchmark.bags.topics import Wanted, describe
+from llm_astar_planner.benchmark.bags.requests import (
+    RequestListError,
+    RequestReader,
+    load_requests,
+)
+from llm_astar_planner.benchmark.bags.topics import TopicSelection, describe
 
 WAY = [(2.0, 2.0), (5.0, 5.0), (8.0, 8.0)]
 
@@ -37,7 +40,7 @@ def ask(tmp_path):
     def read(messages, listed=(), window=10.0, **wanted):
         folder = write_bag(tmp_path / 'bag', messages)
         with Bag(folder) as bag:
-            reader = RequestReader(bag, Wanted(**wanted), window, listed)
+            reader = RequestReader(bag, TopicSelection(**wanted), window, listed)
             return list(reader.requests()), bag.problems
 
     return read
@@ -114,7 +117,7 @@ def test_where_neither_goals_nor_calls_are_told_each_path_of_the_robot_is_a_requ
     assert places(requests) == [((2, 2), (8, 8)), ((5, 5), (9, 2))]
     assert [len(request.recorded.points) for request in requests] == [2, 2]
     (note,) = problems.notes
-    assert 'actions do not tell theirs: each path on /plan is a request' in note
+    assert 'goals of actions are not recorded: each path on /plan is a request' in note
     assert not problems.left_out
 
 
@@ -256,14 +259,14 @@ def test_a_bag_without_a_map_names_the_grids_it_has(ask, tmp_path):
     assert 'no map: there is no nav_msgs/msg/OccupancyGrid on /map' in problems.left_out[0]
     folder = write_bag(tmp_path / 'other', [map_at(1, room()), call_at(2, (2, 2), (8, 8))])
     with Bag(folder) as bag:
-        offer = describe(bag, Wanted(map_topic='/robot/map'))
+        offer = describe(bag, TopicSelection(map_topic='/robot/map'))
     assert 'name one with --map-topic: /map' in offer['missing']
 
 
 def test_a_bag_says_what_it_offers(tmp_path):
     folder = write_bag(tmp_path / 'bag', [map_at(1, room()), call_at(2.5, (2, 2), (8, 8))])
     with Bag(folder) as bag:
-        offer = describe(bag, Wanted())
+        offer = describe(bag, TopicSelection())
     assert (offer['messages'], offer['seconds'], offer['missing']) == (2, 1.5, '')
     assert {topic['name']: topic['part'] for topic in offer['topics']} == {
         '/map': 'map',

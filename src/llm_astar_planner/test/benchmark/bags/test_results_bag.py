@@ -7,7 +7,7 @@ import pytest
 from llm_astar_msgs_adapter.bags.messages import MAP
 from llm_astar_msgs_adapter.bags.writing import BagWriteError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_planner.benchmark.bags.results_bag import ResultsBag
+from llm_astar_planner.benchmark.bags.writing import ResultsBag
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.types import PlanRequest
@@ -18,7 +18,7 @@ from mcap_ros2.decoder import DecoderFactory
 SECOND = 1_000_000_000
 
 
-class Answer:
+class TwoPoints:
     name = 'two points'
 
     def waypoints(self, query):
@@ -49,7 +49,7 @@ def read(folder):
 def test_a_plan_is_a_path_its_report_and_its_waypoints_on_a_map_written_once(tmp_path):
     with ResultsBag(tmp_path / 'bag') as bag:
         plan, points = evaluate(bag, free_map(30), 5 * SECOND)
-        evaluate(bag, free_map(30), 5 * SECOND, Answer())
+        evaluate(bag, free_map(30), 5 * SECOND, TwoPoints())
         evaluate(bag, free_map(40), 6 * SECOND)
     messages = read(tmp_path / 'bag')
     guided = [f'/evaluation/llm_astar_two_points/{kind}' for kind in ('plan', 'report', 'markers')]
