@@ -11,7 +11,7 @@ import rclpy
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_planner.nodes import MODULES
 from llm_astar_planner.nodes.common.spin import spin
-from llm_astar_planner.nodes.tools.planner_client import Caller
+from llm_astar_planner.nodes.tools.planner_client import PlannerClient
 from llm_astar_planner.resources import find_file
 from rcl_interfaces.srv import SetParameters
 from rclpy.executors import MultiThreadedExecutor
@@ -78,7 +78,7 @@ def calling(namespace='', name='test_caller'):
     """Join the graph as a caller."""
     node = rclpy.create_node(name, namespace=namespace or None)
     try:
-        with Caller(node) as caller:
+        with PlannerClient(node) as caller:
             yield caller
     finally:
         node.destroy_node()

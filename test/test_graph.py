@@ -30,7 +30,7 @@ from llm_astar_msgs_adapter.messages.occupancy_grid import grid_from_message, gr
 from llm_astar_msgs_adapter.messages.path import path_from_message, pose_to_message
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
-from llm_astar_planner.nodes.tools.planner_client import CallerError
+from llm_astar_planner.nodes.tools.planner_client import PlannerClientError
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
@@ -105,7 +105,7 @@ def test_four_clients_at_once_all_get_their_plans(nodes):
                 caller.wait_until_ready(client='llm_client_node')
                 for _ in range(5):
                     reports.append(caller.call(START, GOAL, seconds=PATIENCE)[1])
-        except CallerError as error:
+        except PlannerClientError as error:
             errors.append(error)
 
     threads = [threading.Thread(target=work) for _ in range(4)]

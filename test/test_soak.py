@@ -19,7 +19,7 @@ from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message
 from llm_astar_msgs_adapter.messages.path import path_from_message
 from llm_astar_planner.nodes.common.qos import LATCHED
-from llm_astar_planner.nodes.tools.planner_client import CallerError
+from llm_astar_planner.nodes.tools.planner_client import PlannerClientError
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.resources import find_file
 from nav_msgs.msg import OccupancyGrid
@@ -137,7 +137,7 @@ def wait_for_client(caller):
     """Wait until the planner sees the client; a node just killed may be in the way for 20 s."""
     try:
         caller.wait_until_ready(client='llm_client_node')
-    except CallerError:
+    except PlannerClientError:
         caller.wait_until_ready(client='llm_client_node')
 
 

@@ -14,10 +14,11 @@ import rclpy
 from graph_tools import GOAL, START, calling, spinning, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_planner.cli.main import main
+from llm_astar_planner.cli.watch import to_json, to_line
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-from llm_astar_planner.nodes.tools.monitor_lines import Kind, Seen, to_json, to_line
+from llm_astar_planner.nodes.tools.monitor import EventKind, MonitorEvent
 from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.types import Plan, ResultCode
 from rclpy.parameter import Parameter
@@ -29,8 +30,8 @@ REPLAY = [
     Parameter('dataset', value='demo.json'),
 ]
 FINE = Plan(ResultCode.NONE, 'fine', '', (0, 0), (0, 0), np.zeros((0, 0), dtype=bool))
-PLAN = Seen(
-    Kind.PLAN,
+PLAN = MonitorEvent(
+    EventKind.PLAN,
     5.0,
     'planner_node',
     {

@@ -11,7 +11,7 @@ PACKAGE = 'llm_astar_planner'
 
 
 def share_folders() -> Iterator[Path]:
-    """Yield where `maps/` and `config/` may be: installed prefixes, then a source checkout."""
+    """Yield the folders that may hold `maps/` and `config/`: installed ones, then a checkout."""
     prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     for prefix in [*filter(None, prefixes), sys.prefix]:
         yield Path(prefix) / 'share' / PACKAGE
@@ -19,9 +19,9 @@ def share_folders() -> Iterator[Path]:
 
 
 def find_file(name: str, folder: str) -> Path:
-    """Return the file `name` is: a path that exists, else a file of that name in `folder`.
+    """Return the path of a file: `name` if it exists, else the file of that name in `folder`.
 
-    Raises FileNotFoundError naming the files there are.
+    Raises FileNotFoundError naming the files that the folder holds.
     """
     path = Path(name).expanduser()
     if path.is_file():
@@ -30,5 +30,6 @@ def find_file(name: str, folder: str) -> Path:
         if (share / folder / name).is_file():
             return share / folder / name
     known = sorted({file.name for share in share_folders() for file in (share / folder).glob('*')})
-    there = ', '.join(known) or 'nothing'
-    raise FileNotFoundError(f'{name!r} is no file, and {folder}/ holds {there}')
+    raise FileNotFoundError(
+        f'{name!r} is not a file, and {folder}/ holds {", ".join(known) or "nothing"}'
+    )

@@ -19,7 +19,7 @@ from llm_astar_planner.resources import find_file
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked for: what was found, and how to get it where it is missing."""
+    """One requirement: whether it was found, and how to install it if it is missing."""
 
     name: str
     found: bool
@@ -58,7 +58,7 @@ ROS = {
 }
 OPTIONAL = {
     'threadpoolctl': (
-        'the embedded model at its speed on a busy machine',
+        'the speed of the embedded model on a busy machine',
         'pip install threadpoolctl, or apt install python3-threadpoolctl',
     ),
     'launch_ros': ('ros2 launch', 'apt install ros-jazzy-launch-ros; there is no wheel'),
@@ -73,16 +73,16 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'doctor',
-        description='Look for everything the planner uses. Exit code 1 where something that is '
-        'required is missing.',
+        description='Check everything that the planner uses. Exit code 1 if something required is '
+        'missing.',
     )
     parser.set_defaults(run=run)
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Look, print, and return 0 where nothing required is missing, else 1."""
-    findings = list(_findings())
+    """Check, print, and return 0 if nothing required is missing, else 1."""
+    findings = list(all_findings())
     sound = all(finding.found or not finding.required for finding in findings)
     if arguments.json:
         print(json.dumps({'ok': sound, 'findings': [asdict(finding) for finding in findings]}))
@@ -91,29 +91,32 @@ def run(arguments: argparse.Namespace) -> int:
     for finding in findings:
         mark = 'ok      ' if finding.found else 'MISSING ' if finding.required else 'absent  '
         print(f'{mark} {finding.name:{width}}  {finding.detail}')
-    print('everything required is here' if sound else 'something required is missing: see above')
+    print(
+        'everything required is installed' if sound else 'something required is missing: see above'
+    )
     return 0 if sound else 1
 
 
-def _findings() -> Iterator[Finding]:
+def all_findings() -> Iterator[Finding]:
+    """Check everything, one finding each."""
     version = platform.python_version()
     fits = (3, 10) <= sys.version_info[:2] <= (3, 13)
     yield Finding('python', fits, True, f'{version}, {sys.executable} (3.10 to 3.13 are tried)')
     for name, (use, remedy) in REQUIRED.items():
-        yield _module(name, use, remedy, required=True)
+        yield module_finding(name, use, remedy, required=True)
     for name, (use, remedy) in ROS.items():
-        yield _module(name, use, remedy, required=True)
-    yield _middleware()
+        yield module_finding(name, use, remedy, required=True)
+    yield middleware_finding()
     for name, (use, remedy) in OPTIONAL.items():
-        yield _module(name, use, remedy, required=False)
+        yield module_finding(name, use, remedy, required=False)
     for folder, name in (('maps', 'demo.json'), ('config', 'planner.yaml')):
-        yield _file(folder, name)
-    yield _kernels()
-    yield _weights()
+        yield file_finding(folder, name)
+    yield kernels_finding()
+    yield weights_finding()
 
 
-def _module(name: str, use: str, remedy: str, *, required: bool) -> Finding:
-    """Import a module, a part of it too: an empty folder of the name would import as well."""
+def module_finding(name: str, use: str, remedy: str, *, required: bool) -> Finding:
+    """Import a module; a submodule too, since an empty folder of its name can be imported."""
     package = name.partition('.')[0]
     try:
         importlib.import_module(name)
@@ -122,10 +125,11 @@ def _module(name: str, use: str, remedy: str, *, required: bool) -> Finding:
     module = sys.modules[package]
     # A folder, or a single file as threadpoolctl is.
     place = next(iter(getattr(module, '__path__', [module.__file__])))
-    return Finding(package, True, required, f'{_version(package)} in {Path(place).parent}')
+    return Finding(package, True, required, f'{version_of(package)} in {Path(place).parent}')
 
 
-def _version(package: str) -> str:
+def version_of(package: str) -> str:
+    """Return the version of an imported package."""
     # The ROS wheels are named ros-*, and carry older metadata under the plain name.
     names = (f'ros-{package.replace("_", "-")}', package)
     known = {item.metadata['Name'] for item in importlib.metadata.distributions()}
@@ -135,8 +139,8 @@ def _version(package: str) -> str:
     return str(getattr(sys.modules[package], '__version__', 'version unknown'))
 
 
-def _middleware() -> Finding:
-    """Tell which RMW would carry the messages."""
+def middleware_finding() -> Finding:
+    """Find which RMW implementation would be used."""
     try:
         from rclpy.utilities import get_rmw_implementation_identifier  # noqa: PLC0415
 
@@ -147,15 +151,16 @@ def _middleware() -> Finding:
     return Finding('rmw', True, True, f'{identifier}, domain {domain}')
 
 
-def _file(folder: str, name: str) -> Finding:
+def file_finding(folder: str, name: str) -> Finding:
+    """Find a folder of the package by one of its files."""
     try:
         return Finding(f'{folder}/', True, True, str(find_file(name, folder).parent))
     except FileNotFoundError as error:
         return Finding(f'{folder}/', False, True, f'{error}; install the package again')
 
 
-def _kernels() -> Finding:
-    """Compile the searches, which shows whether numba works and may keep its cache."""
+def kernels_finding() -> Finding:
+    """Compile the searches, which shows whether numba works and can write its cache."""
     try:
         from llm_astar_planner.search.paper import compile_kernels  # noqa: PLC0415
 
@@ -165,8 +170,8 @@ def _kernels() -> Finding:
     return Finding('searches', True, True, 'compiled')
 
 
-def _weights() -> Finding:
-    """Read the embedded model's weights, which are a file that an install may miss."""
+def weights_finding() -> Finding:
+    """Read the weights of the embedded model, a file that an installation may lack."""
     try:
         from llm_astar_planner.waypoints.learned.network import (  # noqa: PLC0415
             packaged_weights,

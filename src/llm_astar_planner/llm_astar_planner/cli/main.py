@@ -5,24 +5,31 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import re
 import sys
 from collections.abc import Sequence
 
 from llm_astar_planner import __version__
+from llm_astar_planner.parameter import ParameterError, nearest_name
 
-# A command's module has its name and is imported for the command that is run alone: `doctor`
-# must run where what the others need is missing.
+# Each command is a module of its name, imported only for that command: `doctor` must run where
+# what the others need is missing.
 COMMANDS = {
     'plan': 'plan from start to goal on a map, without ROS',
     'watch': 'print the plans of a running planner as they are made',
     'demo': 'start the graph, ask for a plan, draw it, stop the graph',
     'bench': 'run methods with and without waypoints over a dataset',
     'evaluate': 'plan what recorded bags asked for, and compare',
-    'report': 'write the reports of a results folder anew',
-    'draw': 'draw A* beside LLM-A* on one sample',
+    'report': 'write the reports of a results folder again',
+    'draw': 'draw A* next to LLM-A* on one sample',
     'dataset': 'make, check or convert datasets',
     'record': 'record maps, requests, plans and exchanges of the live graph into a bag',
-    'doctor': 'what is installed, what is missing, how to get it',
+    'doctor': 'check what is installed, what is missing, and how to install it',
+}
+# Commands of earlier versions, and what to use instead.
+REMOVED = {
+    'serve-llm': "serve a model with llama.cpp's llama-server or with ollama: docs/llm-client.md",
+    'speed': 'measure speed in a checkout with python -m benchmarks.speed',
 }
 
 EPILOG = """\
@@ -35,29 +42,36 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command of `llm-astar`; return its exit code."""
     argv = sys.argv[1:] if argv is None else list(argv)
     try:
-        arguments = _parser(argv).parse_args(argv)
+        arguments = parse(argv)
         return int(arguments.run(arguments))
     except BrokenPipeError:
-        # The reader, `head` say, has seen enough; Python must not flush to it at its exit.
+        # The reader, such as `head`, has closed the pipe; Python must not write to it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except ImportError as error:
-        return _fail(f'{error}; `llm-astar doctor` tells what to install', 1)
+        return fail(f'{error}; `llm-astar doctor` says what to install', 1)
     except OSError as error:
         named = error.filename is not None and error.strerror
-        return _fail(f'{error.filename}: {error.strerror}' if named else str(error), 2)
+        return fail(f'{error.filename}: {error.strerror}' if named else str(error), 2)
     except ValueError as error:
-        return _fail(str(error), 2)
+        return fail(str(error), 2)
     except KeyboardInterrupt:
         sys.stderr.write('llm-astar: interrupted\n')
         return 130
 
 
-def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
-    """Make the parser, with the options of the command that `argv` begins with."""
+def parse(argv: Sequence[str]) -> argparse.Namespace:
+    """Return the parsed options of the command that `argv` begins with.
+
+    Raises ParameterError for a command or an option that does not exist; argparse itself ends the
+    process for other mistakes.
+    """
+    if argv and argv[0] in REMOVED:
+        raise ParameterError(f'{argv[0]} is no longer a command; {REMOVED[argv[0]]}')
     parser = argparse.ArgumentParser(
         prog='llm-astar',
-        description='LLM-A*: plan with the waypoints of a language model, and see what they add.',
+        description='LLM-A*: plan with the waypoints of a language model, and measure what they '
+        'add.',
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -69,10 +83,16 @@ def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
             importlib.import_module(module).add_parser(commands)
         else:
             commands.add_parser(name, help=summary)
-    return parser
+    arguments, unknown = parser.parse_known_args(argv)
+    if unknown:
+        known = re.findall(r'--[a-z][a-z-]*', commands.choices[argv[0]].format_usage())
+        near = nearest_name(unknown[0].partition('=')[0], known)
+        raise ParameterError(f'{argv[0]} has no option {unknown[0]}{near}')
+    return arguments
 
 
-def _fail(message: str, code: int) -> int:
+def fail(message: str, code: int) -> int:
+    """Print an error in one line; return its exit code."""
     sys.stderr.write(f'llm-astar: error: {message}\n')
     return code
 

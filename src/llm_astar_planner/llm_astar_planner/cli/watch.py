@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import signal
 import sys
 import threading
 import time
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from llm_astar_planner.nodes.tools.monitor_lines import Kind, to_json, to_line
+from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
-    from llm_astar_planner.nodes.tools.monitor import Watcher
+    from llm_astar_planner.nodes.tools.monitor import Monitor, MonitorEvent
 
-# How long nothing may be heard before the user is told what to look at.
+# After how long without a message of the planner the user is advised what to check.
 SILENCE_SECONDS = 3.0
-# A signal that falls between two waits wakes nobody up: no wait is longer.
+# A signal that arrives between two waits interrupts neither, so every wait is at most this long.
 LONGEST_WAIT = 0.5
+# ANSI colours of lines.
+GREEN, YELLOW, RED, DIM = 32, 33, 31, 2
 
 EPILOG = """\
-The last plans from before the watch began come first, ten at most. Ctrl-C ends it.
+The last plans from before the watch come first, at most ten. Ctrl-C ends it.
 
 examples:
   llm-astar watch
@@ -40,59 +44,131 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(run=run)
-    parser.add_argument('--namespace', default='/', help='where the nodes are (default: /)')
+    parser.add_argument('--namespace', default='/', help="the nodes' namespace (default: /)")
     parser.add_argument(
-        '--node', default='planner_node', help='the planner (default: %(default)s)'
+        '--node', default='planner_node', help='name of the planner (default: %(default)s)'
     )
     parser.add_argument(
-        '--client', default='llm_client_node', help='its waypoint client (default: %(default)s)'
+        '--client',
+        default='llm_client_node',
+        help='name of its waypoint client (default: %(default)s)',
     )
     parser.add_argument('--count', type=int, metavar='N', help='end after N plans')
     parser.add_argument('--json', action='store_true', help='print one JSON object a line')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Watch until Ctrl-C or so many plans; return 0. Raises ValueError on bad input."""
+    """Watch until Ctrl-C or `--count` plans; return 0. Raises ParameterError on bad input."""
     if arguments.count is not None and arguments.count < 1:
-        raise ValueError(f'--count {arguments.count} is not 1 or more')
-    from llm_astar_planner.nodes.tools.monitor import watching  # noqa: PLC0415
+        raise ParameterError(f'--count: {arguments.count} is not 1 or more')
+    from llm_astar_planner.nodes.tools.monitor import monitoring  # noqa: PLC0415
 
     stopped = threading.Event()
-    # No exception: raised while the node is made, it would leave half of one that aborts at exit.
+    # Not an exception: raised while the node is made, it would leave half a node, which aborts
+    # the process at exit.
     before = signal.signal(signal.SIGINT, lambda *_: stopped.set())
     try:
-        with watching(arguments.namespace, arguments.node, arguments.client) as watcher:
-            _follow(watcher, arguments, stopped)
+        with monitoring(arguments.namespace, arguments.node, arguments.client) as monitor:
+            print_events(monitor, arguments, stopped)
     finally:
         signal.signal(signal.SIGINT, before)
     return 0
 
 
-def _follow(watcher: Watcher, arguments: argparse.Namespace, stopped: threading.Event) -> None:
-    """Print what is seen until there were enough plans, or the watch is stopped."""
+def print_events(
+    monitor: Monitor, arguments: argparse.Namespace, stopped: threading.Event
+) -> None:
+    """Print events until there were `--count` plans or `stopped` is set."""
     left = arguments.count
     colour = sys.stdout.isatty() and 'NO_COLOR' not in os.environ
     silent_at = time.monotonic() + SILENCE_SECONDS
     while not stopped.is_set() and (left is None or left > 0):
-        seen = watcher.next(LONGEST_WAIT)
-        if seen is not None:
-            text = to_json(seen) if arguments.json else to_line(seen, colour=colour)
-            print(text, flush=True)
-            if left is not None and seen.kind is Kind.PLAN:
+        event = monitor.next_event(LONGEST_WAIT)
+        if event is not None:
+            print(to_json(event) if arguments.json else to_line(event, colour=colour), flush=True)
+            if left is not None and event.kind == 'plan':
                 left -= 1
-        elif not watcher.heard and time.monotonic() > silent_at:
+        elif not monitor.has_heard_planner and time.monotonic() > silent_at:
             silent_at = float('inf')
-            sys.stderr.write(f'llm-astar: {_advice(watcher)}\n')
+            sys.stderr.write(f'llm-astar: {advice(monitor)}\n')
 
 
-def _advice(watcher: Watcher) -> str:
-    """Say what to look at where nothing is heard of the planner."""
-    if watcher.planner_is_there:
-        return f'/{watcher.planner} is there and says nothing yet: it is starting, or it hangs'
+def advice(monitor: Monitor) -> str:
+    """Return what to check where no message of the planner arrives."""
+    if monitor.planner_exists:
+        return (
+            f'/{monitor.planner} is running but has published nothing yet: it is starting, or '
+            'it hangs'
+        )
     domain = os.environ.get('ROS_DOMAIN_ID', '0')
     reach = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')
     return (
-        f'nothing is heard of /{watcher.planner}. Is it running? Is that its name (--node, '
-        f'--namespace)? Has it the ROS_DOMAIN_ID of this shell, {domain}? Can it be discovered '
-        f'from here (ROS_AUTOMATIC_DISCOVERY_RANGE is {reach})? Still waiting.'
+        f'no message of /{monitor.planner}. Is it running? Is that its name (--node, '
+        f'--namespace)? Does it use the ROS_DOMAIN_ID of this shell, {domain}? Can it be '
+        f'discovered from here (ROS_AUTOMATIC_DISCOVERY_RANGE is {reach})? Still waiting.'
     )
+
+
+def to_json(event: MonitorEvent) -> str:
+    """Return one JSON object on one line: `kind`, `stamp` and `node`, then the fields."""
+    head = {'kind': event.kind.value, 'stamp': event.stamp, 'node': event.node}
+    return json.dumps({**head, **event.values})
+
+
+def to_line(event: MonitorEvent, *, colour: bool = False) -> str:
+    """Return one line for a person, coloured by how well it went if `colour`.
+
+    Characters that could control the terminal, such as a model may write, are replaced.
+    """
+    clock = time.strftime('%H:%M:%S', time.localtime(event.stamp))
+    words = {'plan': plan_words, 'exchange': exchange_words, 'health': health_words}
+    line = '  '.join([clock, *filter(None, words[event.kind.value](event))])
+    text = ''.join(letter if letter.isprintable() else ' ' for letter in line)
+    return f'\033[{colour_of(event)}m{text}\033[0m' if colour else text
+
+
+def plan_words(event: MonitorEvent) -> list[str]:
+    """Return the words of a plan's line; empty ones are left out."""
+    plan = event.values
+    statuses = Counter(status.replace('_', ' ') for *_, status in plan['waypoints'])
+    return [
+        f'{plan["code_name"]:<8}',
+        f'{plan["method"] or "-"} by {plan["guided_by"]}',
+        f'{plan["operation"]} ops',
+        '' if plan['length'] is None else f'{plan["length"]:.2f} m',
+        '' if plan['ratio'] is None else f'ratio {plan["ratio"]:.3f}',
+        f'search {1000 * plan["seconds_search"]:.1f} ms',
+        f'source {1000 * plan["seconds_source"]:.1f} ms {plan["source_status"]}',
+        ', '.join(f'{count} {status}' for status, count in statuses.items()),
+        f'instruction {plan["instruction"]}' if plan['instruction'] else '',
+        *(f'! {warning}' for warning in plan['warnings']),
+        plan['message'] if plan['code'] else '',
+    ]
+
+
+def exchange_words(event: MonitorEvent) -> list[str]:
+    """Return the words of the line of an exchange with a source."""
+    exchange = event.values
+    return [
+        'exchange',
+        f'{exchange["status"]} by {exchange["label"]}',
+        f'{len(exchange["waypoints"])} waypoints',
+        f'{exchange["prompt_tokens"]} + {exchange["completion_tokens"]} tokens',
+        f'{exchange["seconds"]:.2f} s',
+        exchange['detail'],
+    ]
+
+
+def health_words(event: MonitorEvent) -> list[str]:
+    """Return the words of the line of a node's new state."""
+    return ['health  ', event.node, event.values['message']]
+
+
+def colour_of(event: MonitorEvent) -> int:
+    """Return the ANSI colour of a line: of a plan, by how well it went."""
+    if event.kind != 'plan':
+        return DIM
+    if event.values['code']:
+        return RED
+    is_doubtful = event.values['warnings'] or event.values['source_status'] not in ('OK', 'NONE')
+    return YELLOW if is_doubtful else GREEN

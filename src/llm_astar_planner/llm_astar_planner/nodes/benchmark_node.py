@@ -39,7 +39,7 @@ from llm_astar_planner.benchmark.runner.config import open_folder
 from llm_astar_planner.benchmark.runner.progress import progress
 from llm_astar_planner.nodes.common.spin import leave
 from llm_astar_planner.nodes.live_benchmark import LiveRun
-from llm_astar_planner.nodes.tools.planner_client import Caller, CallerError
+from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.paper import METHODS
 
@@ -129,7 +129,7 @@ def plan_samples(
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('benchmark_node')
     try:
-        with Caller(node, arguments.planner) as caller:
+        with PlannerClient(node, arguments.planner) as caller:
             caller.wait_for_planner()
             with LiveRun(caller, arguments.planner, arguments.client) as run:
                 variants = run.variants(arguments.methods)
@@ -137,7 +137,7 @@ def plan_samples(
                     for row in run.rows(samples, variants, done):
                         folder.append([row])
                         step()
-    except (CallerError, ResultsError) as error:
+    except (PlannerClientError, ResultsError) as error:
         return report_error(str(error), INCOMPLETE)
     except KeyboardInterrupt:
         return report_error(

@@ -21,7 +21,7 @@ from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample
 from llm_astar_planner.benchmark.results import Row, RowKey, Variant, format_points, turning_points
 from llm_astar_planner.benchmark.runner.engine import BASELINE
 from llm_astar_planner.nodes.common.qos import LATCHED
-from llm_astar_planner.nodes.tools.planner_client import Caller, CallerError
+from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 from llm_astar_planner.search.paper import WAYPOINT_METHODS
 
 # Parameters of the planner that a run sets and restores: the paper's paths may cut corners, and
@@ -36,7 +36,7 @@ class LiveRun:
     It publishes the maps and sets the planner's parameters; leaving the context restores them.
     """
 
-    def __init__(self, caller: Caller, planner: str, client: str) -> None:
+    def __init__(self, caller: PlannerClient, planner: str, client: str) -> None:
         """Use a running caller; `planner` and `client` are the names of the two nodes."""
         self._caller = caller
         self._planner = planner
@@ -60,7 +60,7 @@ class LiveRun:
     def variants(self, methods: Sequence[str]) -> list[Variant]:
         """Return A* and the methods without waypoints and with the source of the graph.
 
-        Raises CallerError where the waypoint client does not have these parameters.
+        Raises PlannerClientError where the waypoint client does not have these parameters.
         """
         names = ('source', 'prompt', 'model')
         source = tuple(self._get(self._client, names).values()) if self._client else ('none',)
@@ -111,7 +111,7 @@ class LiveRun:
         client = self._caller.node.create_client(GetParameters, f'{node}/get_parameters')
         values = self._caller.ask(client, GetParameters.Request(names=list(names))).values
         if len(values) != len(names):
-            raise CallerError(f'{node} has no parameters {", ".join(names)}')
+            raise PlannerClientError(f'{node} has no parameters {", ".join(names)}')
         return {name: parameter_value_to_python(value) for name, value in zip(names, values)}
 
     def _set(self, values: dict[str, Any]) -> None:
@@ -122,7 +122,7 @@ class LiveRun:
         results = self._caller.ask(client, SetParameters.Request(parameters=messages)).results
         for name, result in zip(values, results):
             if not result.successful:
-                raise CallerError(f'{self._planner} refused {name}: {result.reason}')
+                raise PlannerClientError(f'{self._planner} refused {name}: {result.reason}')
 
 
 def report_columns(report: PlanReport, path: Path, grid_map: GridMap) -> dict[str, Any]:

@@ -24,10 +24,10 @@ from rclpy.node import Node
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.nodes.common.entities import Entities
-from llm_astar_planner.nodes.common.map_subscription import MapListener
+from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
-from llm_astar_planner.nodes.common.spin import run
+from llm_astar_planner.nodes.common.spin import run_node
 from llm_astar_planner.planning.parameters import source_config
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
@@ -62,7 +62,7 @@ class LlmClientNode(Node):
         self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', REPORTS)
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
         together = ReentrantCallbackGroup()
-        MapListener(Entities(self), self._on_map)
+        MapSubscription(Entities(self), self._on_map)
         self.create_service(
             GetPlan, '~/get_waypoints', self._on_get_waypoints, callback_group=together
         )
@@ -203,7 +203,7 @@ def _make_source(values: dict[str, Any]) -> WaypointSource:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run llm_client_node."""
-    return run(LlmClientNode, args, lambda: MultiThreadedExecutor(num_threads=THREADS))
+    return run_node(LlmClientNode, args, lambda: MultiThreadedExecutor(num_threads=THREADS))
 
 
 if __name__ == '__main__':

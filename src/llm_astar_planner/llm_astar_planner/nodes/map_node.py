@@ -20,29 +20,31 @@ from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import LATCHED
-from llm_astar_planner.nodes.common.spin import run
+from llm_astar_planner.nodes.common.spin import run_node
 from llm_astar_planner.resources import find_file
+
+NAME = 'map_node'
 
 
 class MapNode(Node):
     """Publishes `map` and serves `~/map`; a changed parameter publishes the new map."""
 
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
-        """Load and publish the map. Raises ParameterError where there is none to load."""
-        super().__init__('map_node', **node_options)
+        """Load and publish the map. Raises ParameterError where it cannot be loaded."""
+        super().__init__(NAME, **node_options)
         self._publisher = self.create_publisher(OccupancyGrid, 'map', LATCHED)
-        self._settings = Parameters(self, 'map_node', _problem)
+        self._settings = Parameters(self, NAME, map_problem)
         self.add_post_set_parameters_callback(lambda _: self._publish())
         self.create_service(GetMap, '~/map', self._on_get_map)
         self._publish()
 
     def _publish(self) -> None:
-        grid_map = _load(self._settings.values())
+        grid_map = load_grid(self._settings.values())
         self._message = grid_to_message(grid_map, self.get_clock().now().to_msg())
         self._publisher.publish(self._message)
         size = f'{grid_map.width} x {grid_map.height} cells of {grid_map.resolution} m'
         name = self._settings['map_file']
-        if not _is_yaml(name):
+        if not is_yaml(name):
             name = f'{name} map {self._settings["map_id"]}'
         self.get_logger().info(f'published {name}: {size}, digest {grid_map.digest}')
 
@@ -51,21 +53,27 @@ class MapNode(Node):
         return response
 
 
-def _load(values: dict[str, Any]) -> GridMap:
+def load_grid(values: dict[str, Any]) -> GridMap:
+    """Return the map that map_node's parameters name.
+
+    Raises FileNotFoundError, BarrierMapError, GridMapError or MapServerError.
+    """
     path = find_file(values['map_file'], 'maps')
-    if _is_yaml(path):
+    if is_yaml(path):
         return load_map(path, frame_id=values['frame_id'])
     barrier_map = find_barrier_map(load_barrier_maps(path), values['map_id'])
     return barrier_map.to_grid(values['resolution'], values['frame_id'])
 
 
-def _is_yaml(path: str | Path) -> bool:
+def is_yaml(path: str | Path) -> bool:
+    """Return whether a file is a map_server map, by its name."""
     return Path(path).suffix.lower() in ('.yaml', '.yml')
 
 
-def _problem(values: dict[str, Any]) -> str | None:
+def map_problem(values: dict[str, Any]) -> str | None:
+    """Say why no map can be loaded; None where one can."""
     try:
-        _load(values)
+        load_grid(values)
     except (BarrierMapError, GridMapError, MapServerError, FileNotFoundError) as error:
         return str(error)
     return None
@@ -73,7 +81,7 @@ def _problem(values: dict[str, Any]) -> str | None:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run map_node."""
-    return run(MapNode, args)
+    return run_node(MapNode, args)
 
 
 if __name__ == '__main__':

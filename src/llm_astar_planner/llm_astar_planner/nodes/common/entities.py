@@ -1,4 +1,4 @@
-"""What a part of a node makes in the graph, and takes back when the part is closed."""
+"""The publishers, subscriptions, services and timers of one part of a node, closed together."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from rclpy.service import Service
 
 
 class Entities:
-    """The publishers, subscriptions, services and timers made through it."""
+    """Creates entities on a node and destroys all of them in `close`."""
 
     def __init__(self, node: Node) -> None:
-        """Take the node to make them on."""
+        """Take the node on which to create them."""
         self.node = node
         self._undo: list[Callable[[], Any]] = []
 
     def publisher(self, kind: type, name: str, qos: QoSProfile) -> Publisher:
-        """Make a publisher."""
+        """Create a publisher."""
         made = self.node.create_publisher(kind, name, qos)
         self._undo.append(lambda: self.node.destroy_publisher(made))
         return made
@@ -34,28 +34,28 @@ class Entities:
         qos: QoSProfile,
         group: CallbackGroup,
     ) -> None:
-        """Make a subscription."""
+        """Create a subscription."""
         made = self.node.create_subscription(kind, name, callback, qos, callback_group=group)
         self._undo.append(lambda: self.node.destroy_subscription(made))
 
     def service(
         self, kind: type, name: str, callback: Callable[[Any, Any], Any], group: CallbackGroup
     ) -> Service:
-        """Make a service."""
+        """Create a service."""
         made = self.node.create_service(kind, name, callback, callback_group=group)
         self._undo.append(lambda: self.node.destroy_service(made))
         return made
 
     def timer(self, period: float, callback: Callable[[], None], group: CallbackGroup) -> None:
-        """Make a timer that fires every `period` seconds."""
+        """Create a timer that fires every `period` seconds."""
         made = self.node.create_timer(period, callback, callback_group=group)
         self._undo.append(lambda: self.node.destroy_timer(made))
 
     def on_close(self, undo: Callable[[], Any]) -> None:
-        """Have something else undone in its turn."""
+        """Call `undo` in `close`, in its turn."""
         self._undo.append(undo)
 
     def close(self) -> None:
-        """Take everything back, the last first."""
+        """Destroy everything, in reverse order of creation."""
         while self._undo:
             self._undo.pop()()

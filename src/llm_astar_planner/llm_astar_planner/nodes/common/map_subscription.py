@@ -1,4 +1,4 @@
-"""Takes maps, and parts of maps, from the graph."""
+"""Receives maps and map updates."""
 
 from __future__ import annotations
 
@@ -21,16 +21,19 @@ except ImportError:
     OccupancyGridUpdate = None
 
 
-class MapListener:
-    """Hears `map`, and `map_updates` where map_msgs is there; what is malformed is refused."""
+class MapSubscription:
+    """Subscribes to `map`, and to `map_updates` if map_msgs is installed.
+
+    Malformed messages are logged and dropped; the last good map stays.
+    """
 
     def __init__(self, entities: Entities, on_map: Callable[[GridMap], None]) -> None:
-        """Begin; `on_map` gets each new good map whole, one at a time."""
+        """Subscribe; `on_map` is called with each new map, one at a time."""
         self._logger = entities.node.get_logger()
         self._on_map = on_map
         self._grid_map: GridMap | None = None
         self._time = 0
-        # Updates build on their map and on each other, so all are taken in turn.
+        # An update changes the map before it, so messages are handled in order.
         group = MutuallyExclusiveCallbackGroup()
         entities.subscription(OccupancyGrid, 'map', self._on_whole, LATCHED, group)
         if OccupancyGridUpdate is not None:
@@ -39,7 +42,7 @@ class MapListener:
             )
 
     def _on_whole(self, message: OccupancyGrid) -> None:
-        if self._take('map', lambda: grid_from_message(message)):
+        if self._accept('map', lambda: grid_from_message(message)):
             self._time = stamp_of(message)
 
     def _on_part(self, message: Any) -> None:  # noqa: ANN401 - map_msgs may not be there
@@ -47,16 +50,16 @@ class MapListener:
         if before is None:
             self._logger.error('map update refused: it came before its map')
         elif not is_outdated(message, self._time):
-            self._take('map update', lambda: updated(before, message))
+            self._accept('map update', lambda: updated(before, message))
 
-    def _take(self, what: str, read: Callable[[], GridMap]) -> bool:
-        """Take what is read, if it is a map; tell so, the last good one stays otherwise."""
+    def _accept(self, what: str, read: Callable[[], GridMap]) -> bool:
+        """Make what `read` returns the current map; return False where it raises GridMapError."""
         try:
             grid_map = read()
         except GridMapError as error:
             before = self._grid_map
-            stays = 'there is none' if before is None else f'map {before.digest} stays'
-            self._logger.error(f'{what} refused, {stays}: {error}')
+            kept = 'there is none' if before is None else f'map {before.digest} stays'
+            self._logger.error(f'{what} refused, {kept}: {error}')
             return False
         self._grid_map = grid_map
         self._on_map(grid_map)

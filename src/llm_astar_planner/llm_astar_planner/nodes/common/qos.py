@@ -1,19 +1,19 @@
-"""The quality of service of each topic, in one place (see the README's tables)."""
+"""The quality of service of each topic, in one place (see docs/reference.md)."""
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-# As map_server publishes: a late joiner gets the last map.
+# As map_server publishes: a subscriber that joins late gets the last map.
 LATCHED = QoSProfile(
     depth=1,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-# What belongs to a service's answer: kept for a listener who is found a moment late.
+# Reports that belong to a service's response: a client that is discovered late gets them too.
 REPORTS = QoSProfile(
     depth=10,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-# Parts of a map, each of which counts.
+# Map updates: none may be lost, since each changes another part of the map.
 UPDATES = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)

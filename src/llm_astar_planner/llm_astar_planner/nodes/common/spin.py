@@ -1,4 +1,4 @@
-"""Run a node from main to a clean end."""
+"""Run a node from `main` to a clean exit."""
 
 from __future__ import annotations
 
@@ -10,9 +10,7 @@ import threading
 from collections.abc import Callable, Sequence
 
 import rclpy
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMapError
-from llm_astar_msgs_adapter.maps.grid_map import GridMapError
-from llm_astar_msgs_adapter.maps.map_server import MapServerError
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.context import Context
 from rclpy.exceptions import (
@@ -22,47 +20,39 @@ from rclpy.exceptions import (
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-from llm_astar_planner.parameter import ParameterError
+# What a user can correct at start: printed as one line, never as a traceback.
+USER_ERRORS = (LlmAstarError, InvalidParameterTypeException, InvalidParameterValueException)
 
-# What a user can put right at start: told in one line, never as a traceback.
-USER_ERRORS = (
-    ParameterError,
-    BarrierMapError,
-    GridMapError,
-    MapServerError,
-    InvalidParameterTypeException,
-    InvalidParameterValueException,
-)
-
-# A signal that falls between two steps wakes nobody up: no step waits for longer.
+# A signal that arrives between two steps interrupts neither, so no step waits for longer.
 LONGEST_WAIT = 0.5
-# What a thread that writes a long path may keep a cancel from being heard, in seconds.
+# How long a thread that writes a long path may delay a cancel request, in seconds.
 SWITCH_SECONDS = 0.001
-# Seconds after which a process that cannot leave the graph is ended: `ros2 launch` kills it after
+# Seconds after which a process that cannot leave the graph is ended; `ros2 launch` kills it after
 # ten.
 LONGEST_LEAVE = 8.0
 
 
 def spin(executor: Executor, context: Context, stopped: threading.Event | None = None) -> None:
-    """Spin until the context is shut down or `stopped` is set, and return quietly then."""
+    """Spin until the context is shut down or `stopped` is set, then return without an error."""
     while context.ok() and not (stopped and stopped.is_set()):
-        _spin_once(executor, context)
+        spin_once(executor, context)
 
 
-def _spin_once(executor: Executor, context: Context) -> None:
+def spin_once(executor: Executor, context: Context) -> None:
+    """Handle one callback. Raises RCLError, but for what a shutdown causes."""
     try:
         executor.spin_once(timeout_sec=LONGEST_WAIT)
     except ExternalShutdownException:
         pass
     except RCLError as error:
-        # A signal may end the context between two steps of the executor; and an action server that
-        # a managed node takes back may still be on the list of what to wait for.
+        # A signal may end the context between two steps of the executor; and an action server
+        # that a deactivated node has destroyed may still be in the executor's wait set.
         if context.ok() and 'wait set' not in str(error):
             raise
 
 
 class SpinThread:
-    """Spins a node on a thread of its own, from `start` to `close`."""
+    """Spins a node in a thread of its own, from `start` to `close`."""
 
     def __init__(self, node: Node) -> None:
         """Take a node that nobody else spins."""
@@ -74,11 +64,11 @@ class SpinThread:
         )
 
     def start(self) -> None:
-        """Begin to spin."""
+        """Start to spin."""
         self._thread.start()
 
     def close(self) -> None:
-        """End: without it the process may abort at its exit."""
+        """Stop; without this the process may abort at exit."""
         self._stopped.set()
         self._executor.wake()
         self._thread.join()
@@ -86,10 +76,10 @@ class SpinThread:
 
 
 def leave(node: Node) -> None:
-    """Take the last node of a process out of the graph; end the process where that cannot be done.
+    """Destroy the last node of a process; end the process where that takes too long.
 
-    Fast DDS may spin there for minutes, with Python's lock held, when a peer leaves at the same
-    moment (eProsima/Fast-DDS issue 6513), so no thread or signal handler of Python's gets to run.
+    Fast DDS may block there for minutes with Python's lock held if a peer leaves at the same
+    moment (eProsima/Fast-DDS issue 6513), so no Python thread or signal handler can run.
     """
     faulthandler.dump_traceback_later(LONGEST_LEAVE, exit=True)
     try:
@@ -98,19 +88,19 @@ def leave(node: Node) -> None:
         faulthandler.cancel_dump_traceback_later()
 
 
-def run(
+def run_node(
     make_node: Callable[[], Node],
     args: Sequence[str] | None = None,
     make_executor: Callable[[], Executor] = SingleThreadedExecutor,
 ) -> int:
-    """Spin a node until SIGINT or SIGTERM; return 0 then, 2 where it cannot start."""
+    """Spin a node until SIGINT or SIGTERM; return 0 then, and 2 if it cannot start."""
     try:
         rclpy.init(args=args)
-        # Before the node, which takes its time: made after a signal, an executor breaks.
+        # Before the node, which takes its time: an executor made after a signal fails.
         executor = make_executor()
         node = make_node()
         try:
-            _be_prompt()
+            reduce_latency()
             executor.add_node(node)
             spin(executor, node.context)
         finally:
@@ -118,26 +108,27 @@ def run(
     except KeyboardInterrupt:
         pass
     except UnknownROSArgsError as error:
-        sys.stderr.write(f'error: unknown ROS arguments: {error}\n')
-        return 2
-    except USER_ERRORS as error:
-        sys.stderr.write(f'error: {error}\n')
-        return 2
-    except RCLError as error:
-        # rcl tells of files and arguments it cannot read over several lines.
-        sys.stderr.write(f'error: {" ".join(str(error).split())}\n')
-        return 2
+        return fail(f'unknown ROS arguments: {error}')
+    except (*USER_ERRORS, RCLError) as error:
+        # rcl describes files and arguments that it cannot read in several lines.
+        return fail(' '.join(str(error).split()))
     finally:
-        # A second Ctrl-C must not break what the first one began.
+        # A second Ctrl-C must not interrupt the exit that the first one started.
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
         rclpy.try_shutdown()
     return 0
 
 
-def _be_prompt() -> None:
-    """Keep the interpreter's own doings from holding up whoever cancels."""
+def fail(message: str) -> int:
+    """Print why a node cannot start; return its exit code."""
+    sys.stderr.write(f'error: {message}\n')
+    return 2
+
+
+def reduce_latency() -> None:
+    """Keep the interpreter itself from delaying cancel requests."""
     sys.setswitchinterval(SWITCH_SECONDS)
-    # What the imports left stays for good. Looked through at each full collection, it would hold
-    # every thread up for a tenth of a second or two.
+    # Objects of imported modules are never freed. Scanning them in each full collection would
+    # stop every thread for 0.1 to 0.2 s.
     gc.freeze()

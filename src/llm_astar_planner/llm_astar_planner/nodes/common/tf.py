@@ -1,4 +1,4 @@
-"""Poses in the map's frame, through tf2 where it is there."""
+"""Transforms poses into the map's frame, with tf2 if it is installed."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import rclpy
 from geometry_msgs.msg import PoseStamped
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.path import pose_from_message
 from llm_astar_msgs_adapter.messages.transforms import flat_pose, matrix_of, moved
@@ -24,34 +25,34 @@ except ImportError:
 else:
     HAS_TF2 = True
 
-# Seconds to wait for a transform: the robot's own come many times a second.
+# Seconds to wait for a transform: those of a robot arrive many times a second.
 PATIENCE = 0.2
 
-# Whether whoever asks has time to wait; may raise what ends the whole question.
+# Whether the caller has time to wait; may raise an exception that ends the whole request.
 MayWait = Callable[[], bool]
 
 
 def never() -> bool:
-    """Take what is known already."""
+    """Use only transforms that have arrived already."""
     return False
 
 
-class FrameError(RuntimeError):
-    """A pose whose place on the map is not known; the message says which, and why."""
+class FrameError(LlmAstarError, RuntimeError):
+    """A pose that cannot be transformed into the map's frame; the message says which and why."""
 
 
 class Buffer(Protocol):
-    """What is used of tf2_ros.Buffer."""
+    """The part of tf2_ros.Buffer that is used here."""
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: Time) -> Any:  # noqa: ANN401 - a TransformStamped
-        """Return the transform from source to target; raises where it is not known."""
+        """Return the transform from source to target; raises if it is not known."""
 
 
 class Frames:
-    """Knows where poses of other frames, and the robot, are on the map."""
+    """Transforms poses of other frames, and the pose of the robot, into the map's frame."""
 
     def __init__(self, buffer: Buffer | None) -> None:
-        """Take tf2's buffer, None where there is no tf2."""
+        """Take tf2's buffer, None if tf2 is not installed."""
         self._buffer = buffer
 
     def locate(
@@ -59,9 +60,9 @@ class Frames:
     ) -> Pose2D:
         """Return a pose in `frame_id`, by the transform at its stamp, or the latest for stamp 0.
 
-        A transform that is not known yet is waited for, up to PATIENCE and while `may_wait()`.
-        An empty frame means `frame_id`. Raises FrameError naming the pose by `name` where the
-        transform is not known, GridMapError where a number is not finite, and what `may_wait`
+        Waits up to PATIENCE seconds, while `may_wait()`, for a transform that has not arrived.
+        An empty frame means `frame_id`. Raises FrameError naming the pose by `name` if the
+        transform does not arrive, GridMapError if a number is not finite, and what `may_wait`
         raises.
         """
         place = pose_from_message(pose, name)
@@ -85,12 +86,12 @@ class Frames:
     def _look_up(self, target: str, source: str, stamp: Time, may_wait: MayWait, what: str) -> Any:  # noqa: ANN401 - a TransformStamped
         if self._buffer is None:
             raise FrameError(f'{what}, and tf2_ros is not installed')
-        # Not tf2's own wait: that one sees no cancel, and never ends while simulated time rests.
+        # tf2's own wait cannot be cancelled, and never ends while simulated time is paused.
         deadline = time.monotonic() + PATIENCE
         while True:
             try:
                 return self._buffer.lookup_transform(target, source, stamp)
-            except Exception as error:  # noqa: BLE001 - tf2's exceptions have no class in common
+            except Exception as error:  # noqa: BLE001 - tf2's exceptions have no common base
                 problem = f'{what}, and no transform is known: {error}'
             if not may_wait() or time.monotonic() >= deadline:
                 raise FrameError(problem)
@@ -98,14 +99,14 @@ class Frames:
 
 
 class TransformListener:
-    """Fills a buffer from `/tf` and `/tf_static`, on a node and a thread of its own.
+    """Fills a buffer from `/tf` and `/tf_static`, with a node and a thread of its own.
 
-    A robot's transforms come by the hundred a second, and must not wait for plans.
+    Hundreds of transforms may arrive in a second, and they must not wait for plans.
     """
 
     def __init__(self, parent: Node) -> None:
-        """Listen beside `parent`, in its context. Needs tf2_ros."""
-        # Remaps are the parent's: given to this node too, __node would rename both alike.
+        """Start to listen, in the context of `parent`. Needs tf2_ros."""
+        # Of the parent's remaps only those of the topics: __node would give both the same name.
         topics = {name: parent.resolve_topic_name(name) for name in ('/tf', '/tf_static')}
         remaps = [word for name, to in topics.items() for word in ('-r', f'{name}:={to}')]
         self._node = rclpy.create_node(

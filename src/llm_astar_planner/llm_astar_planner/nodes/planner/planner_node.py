@@ -18,10 +18,10 @@ from rclpy.service_introspection import ServiceIntrospectionState
 from std_msgs.msg import String
 
 from llm_astar_planner.nodes.common.entities import Entities
-from llm_astar_planner.nodes.common.map_subscription import MapListener
+from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
-from llm_astar_planner.nodes.common.spin import run
+from llm_astar_planner.nodes.common.spin import run_node
 from llm_astar_planner.nodes.common.tf import HAS_TF2, Frames, TransformListener
 from llm_astar_planner.nodes.planner.diagnostics import DiagnosticsPublisher
 from llm_astar_planner.nodes.planner.map_manager import MapManager
@@ -87,7 +87,7 @@ class PlannerServer:
         has_nav2 = serve_nav2(entities, self, validity, lambda: self._maps.planner)
         served = 'with' if has_nav2 else 'without nav2_msgs, so without'
         node.get_logger().info(f"{served} Nav2's planner actions")
-        MapListener(entities, self._maps.take)
+        MapSubscription(entities, self._maps.take)
 
     @property
     def is_active(self) -> bool:
@@ -306,7 +306,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run planner_node."""
-    return run(PlannerNode, args, lambda: MultiThreadedExecutor(num_threads=THREADS))
+    return run_node(PlannerNode, args, lambda: MultiThreadedExecutor(num_threads=THREADS))
 
 
 if __name__ == '__main__':

@@ -1,4 +1,4 @@
-"""Sees what a planner and its waypoint client tell of themselves."""
+"""Collects what a running planner and its waypoint client publish about themselves."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import contextlib
 import queue
 from collections.abc import Iterator
 from dataclasses import asdict
+from enum import Enum
+from typing import Any, NamedTuple
 
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.messages.diagnostics import (
     ExchangeReport,
     PlanReport,
@@ -26,28 +29,52 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import SpinThread, leave
-from llm_astar_planner.nodes.tools.monitor_lines import Kind, Seen
 
-# What a reader who stands still can catch up on; more is lost, as on the topics themselves.
+# Events kept for a reader that is busy; more are dropped, as on the topics themselves.
 MAX_WAITING = 1000
 
 
-class Watcher:
-    """Collects the reports, exchanges and changes of state of one planner and one client.
+class NodeNameError(LlmAstarError, ValueError):
+    """A namespace or a node name that ROS does not allow."""
 
-    The last ten of each come from before it looked, since their topics are latched.
+
+class EventKind(str, Enum):
+    """What an event is about."""
+
+    PLAN = 'plan'
+    EXCHANGE = 'exchange'  # of the waypoint client with its source
+    HEALTH = 'health'  # a node's state, when it changed
+
+
+class MonitorEvent(NamedTuple):
+    """One event: when (seconds of the node's clock), of which node, and its fields.
+
+    The fields of a plan are those of PlanReport, of an exchange those of ExchangeReport; a state
+    has `message` and the values of its diagnostic status.
+    """
+
+    kind: EventKind
+    stamp: float
+    node: str
+    values: dict[str, Any]
+
+
+class Monitor:
+    """Collects the reports, exchanges and state changes of one planner and one client.
+
+    Since the topics are latched, the last ten of each from before it subscribed come first.
     """
 
     def __init__(self, node: Node, planner: str, client: str) -> None:
-        """Subscribe by `node`, which somebody else spins, to nodes named relative to it."""
+        """Subscribe on `node`, which the caller spins, to nodes named relative to it."""
         self._node = node
-        self._waiting: queue.Queue[Seen] = queue.Queue(MAX_WAITING)
+        self._waiting: queue.Queue[MonitorEvent] = queue.Queue(MAX_WAITING)
         # As the nodes name themselves in /diagnostics: with their namespace, without the slash.
         self.planner, self._client = (
             node.resolve_service_name(name)[1:] for name in (planner, client)
         )
         self._states: dict[str, object] = {}
-        self.heard = False
+        self._heard = False
         for topic, on_message, qos in (
             (f'{planner}/report', self._on_report, REPORTS),
             (f'{client}/exchange', self._on_exchange, REPORTS),
@@ -57,37 +84,45 @@ class Watcher:
         self._report_topic = node.resolve_topic_name(f'{planner}/report')
 
     @property
-    def planner_is_there(self) -> bool:
+    def has_heard_planner(self) -> bool:
+        """Whether any message of the planner has arrived."""
+        return self._heard
+
+    @property
+    def planner_exists(self) -> bool:
         """Whether anybody publishes the planner's reports."""
         return bool(self._node.count_publishers(self._report_topic))
 
-    def next(self, seconds: float) -> Seen | None:
-        """Return what was seen next, None where nothing was for so many seconds."""
+    def next_event(self, seconds: float) -> MonitorEvent | None:
+        """Return the next event, or None where none comes within `seconds`."""
         try:
             return self._waiting.get(timeout=seconds)
         except queue.Empty:
             return None
 
     def _on_report(self, message: DiagnosticArray) -> None:
-        self._keep(Kind.PLAN, message, PlanReport, self.planner)
+        self._heard = True
+        self._add_report(EventKind.PLAN, message, PlanReport, self.planner)
 
     def _on_exchange(self, message: DiagnosticArray) -> None:
-        self._keep(Kind.EXCHANGE, message, ExchangeReport, self._client)
+        self._add_report(EventKind.EXCHANGE, message, ExchangeReport, self._client)
 
-    def _keep(self, kind: Kind, message: DiagnosticArray, report: type[Report], node: str) -> None:
+    def _add_report(
+        self, kind: EventKind, message: DiagnosticArray, report: type[Report], node: str
+    ) -> None:
         try:
             values = asdict(report_from_message(message, report))
         except ReportError as error:
             self._node.get_logger().warning(f'{node}: {error}; is it of another version?')
             return
-        self._put(Seen(kind, _seconds(message.header.stamp), node, values))
+        self._add(kind, message.header.stamp, node, values)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        """Keep a node's state where it is another than the last one."""
+        """Add a node's state where it differs from the last one."""
         for status in message.status:
             values = status_values(status)
             if status.name == f'{self.planner}: planner':
-                self.heard = True
+                self._heard = True
                 node, state = self.planner, status.message
             elif status.name == f'{self._client}: waypoints':
                 node, state = self._client, f'waypoints by {values.get("source")}'
@@ -95,20 +130,25 @@ class Watcher:
                 continue
             if self._states.get(node) != state:
                 self._states[node] = state
-                stamp = _seconds(message.header.stamp)
-                self._put(Seen(Kind.HEALTH, stamp, node, {'message': state, **values}))
+                state_values = {'message': state, **values}
+                self._add(EventKind.HEALTH, message.header.stamp, node, state_values)
 
-    def _put(self, seen: Seen) -> None:
-        self.heard = self.heard or seen.kind is Kind.PLAN
+    def _add(self, kind: EventKind, stamp: Time, node: str, values: dict[str, Any]) -> None:
+        seconds = float(stamp.sec + stamp.nanosec / 1e9)
         with contextlib.suppress(queue.Full):
-            self._waiting.put_nowait(seen)
+            self._waiting.put_nowait(MonitorEvent(kind, seconds, node, values))
 
 
 @contextlib.contextmanager
-def watching(namespace: str, planner: str, client: str) -> Iterator[Watcher]:
-    """Join the graph in `namespace` and watch. Raises ValueError for names no node can have."""
+def monitoring(namespace: str, planner: str, client: str) -> Iterator[Monitor]:
+    """Join the graph in `namespace` and monitor it. Raises NodeNameError."""
     namespace = f'/{namespace.strip("/")}'
-    _check_names(namespace, planner, client)
+    try:
+        validate_namespace(namespace)
+        for name in (planner, client):
+            validate_topic_name(name)
+    except (InvalidNamespaceException, InvalidTopicNameException) as error:
+        raise NodeNameError(' '.join(str(error).split())) from None
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node(
@@ -117,27 +157,13 @@ def watching(namespace: str, planner: str, client: str) -> Iterator[Watcher]:
             start_parameter_services=False,
             enable_rosout=False,
         )
-        watcher = Watcher(node, planner, client)
+        monitor = Monitor(node, planner, client)
         thread = SpinThread(node)
         thread.start()
         try:
-            yield watcher
+            yield monitor
         finally:
             thread.close()
             leave(node)
     finally:
         rclpy.try_shutdown()
-
-
-def _check_names(namespace: str, *nodes: str) -> None:
-    """Raise ValueError where a namespace or a node's name cannot be one."""
-    try:
-        validate_namespace(namespace)
-        for name in nodes:
-            validate_topic_name(name)
-    except (InvalidNamespaceException, InvalidTopicNameException) as error:
-        raise ValueError(' '.join(str(error).split())) from None
-
-
-def _seconds(stamp: Time) -> float:
-    return float(stamp.sec + stamp.nanosec / 1e9)

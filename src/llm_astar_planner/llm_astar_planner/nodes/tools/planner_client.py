@@ -1,4 +1,4 @@
-"""A caller of the planner from outside the graph, as another robot's stack would be."""
+"""A client of a running planner_node, such as another stack would write."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.diagnostics import (
     PlanReport,
@@ -28,22 +29,22 @@ from llm_astar_planner.nodes.common.spin import SpinThread
 
 # Discovery takes from milliseconds to seconds on a loaded machine.
 DISCOVERY_SECONDS = 15.0
-# Reports of other callers' plans come too, and nobody fetches them.
+# Reports on plans of other clients arrive too, and nobody fetches them.
 KEPT_REPORTS = 256
 
 
-class CallerError(RuntimeError):
-    """The graph did not answer; the message says what was missing."""
+class PlannerClientError(LlmAstarError, RuntimeError):
+    """The graph did not respond; the message says what was missing."""
 
 
-class Caller:
-    """Calls `<planner>/get_plan` and matches each answer with its report. A context manager.
+class PlannerClient:
+    """Calls `<planner>/get_plan` and matches each response with its report. A context manager.
 
-    It spins its node on a thread of its own, which makes a round trip a millisecond or two.
+    It spins its node in a thread of its own, so that a round trip takes a millisecond or two.
     """
 
     def __init__(self, node: Node, planner: str = 'planner_node') -> None:
-        """Attach to `node`, which must not be spun by anyone else."""
+        """Take a node that nobody else spins."""
         self.node = node
         # As the planner names itself in /diagnostics: with its namespace, without the slash.
         self._planner = node.resolve_service_name(planner)[1:]
@@ -55,7 +56,7 @@ class Caller:
         node.create_subscription(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
         self._thread = SpinThread(node)
 
-    def __enter__(self) -> Caller:
+    def __enter__(self) -> PlannerClient:
         self._thread.start()
         return self
 
@@ -68,23 +69,26 @@ class Caller:
         self._thread.close()
 
     def wait_for(self, condition: Callable[[], bool], what: str, seconds: float) -> None:
-        """Wait until a condition holds on what has arrived.
+        """Wait until a condition on the messages that have arrived holds.
 
-        Raises CallerError naming `what` where it does not in time.
+        Raises PlannerClientError naming `what` if it does not within `seconds`.
         """
         with self._arrived:
             if not self._arrived.wait_for(condition, seconds):
-                raise CallerError(f'{what} did not come within {seconds:g} s')
+                raise PlannerClientError(f'{what} did not come within {seconds:g} s')
 
     def wait_for_planner(self) -> None:
-        """Wait until the planner's service is there. Raises CallerError."""
+        """Wait until the planner's service exists. Raises PlannerClientError."""
         if not self._client.wait_for_service(DISCOVERY_SECONDS):
-            raise CallerError(f'{self._client.srv_name} is not there; is {self._planner} running?')
+            raise PlannerClientError(
+                f'{self._client.srv_name} does not exist; is {self._planner} running?'
+            )
 
     def wait_until_ready(self, map_digest: str | None = None, *, client: str = '') -> None:
-        """Wait until the planner plans on that map (or on any) and sees its waypoint client.
+        """Wait until the planner has the map of that digest, or any map.
 
-        `client` names a client that must have the map too. Raises CallerError.
+        `client` names a waypoint client that the planner must have discovered and that must have
+        the map too. Raises PlannerClientError.
         """
         self.wait_for_planner()
 
@@ -107,7 +111,7 @@ class Caller:
     ) -> tuple[Path, PlanReport, float]:
         """Ask for a plan; return its path, its report and the round trip in seconds.
 
-        Raises CallerError where no answer or no report comes in time.
+        Raises PlannerClientError if no response or no report arrives within `seconds`.
         """
         request = GetPlan.Request(
             start=pose_to_message(start, frame_id, Time()),
@@ -122,15 +126,15 @@ class Caller:
         return path, self._reports.pop(key), round_trip
 
     def ask(self, client: Client, request: Any, seconds: float = DISCOVERY_SECONDS) -> Any:  # noqa: ANN401 - any service
-        """Call a service of the graph. Raises CallerError where it does not answer in time."""
+        """Call a service of the graph. Raises PlannerClientError without a response."""
         if not client.wait_for_service(seconds):
-            raise CallerError(f'{client.srv_name} is not there')
+            raise PlannerClientError(f'{client.srv_name} does not exist')
         done = threading.Event()
         future = client.call_async(request)
         future.add_done_callback(lambda _: done.set())
         if not done.wait(seconds):
             client.remove_pending_request(future)
-            raise CallerError(f'{client.srv_name} did not answer within {seconds:g} s')
+            raise PlannerClientError(f'{client.srv_name} did not respond within {seconds:g} s')
         return future.result()
 
     def _on_report(self, message: DiagnosticArray) -> None:
