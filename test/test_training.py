@@ -16,15 +16,16 @@ from llm_astar_planner.waypoints.learned.features import featurise, place_nodes
 from llm_astar_planner.waypoints.learned.network import hop_logits, read_weights
 from llm_astar_training.batches import (
     HELD_OUT_SEED,
-    MOST_BARRIERS,
+    MAX_BARRIERS,
+    greedy_routes,
     held_out,
     make_batch,
     step_batch,
+    valid_share,
 )
 from llm_astar_training.curve import draw
 from llm_astar_training.evaluate import figures
 from llm_astar_training.export import export
-from llm_astar_training.judge import greedy_routes, valid_ratio
 from llm_astar_training.maps import BOXES, KINDS, RECIPE, ROOMS, SCATTERED
 from llm_astar_training.routes import lengths_to_goal
 
@@ -42,51 +43,51 @@ def barrier_map_of(barriers, size):
     return BarrierMap(0, (0, int(size[0])), (0, int(size[1])), *groups)
 
 
-def test_the_same_seed_makes_the_same_maps_and_another_others():
+def test_the_same_seed_makes_the_same_maps_and_another_seed_makes_others():
     one, again, other = (make_batch(seed, SCATTERED, 5, 8) for seed in (3, 3, 4))
     assert np.array_equal(one.barriers, again.barriers)
     assert np.array_equal(one.hops, again.hops)
     assert not np.array_equal(one.barriers, other.barriers)
 
 
-def test_sights_are_those_of_the_planner(batches):
+def test_lines_of_sight_are_those_of_the_planner(batches):
     """Also where barriers touch, cross or lie side by side, which joins them."""
     crowded = [make_batch(9, kind, 20, 6) for kind in (SCATTERED, ROOMS, BOXES)]
     for batch in [*batches, *crowded]:
         for n, barriers in enumerate(batch.barriers):
             blocked = barrier_map_of(barriers, batch.size[n]).to_grid().blocked()
-            nodes = place_nodes(batch.barriers[n : n + 1], batch.ends[n : n + 1])[0]
+            nodes = place_nodes(batch.barriers[n : n + 1], batch.endpoints[n : n + 1])[0]
             i, j = np.triu_indices(len(nodes), 1)
             both = batch.usable[n, i] & batch.usable[n, j]
             i, j = i[both], j[both]
             assert not blocked[nodes[i][:, 1], nodes[i][:, 0]].any()
             seen = LineOfSightChecker(blocked).clear(nodes[i], nodes[j])
-            assert np.array_equal(np.isfinite(batch.apart[n, i, j]), seen)
+            assert np.array_equal(np.isfinite(batch.distances[n, i, j]), seen)
 
 
-def test_the_best_way_over_the_nodes_is_about_the_shortest_there_is(batches):
+def test_the_best_route_over_the_nodes_is_about_the_shortest_path(batches):
     for batch in batches[:2]:
         for n, barriers in enumerate(batch.barriers):
             grid_map = barrier_map_of(barriers, batch.size[n]).to_grid()
-            start, goal = (tuple(map(int, end)) for end in batch.ends[n])
+            start, goal = (tuple(map(int, end)) for end in batch.endpoints[n])
             best = any_angle_length(Costmap(grid_map), start, goal)
-            assert best - 1e-3 <= lengths_to_goal(batch.apart[n])[0] <= 1.05 * best + 1
+            assert best - 1e-3 <= lengths_to_goal(batch.distances[n])[0] <= 1.05 * best + 1
 
 
-def test_hops_are_probabilities_of_what_is_in_sight_and_the_best_leads_to_the_goal(batches):
+def test_hops_are_probabilities_of_nodes_in_sight_and_the_best_route_reaches_the_goal(batches):
     for batch in batches:
         rows = batch.weights > 0
         assert np.allclose(batch.hops.sum(axis=-1)[rows], 1.0, atol=1e-5)
-        assert not batch.hops[~np.isfinite(batch.apart)].any()
+        assert not batch.hops[~np.isfinite(batch.distances)].any()
         assert (batch.weights[:, 0] == 1).all()
         routes = greedy_routes(np.log(batch.hops + 1e-30), batch.usable)
-        assert valid_ratio(routes, batch.apart) == 1.0
+        assert valid_share(routes, batch.distances) == 1.0
 
 
-def test_held_out_problems_are_drawn_apart_and_no_step_reaches_their_seeds():
+def test_no_training_step_uses_the_seed_of_a_held_out_problem():
     kinds = {(batch.kind, batch.barriers.shape[1]) for batch in held_out(1)}
     assert {kind for kind, _ in kinds} == set(range(len(KINDS)))
-    assert max(barriers for _, barriers in kinds) == MOST_BARRIERS
+    assert max(barriers for _, barriers in kinds) == MAX_BARRIERS
     assert HELD_OUT_SEED > 999 * 4_000_000 + 3_999_999
     with pytest.raises(ValueError, match='seed 1000, step 0'):
         step_batch(1000, 0)
@@ -94,7 +95,7 @@ def test_held_out_problems_are_drawn_apart_and_no_step_reaches_their_seeds():
         step_batch(0, 4_000_000)
 
 
-def test_the_benchmarks_maps_are_not_trained_on():
+def test_the_benchmarks_maps_are_not_among_the_training_maps():
     known = set()
     for barrier_map in load_barrier_maps(find_file('samples_1000.json', 'maps')):
         rows = [(1, *b) for b in barrier_map.horizontal_barriers]
@@ -113,7 +114,7 @@ def test_exported_weights_are_read_back(tmp_path):
     assert np.array_equal(weights.arrays['enter.weight'], arrays['enter.weight'])
 
 
-def test_the_cards_tables_hold_every_source_and_the_truth_beside():
+def test_the_model_cards_tables_have_every_source_and_the_oracle():
     (barrier_map,) = generate(5, 1, MapRules(pairs=2))
     found = figures('two pairs', [barrier_map])
     sources = {'embedded', 'embedded-best-of-8', 'straight', 'oracle'}
@@ -124,7 +125,7 @@ def test_the_cards_tables_hold_every_source_and_the_truth_beside():
 
 @pytest.fixture
 def train(tmp_path):
-    """Return a smoke run of the trainer to so many steps; it needs torch, of the extra `train`."""
+    """Return a function that trains for so many steps; it needs torch, of the extra `train`."""
     pytest.importorskip('torch')
     from llm_astar_training.train import main  # noqa: PLC0415
 
@@ -138,7 +139,7 @@ def steps_of(folder):
         return [int(row['step']) for row in csv.DictReader(file)]
 
 
-def test_training_goes_on_where_it_stopped_and_numpy_computes_what_torch_does(train, tmp_path):
+def test_training_resumes_where_it_stopped_and_numpy_computes_what_torch_does(train, tmp_path):
     import torch  # noqa: PLC0415
     from llm_astar_training.network import Network, Shape  # noqa: PLC0415
 
@@ -150,35 +151,35 @@ def test_training_goes_on_where_it_stopped_and_numpy_computes_what_torch_does(tr
     network.load_state_dict({k: torch.from_numpy(v) for k, v in weights.arrays.items()})
     for barriers in (0, 1, 5):
         batch = make_batch(1, SCATTERED, barriers, 3)
-        features = featurise(batch.barriers, batch.size, batch.ends)
+        features = featurise(batch.barriers, batch.size, batch.endpoints)
         inputs = (features.nodes, features.barriers, features.pairs)
         with torch.no_grad():
             expected = network(*map(torch.from_numpy, inputs)).numpy()
         assert np.allclose(hop_logits(weights, features), expected, atol=1e-4)
 
 
-def test_an_interrupt_ends_training_after_the_step_with_all_of_it_saved(
+def test_an_interrupt_ends_training_after_the_step_and_saves_everything(
     train, tmp_path, monkeypatch, capsys
 ):
     from llm_astar_training.train import Trainer  # noqa: PLC0415
 
-    learn = Trainer._learn
+    learn = Trainer.learn
 
     def learn_under_interrupt(trainer, batch):
         signal.raise_signal(signal.SIGINT)
         return learn(trainer, batch)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Trainer, '_learn', learn_under_interrupt)
+        patch.setattr(Trainer, 'learn', learn_under_interrupt)
         with pytest.raises(SystemExit) as ended:
             train(2)
     assert ended.value.code == 130
-    assert 'goes on from here' in capsys.readouterr().out
+    assert 'continues from here' in capsys.readouterr().out
     train(2)
     assert steps_of(tmp_path) == [1, 2]
 
 
-def test_a_run_at_its_end_learns_no_more_and_another_runs_checkpoint_is_refused(
+def test_a_complete_run_trains_no_more_and_a_checkpoint_of_another_run_is_refused(
     train, tmp_path, capsys
 ):
     train(1)

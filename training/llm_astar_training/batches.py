@@ -1,23 +1,36 @@
-"""Batches of problems with labels, and the seeded schedule of what each step learns from."""
+"""Batches of labelled problems, the seeded schedule of training steps, and how routes score."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from llm_astar_planner.waypoints.learned.source import Route, follow
 
-from llm_astar_training.maps import BOXES, KINDS, MOST_PARALLEL, RECIPE, ROOMS, SCALED, SCATTERED
+from llm_astar_training.maps import (
+    BOXES,
+    KINDS,
+    MAX_PARALLEL,
+    RECIPE,
+    ROOMS,
+    SCALED,
+    SCATTERED,
+    Flags,
+    Floats,
+    Ints,
+)
 from llm_astar_training.routes import fill_batch
 
-# How often a step learns from each kind of map.
+# The share of steps that learn from each kind of map.
 SHARES = {RECIPE: 0.35, SCALED: 0.12, SCATTERED: 0.23, ROOMS: 0.15, BOXES: 0.15}
-MOST_BARRIERS = 30
-MOST_MAPS = 256
-# Pairs of nodes times barriers in a batch, which bounds its memory and its time.
-MOST_TRIPLES = 660_000
-# Training steps count up from here; held-out problems are drawn from seeds above them all.
-HELD_OUT_SEED = 4_000_000_000
+MAX_BARRIERS = 30
+MAX_MAPS = 256
+# Pairs of nodes times barriers in a batch: limits its memory and its time.
+MAX_TRIPLES = 660_000
+# The seeds of training steps count up from 0; held-out problems have seeds above all of them.
+STEPS_PER_SEED = 4_000_000
+HELD_OUT_SEED = 1000 * STEPS_PER_SEED
 
 
 @dataclass(frozen=True)
@@ -25,13 +38,13 @@ class Batch:
     """n problems of B barriers each, N = 2 + 2 B nodes; see `routes` for the labels."""
 
     kind: int
-    barriers: NDArray[np.int32]  # [n, B, 4]
-    size: NDArray[np.int32]  # [n, 2]
-    ends: NDArray[np.int32]  # [n, 2, 2]
-    usable: NDArray[np.bool_]  # [n, N]
-    apart: NDArray[np.float32]  # [n, N, N]
-    hops: NDArray[np.float32]  # [n, N, N]
-    weights: NDArray[np.float32]  # [n, N]
+    barriers: Ints  # [n, B, 4]
+    size: Ints  # [n, 2]
+    endpoints: Ints  # [n, 2, 2]
+    usable: Flags  # [n, N]
+    distances: Floats  # [n, N, N]
+    hops: Floats  # [n, N, N]
+    weights: Floats  # [n, N]
 
 
 def make_batch(seed: int, kind: int, barriers: int, count: int) -> Batch:
@@ -48,37 +61,40 @@ def make_batch(seed: int, kind: int, barriers: int, count: int) -> Batch:
         np.zeros((count, nodes), np.float32),
     )
     fill_batch(
-        seed, kind, batch.barriers, batch.size, batch.ends,
-        batch.usable, batch.apart, batch.hops, batch.weights,
+        seed, kind, batch.barriers, batch.size, batch.endpoints,
+        batch.usable, batch.distances, batch.hops, batch.weights,
     )  # fmt: skip
     return batch
 
 
-def batch_size(barriers: int, most: int = MOST_MAPS) -> int:
-    """Return how many maps of so many barriers a batch holds."""
+def batch_size(barriers: int, most: int = MAX_MAPS) -> int:
+    """Return how many maps with so many barriers a batch holds."""
     nodes = 2 + 2 * barriers
-    return max(4, min(most, MOST_TRIPLES // (nodes * nodes * max(barriers, 1))))
+    return max(4, min(most, MAX_TRIPLES // (nodes * nodes * max(barriers, 1))))
 
 
-def step_batch(seed: int, step: int, most: int = MOST_MAPS) -> Batch:
-    """Draw the batch of a training step. Raises ValueError where it would reach the held-out."""
-    if not 0 <= seed < 1000 or not 0 <= step < 4_000_000:
-        message = f'seed {seed}, step {step}: seeds up to 999 and steps below 4 million are apart'
+def step_batch(seed: int, step: int, most: int = MAX_MAPS) -> Batch:
+    """Draw the batch of a training step.
+
+    Raises ValueError for a seed or step whose problems would overlap with others.
+    """
+    if not 0 <= seed < 1000 or not 0 <= step < STEPS_PER_SEED:
+        message = f'seed {seed}, step {step}: not a seed below 1000 and a step below 4 million'
         raise ValueError(message)
     draw = np.random.default_rng([seed, step])
     kind = int(draw.choice(len(KINDS), p=[SHARES[kind] for kind in range(len(KINDS))]))
     if kind in (RECIPE, SCALED):
-        barriers = int(draw.integers(1, MOST_PARALLEL, size=2, endpoint=True).sum())
+        barriers = int(draw.integers(1, MAX_PARALLEL, size=2, endpoint=True).sum())
     else:
-        # Few as often as many, without the cost of many.
-        barriers = int((MOST_BARRIERS + 1) ** draw.random())
+        # Drawn on a log scale: many barriers cost much time.
+        barriers = int((MAX_BARRIERS + 1) ** draw.random())
         barriers = barriers if draw.random() < 0.97 else 0
         barriers = max(barriers, 1) if kind != SCATTERED else barriers
-    return make_batch(seed * 4_000_000 + step, kind, barriers, batch_size(barriers, most))
+    return make_batch(seed * STEPS_PER_SEED + step, kind, barriers, batch_size(barriers, most))
 
 
 def held_out(maps: int) -> list[Batch]:
-    """Return the fixed held-out problems: about `maps` of the recipe, then as many wider ones."""
+    """Return the fixed held-out problems: about `maps` of the recipe and as many wider ones."""
     batches = [
         make_batch(HELD_OUT_SEED + n, RECIPE, n, max(1, round(maps * share / 16)))
         for n, share in zip(range(2, 9), (1, 2, 3, 4, 3, 2, 1))
@@ -92,3 +108,16 @@ def held_out(maps: int) -> list[Batch]:
         make_batch(HELD_OUT_SEED + 100 + n, kind, barriers, max(1, maps // len(wide)))
         for n, (kind, barriers) in enumerate(wide)
     ]
+
+
+def greedy_routes(logits: Floats, usable: Flags) -> list[Route]:
+    """Return each problem's greedy route; `logits` is [n, N, N], `usable` [n, N]."""
+    return [follow(*problem) for problem in zip(logits, usable)]
+
+
+def valid_share(routes: Sequence[Route], distances: Floats) -> float:
+    """Return the share of the routes whose segments are all in sight; `distances` [n, N, N]."""
+    valid = [
+        np.isfinite(distances[n, route[:-1], route[1:]]).all() for n, route in enumerate(routes)
+    ]
+    return float(np.mean(valid))

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 
 def draw(folder: Path, picture: Path) -> None:
-    """Draw held-out loss and valid ratios of `curve.csv` over the maps seen."""
+    """Draw the held-out loss and the share of valid routes in `curve.csv` over the maps seen."""
     with (folder / 'curve.csv').open(encoding='utf-8') as file:
         rows = [
             {name: float(value) for name, value in row.items()} for row in csv.DictReader(file)
@@ -24,7 +24,7 @@ def draw(folder: Path, picture: Path) -> None:
     ):
         left.plot(maps, [row[f'loss_{name}'] for row in rows], label=label, color=colour)
         right.plot(maps, [100 * row[f'valid_{name}'] for row in rows], color=colour)
-    left.set(xlabel='maps seen (thousands)', ylabel='held-out loss (nats a hop)', ylim=(0, None))
+    left.set(xlabel='maps seen (thousands)', ylabel='held-out loss (nats per hop)', ylim=(0, None))
     right.set(xlabel='maps seen (thousands)', ylabel='valid greedy routes, held out (%)')
     left.legend()
     figure.savefig(picture, dpi=110)

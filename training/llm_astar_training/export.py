@@ -1,4 +1,4 @@
-"""Write weights as the numpy file that the package reads."""
+"""Write weights as the numpy file that the planner package reads."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 
 def export(arrays: Mapping[str, NDArray[Any]], shape: Mapping[str, int], path: Path) -> None:
-    """Write weights as float16 by their torch names, and the network's sizes, into one .npz."""
+    """Write weights as float16 under their torch names, and the network's sizes, to one .npz."""
     halves: dict[str, Any] = {name: array.astype(np.float16) for name, array in arrays.items()}
     header = json.dumps({'format': FORMAT, **shape}, sort_keys=True)
     np.savez_compressed(path, header=np.frombuffer(header.encode(), np.uint8), **halves)

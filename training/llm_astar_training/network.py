@@ -1,8 +1,9 @@
-"""The network in torch; `llm_astar_planner.waypoints.learned.network` is it in numpy.
+"""The network in torch; `llm_astar_planner.waypoints.learned.network` is the same in numpy.
 
-A transformer over the nodes whose attention and next-hop logits take a learned term for every
-pair of nodes: forms bilinear in how each barrier sees the two, through a small perceptron, summed
-over the barriers. It is told where things are, never what sees what.
+A transformer over the nodes. Its attention and its next-hop logits add a learned term for every
+pair of nodes: bilinear forms of how the two nodes lie relative to each barrier, through a small
+perceptron, summed over the barriers. Its input is where nodes and barriers are; lines of sight
+are not part of it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from torch.nn import functional as fn
 
 @dataclass(frozen=True)
 class Shape:
-    """How large the network is."""
+    """The sizes of the network's layers."""
 
     width: int = 128
     layers: int = 5
@@ -36,7 +37,7 @@ class Shape:
 
 
 class Edges(nn.Module):
-    """What the barriers make of every pair of nodes: [n, edge, N, N]."""
+    """Features of every pair of nodes, computed from the barriers: [n, edge, N, N]."""
 
     def __init__(self, shape: Shape) -> None:
         """Make the layers."""
@@ -51,14 +52,13 @@ class Edges(nn.Module):
         self.out = nn.Linear(shape.edge, shape.edge)
 
     def forward(self, barriers: Tensor, pairs: Tensor) -> Tensor:
-        """Take a node as each barrier sees it [n, N, B, F] and the pairs [n, P, N, N]."""
+        """Take the nodes relative to each barrier [n, N, B, F] and the pairs [n, P, N, N]."""
         n, nodes, each, _ = barriers.shape
         forms, rank = self.shape.forms, self.shape.rank
         seen = torch.cat([fn.relu(self.view(barriers)), barriers], -1)
         left = self.left(seen).view(n, nodes, each, forms, rank).permute(0, 2, 3, 1, 4)
         right = self.right(seen).view(n, nodes, each, forms, rank).permute(0, 2, 3, 4, 1)
-        met = (left @ right) * pairs[:, None, -1:]
-        met = met.flatten(3)
+        met = ((left @ right) * pairs[:, None, -1:]).flatten(3)
         met = fn.relu(self.meet.weight @ met + self.meet.bias[:, None]).sum(1)
         edge = torch.cat([met, pairs.flatten(2)], 1)
         edge = fn.relu(self.mix.weight @ edge + self.mix.bias[:, None])
@@ -67,7 +67,7 @@ class Edges(nn.Module):
 
 
 class Layer(nn.Module):
-    """Attention that looks at the edges, and a perceptron."""
+    """Attention with terms from the edges, then a perceptron."""
 
     def __init__(self, shape: Shape) -> None:
         """Make the layers."""
@@ -90,14 +90,14 @@ class Layer(nn.Module):
         logits = q @ k.transpose(-1, -2) * (q.shape[-1] ** -0.5)
         weights = torch.softmax(logits + bias.view(n, self.heads, nodes, nodes), -1)
         heard = (weights @ v).transpose(1, 2).reshape(n, nodes, width)
-        # [n, N, heads, N] x [n, N, N, edge]: what the pairs themselves say.
+        # [n, N, heads, N] x [n, N, N, edge]: the edges themselves, weighted by the attention.
         along = weights.permute(0, 2, 1, 3) @ edge.permute(0, 2, 3, 1)
         x = x + self.out(torch.cat([heard, along.flatten(2)], -1))
         return x + self.down(fn.relu(self.up(self.second(x))))
 
 
 class Network(nn.Module):
-    """Logits [n, N, N]: how likely the next hop from node i on the way to the goal is node j."""
+    """Logits [n, N, N]: how likely node j is the next hop from node i on a route to the goal."""
 
     def __init__(self, shape: Shape | None = None) -> None:
         """Make the layers."""

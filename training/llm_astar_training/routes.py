@@ -1,49 +1,49 @@
-"""Labels, compiled: which next hop is how good on the way to the goal, by a visibility graph.
+"""Training labels, compiled: how good each next hop on the way to the goal is.
 
-Nodes are the start, the goal and the cell beyond each barrier's first and last cell; see
+The nodes are the start, the goal and the cells just beyond both ends of each barrier; see
 `llm_astar_planner.waypoints.learned.features`. A line of sight is one in the sense of
-`llm_astar_planner.search.visibility`: it touches no barrier, and blocked cells side by side are
-joined.
+`llm_astar_planner.search.visibility`: it touches no barrier, and blocked cells that share a side
+are connected. Shortest ways over the visibility graph of the nodes give the labels.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from llm_astar_training.maps import (
-    MOST_SCALE,
+    MAX_SCALE,
     RECIPE,
     SCALED,
-    draw_ends,
+    Flags,
+    Floats,
+    Ints,
+    draw_endpoints,
     draw_map,
     is_blocked,
+    jit,
     scale_map,
 )
 
-_jit: Any = njit(cache=True, nogil=True)
-
-# How much longer a way may be and still be about as good: in cells, and of the longer side.
+# How much longer than the shortest a route may be and count as about as good: in cells, and as a
+# share of the map's longer side.
 TOLERANCE_CELLS = 0.25
 TOLERANCE_SIDE = 0.004
-# What the rows off the best way count; those on it count 1.
+# The weight of rows off the shortest route; rows on it have weight 1.
 OFF_ROUTE = 0.25
-# The recipe asks for five cells between start and goal, and the way about to be worth it.
+# The recipe asks for five cells between start and goal; a useful problem needs a detour.
 MIN_DISTANCE = 5.0
 MIN_DETOUR = 1.15
 
 
-@_jit
-def place_nodes(barriers: NDArray[np.int32], ends: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the cells [2 + 2 B, 2] of start, goal and the cells beyond the barriers' ends."""
+@jit
+def place_nodes(barriers: Ints, endpoints: Ints) -> Ints:
+    """Return the cells [2 + 2 B, 2] of start, goal and just beyond the barriers' ends."""
     count = barriers.shape[0]
     nodes = np.empty((2 + 2 * count, 2), np.int32)
     for axis in range(2):
-        nodes[0, axis], nodes[1, axis] = ends[0, axis], ends[1, axis]
+        nodes[0, axis], nodes[1, axis] = endpoints[0, axis], endpoints[1, axis]
     for k in range(count):
         along = 0 if barriers[k, 0] else 1
         nodes[2 + 2 * k, along] = barriers[k, 2] - 1
@@ -52,16 +52,24 @@ def place_nodes(barriers: NDArray[np.int32], ends: NDArray[np.int32]) -> NDArray
     return nodes
 
 
-@_jit
-def _joins(barriers: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the one-cell walls (horizontal, line, first, last) between barriers side by side."""
+@jit
+def bounding_box(barrier: Ints) -> tuple[int, int, int, int]:
+    """Return the lowest x and y and the highest x and y of a barrier's cells."""
+    if barrier[0]:
+        return barrier[2], barrier[1], barrier[3], barrier[1]
+    return barrier[1], barrier[2], barrier[1], barrier[3]
+
+
+@jit
+def connecting_walls(barriers: Ints) -> Ints:
+    """Return the walls (horizontal, line, first, last) that connect barriers side by side."""
     count = barriers.shape[0]
     found = np.empty((count * count + 1, 4), np.int32)
     n = 0
     for a in range(count):
         for b in range(a):
             low, high = np.empty(2, np.int32), np.empty(2, np.int32)
-            one, two = _box(barriers[a]), _box(barriers[b])
+            one, two = bounding_box(barriers[a]), bounding_box(barriers[b])
             for axis in range(2):
                 low[axis] = max(one[axis], two[axis])
                 high[axis] = min(one[axis + 2], two[axis + 2])
@@ -77,15 +85,8 @@ def _joins(barriers: NDArray[np.int32]) -> NDArray[np.int32]:
     return found[:n]
 
 
-@_jit
-def _box(barrier: NDArray[np.int32]) -> tuple[int, int, int, int]:
-    if barrier[0]:
-        return barrier[2], barrier[1], barrier[3], barrier[1]
-    return barrier[1], barrier[2], barrier[1], barrier[3]
-
-
-@_jit
-def meets(wall: NDArray[np.int32], ax: int, ay: int, bx: int, by: int) -> bool:
+@jit
+def touches(wall: Ints, ax: int, ay: int, bx: int, by: int) -> bool:
     """Tell whether the closed line a-b touches the closed wall, in whole numbers."""
     if not wall[0]:
         ax, ay, bx, by = ay, ax, by, bx
@@ -95,30 +96,25 @@ def meets(wall: NDArray[np.int32], ax: int, ay: int, bx: int, by: int) -> bool:
         return False
     if da == db:
         return max(ax, bx) >= first and min(ax, bx) <= last
-    # The line meets the wall's at x = (ax db - bx da) / (db - da).
+    # The line crosses that of the wall at x = (ax db - bx da) / (db - da).
     over, under = ax * db - bx * da, db - da
     if under < 0:
         over, under = -over, -under
     return first * under <= over <= last * under
 
 
-@_jit
-def see(walls: NDArray[np.int32], ax: int, ay: int, bx: int, by: int) -> bool:
+@jit
+def is_visible(walls: Ints, ax: int, ay: int, bx: int, by: int) -> bool:
     """Tell whether the line a-b touches no wall."""
     for k in range(walls.shape[0]):
-        if meets(walls[k], ax, ay, bx, by):
+        if touches(walls[k], ax, ay, bx, by):
             return False
     return True
 
 
-@_jit
-def mark_usable(
-    barriers: NDArray[np.int32],
-    size: NDArray[np.int32],
-    nodes: NDArray[np.int32],
-    usable: NDArray[np.bool_],
-) -> None:
-    """Mark in `usable` [N] the nodes that are free cells which no node before them has."""
+@jit
+def mark_usable(barriers: Ints, size: Ints, nodes: Ints, usable: Flags) -> None:
+    """Mark in `usable` [N] the nodes that are free cells and differ from all earlier nodes."""
     for i in range(len(nodes)):
         usable[i] = not is_blocked(barriers, size[0], size[1], nodes[i, 0], nodes[i, 1])
         for j in range(i):
@@ -126,34 +122,25 @@ def mark_usable(
                 usable[i] = False
 
 
-@_jit
-def measure_sights(
-    barriers: NDArray[np.int32],
-    nodes: NDArray[np.int32],
-    usable: NDArray[np.bool_],
-    apart: NDArray[np.float32],
-) -> None:
-    """Fill in `apart` [N, N], in cells, between nodes that see each other; else infinity."""
-    joins = _joins(barriers)
+@jit
+def measure_visibility(barriers: Ints, nodes: Ints, usable: Flags, distances: Floats) -> None:
+    """Fill in `distances` [N, N] in cells between usable nodes in sight, infinity elsewhere."""
+    connecting = connecting_walls(barriers)
     for i in range(len(nodes)):
-        apart[i, i] = np.inf
+        distances[i, i] = np.inf
         for j in range(i):
             ax, ay, bx, by = nodes[i, 0], nodes[i, 1], nodes[j, 0], nodes[j, 1]
+            visible = usable[i] and usable[j] and is_visible(barriers, ax, ay, bx, by)
             distance = np.inf
-            if (
-                usable[i]
-                and usable[j]
-                and see(barriers, ax, ay, bx, by)
-                and see(joins, ax, ay, bx, by)
-            ):
+            if visible and is_visible(connecting, ax, ay, bx, by):
                 distance = math.sqrt((ax - bx) ** 2 + (ay - by) ** 2)
-            apart[i, j] = apart[j, i] = distance
+            distances[i, j] = distances[j, i] = distance
 
 
-@_jit
-def lengths_to_goal(apart: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the length in cells of the shortest way from each node to node 1, the goal."""
-    count = len(apart)
+@jit
+def lengths_to_goal(distances: Floats) -> Floats:
+    """Return the length in cells of the shortest route from each node to node 1, the goal."""
+    count = len(distances)
     lengths = np.full(count, np.inf, np.float32)
     done = np.zeros(count, np.bool_)
     lengths[1] = 0.0
@@ -166,31 +153,28 @@ def lengths_to_goal(apart: NDArray[np.float32]) -> NDArray[np.float32]:
         if not np.isfinite(lengths[best]):
             break
         for i in range(count):
-            lengths[i] = min(lengths[i], lengths[best] + apart[best, i])
+            lengths[i] = min(lengths[i], lengths[best] + distances[best, i])
     return lengths
 
 
-@_jit
+@jit
 def soften_hops(
-    apart: NDArray[np.float32],
-    lengths: NDArray[np.float32],
-    tolerance: float,
-    hops: NDArray[np.float32],
-    weights: NDArray[np.float32],
+    distances: Floats, lengths: Floats, tolerance: float, hops: Floats, weights: Floats
 ) -> None:
-    """Fill in each row's probabilities of the next hop [N, N] and the rows' weights [N].
+    """Fill in the probabilities of the next hop, `hops` [N, N], and the rows' `weights` [N].
 
-    p(j | i) falls by e for every `tolerance` cells that the way by j is longer than the best.
+    p(j | i) falls by a factor of e per `tolerance` cells that the route by j is longer than the
+    shortest.
     """
-    count = len(apart)
+    count = len(distances)
     for i in range(count):
         if i == 1 or not np.isfinite(lengths[i]):
             continue
         weights[i] = OFF_ROUTE
         total = 0.0
         for j in range(count):
-            if np.isfinite(apart[i, j]):
-                hops[i, j] = math.exp(-(apart[i, j] + lengths[j] - lengths[i]) / tolerance)
+            if np.isfinite(distances[i, j]):
+                hops[i, j] = math.exp(-(distances[i, j] + lengths[j] - lengths[i]) / tolerance)
                 total += hops[i, j]
         for j in range(count):
             hops[i, j] /= total
@@ -199,68 +183,58 @@ def soften_hops(
         weights[node] = 1.0
         best = 0
         for j in range(count):
-            if apart[node, j] + lengths[j] < apart[node, best] + lengths[best]:
+            if distances[node, j] + lengths[j] < distances[node, best] + lengths[best]:
                 best = j
         node = best
 
 
-@_jit
-def _worthwhile(kind: int, apart: NDArray[np.float32], length: float, direct: float) -> bool:
-    """Tell whether start to goal is worth learning: mostly what needs a detour."""
+@jit
+def is_worth_learning(kind: int, distances: Floats, length: float, direct: float) -> bool:
+    """Tell whether to keep a problem: mostly those that need a detour."""
     if not np.isfinite(length) or direct < 1.5:
         return False
-    if np.isfinite(apart[0, 1]):
+    if np.isfinite(distances[0, 1]):
         return kind not in (RECIPE, SCALED) and np.random.random() < 0.04
     if kind in (RECIPE, SCALED) and direct < MIN_DISTANCE:
         return False
     return length >= MIN_DETOUR * direct or np.random.random() < 0.5
 
 
-@_jit
+@jit
 def draw_problem(
-    kind: int,
-    barriers: NDArray[np.int32],
-    size: NDArray[np.int32],
-    ends: NDArray[np.int32],
-    usable: NDArray[np.bool_],
-    apart: NDArray[np.float32],
-    hops: NDArray[np.float32],
-    weights: NDArray[np.float32],
-) -> None:
-    """Draw one problem with its labels into arrays of zeros, again until it is worth learning."""
+    kind: int, barriers: Ints, size: Ints, endpoints: Ints,
+    usable: Flags, distances: Floats, hops: Floats, weights: Floats,
+) -> None:  # fmt: skip
+    """Draw one problem with its labels into arrays of zeros, until it is worth learning."""
     while True:
-        if not (draw_map(kind, barriers, size) and draw_ends(barriers, size, ends)):
+        if not (draw_map(kind, barriers, size) and draw_endpoints(barriers, size, endpoints)):
             continue
         if kind == SCALED:
-            scale_map(barriers, size, ends, np.random.randint(2, MOST_SCALE + 1))
+            scale_map(barriers, size, endpoints, np.random.randint(2, MAX_SCALE + 1))
             if np.random.random() < 0.5:
-                draw_ends(barriers, size, ends)
-        nodes = place_nodes(barriers, ends)
+                draw_endpoints(barriers, size, endpoints)
+        nodes = place_nodes(barriers, endpoints)
         mark_usable(barriers, size, nodes, usable)
         if not usable[1]:
             continue
-        measure_sights(barriers, nodes, usable, apart)
-        lengths = lengths_to_goal(apart)
-        dx, dy = ends[0, 0] - ends[1, 0], ends[0, 1] - ends[1, 1]
-        if _worthwhile(kind, apart, lengths[0], math.sqrt(dx * dx + dy * dy)):
+        measure_visibility(barriers, nodes, usable, distances)
+        lengths = lengths_to_goal(distances)
+        dx, dy = endpoints[0, 0] - endpoints[1, 0], endpoints[0, 1] - endpoints[1, 1]
+        if is_worth_learning(kind, distances, lengths[0], math.sqrt(dx * dx + dy * dy)):
             break
     tolerance = TOLERANCE_CELLS + TOLERANCE_SIDE * max(size[0], size[1])
-    soften_hops(apart, lengths, tolerance, hops, weights)
+    soften_hops(distances, lengths, tolerance, hops, weights)
 
 
-@_jit
+@jit
 def fill_batch(
-    seed: int,
-    kind: int,
-    barriers: NDArray[np.int32],
-    size: NDArray[np.int32],
-    ends: NDArray[np.int32],
-    usable: NDArray[np.bool_],
-    apart: NDArray[np.float32],
-    hops: NDArray[np.float32],
-    weights: NDArray[np.float32],
-) -> None:
+    seed: int, kind: int, barriers: Ints, size: Ints, endpoints: Ints,
+    usable: Flags, distances: Floats, hops: Floats, weights: Floats,
+) -> None:  # fmt: skip
     """Fill a batch of problems in place; the same seed gives the same batch."""
     np.random.seed(seed)
     for n in range(len(barriers)):
-        draw_problem(kind, barriers[n], size[n], ends[n], usable[n], apart[n], hops[n], weights[n])
+        draw_problem(
+            kind, barriers[n], size[n], endpoints[n],
+            usable[n], distances[n], hops[n], weights[n],
+        )  # fmt: skip
