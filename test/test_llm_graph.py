@@ -5,20 +5,26 @@ import json
 import os
 import time
 
+import numpy as np
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from graph_tools import ALONE, GOAL, START, calling, process, set_parameter, wait_for
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.diagnostics import ExchangeReport, report_from_message
 from llm_astar_msgs_adapter.messages.path import pose_to_message
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.llm_client_node import LlmClientNode, NoMapError
 from llm_astar_planner.planning.parameters import SOURCE
 from llm_astar_planner.waypoints.transcript import read_transcript
 from local_llm import LocalLlm, ServeOptions
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import Log, ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.parameter import Parameter
 
 KEY = 'planted-secret-0123456789'
 KEY_ENV = 'LLM_ASTAR_TEST_KEY'
@@ -116,6 +122,79 @@ def test_client_and_planner_with_a_real_model(monkeypatch):
     assert (again.waypoints, again.operation) == (report.waypoints, report.operation)
     assert again.seconds_source < 1.0
     assert (refused.code, refused.guided_by, refused.source_status) == (0, 'none', 'AUTH')
+
+
+@pytest.fixture
+def client_node():
+    """An llm_client_node in this process, whose callbacks the tests call."""
+    parameters = {'source': 'oracle', 'transcript': '', 'dataset': ''}
+    node = LlmClientNode(
+        namespace=ALONE,
+        parameter_overrides=[Parameter(name, value=value) for name, value in parameters.items()],
+    )
+    yield node
+    node.destroy_node()
+
+
+def ask_node(node, start=(10.5, 10.5), goal=(50.5, 38.5)):
+    """Return the cells of the waypoints that a node in this process answers with."""
+    request = GetPlan.Request(
+        start=pose_to_message(Pose2D(*start), 'map', Time()),
+        goal=pose_to_message(Pose2D(*goal), 'map', Time()),
+    )
+    plan = node.on_get_waypoints(request, GetPlan.Response()).plan
+    return [(int(pose.pose.position.x), int(pose.pose.position.y)) for pose in plan.poses]
+
+
+def set_on(node, **values):
+    results = node.set_parameters([Parameter(name, value=value) for name, value in values.items()])
+    return [result.reason for result in results if not result.successful]
+
+
+def test_the_costmap_rules_of_the_client_decide_which_cells_its_waypoints_use(client_node):
+    """A wall's only gap costs 80 and is three cells wide: open at 99, closed for a wide robot."""
+    cells = np.zeros((41, 61), dtype=np.int8)
+    cells[:, 30] = 100
+    cells[19:22, 30] = 80
+    client_node.on_map(GridMap(cells))
+    assert ask_node(client_node) == []
+    assert set_on(client_node, occupied_threshold=99) == []
+    (corner,) = ask_node(client_node)
+    assert Costmap(GridMap(cells), CostmapConfig(99)).line_of_sight.clear_along(
+        [(10, 10), corner, (50, 38)]
+    )
+    assert set_on(client_node, robot_radius=2.0) == []
+    assert ask_node(client_node) == []
+    assert 'occupied_threshold out of range' in set_on(client_node, occupied_threshold=0)[0]
+
+
+def test_other_costmap_rules_are_no_reason_for_a_new_source(client_node, chat_server):
+    chat_server.script = [chat_server.completion('Generated Path: [[10, 10], [30, 20], [50, 38]]')]
+    client_node.on_map(GridMap(np.zeros((41, 61), dtype=np.int8)))
+    settings = {'source': 'endpoint', 'base_url': chat_server.base_url, 'timeout_s': 20.0}
+    changes = [Parameter(name, value=value) for name, value in settings.items()]
+    assert client_node.set_parameters_atomically(changes).successful
+    for threshold in (65, 99, 65, 99):
+        assert set_on(client_node, occupied_threshold=threshold) == []
+        assert ask_node(client_node) == [(10, 10), (30, 20), (50, 38)]
+    assert len(chat_server.requests) == 2
+
+
+def test_a_costmap_is_kept_until_the_map_or_a_rule_changes(client_node):
+    with pytest.raises(NoMapError, match='no map has arrived yet'):
+        client_node.costmap()
+    assert ask_node(client_node) == []
+    grid_map = GridMap(np.zeros((4, 6), dtype=np.int8))
+    client_node.on_map(grid_map)
+    first = client_node.costmap()
+    assert set_on(client_node, instruction='hurry', candidates=3) == []
+    assert client_node.costmap() is first
+    assert set_on(client_node, inflation_radius=1.0) == []
+    second = client_node.costmap()
+    assert (second is first, second.grid_map is grid_map) == (False, True)
+    assert second.config == CostmapConfig(inflation_radius=1.0)
+    client_node.on_map(GridMap(np.zeros((4, 6), dtype=np.int8)))
+    assert client_node.costmap() is not second
 
 
 def test_the_embedded_model_is_the_default_and_says_it_is_no_llm():

@@ -1,15 +1,17 @@
-"""llm_client_node: answers a start and a goal with waypoints on the latest map."""
+"""llm_client_node: returns waypoints between a start and a goal on the latest map."""
 
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMapError, load_barrier_maps
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError
 from llm_astar_msgs_adapter.messages.diagnostics import (
     ExchangeReport,
@@ -28,7 +30,7 @@ from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import run_node
-from llm_astar_planner.planning.parameters import source_config
+from llm_astar_planner.planning.parameters import COSTMAP, costmap_config, source_config
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.async_query import query_source
@@ -43,99 +45,120 @@ from llm_astar_planner.waypoints.source import (
 )
 
 THREADS = 16
-# What an exchange message carries of a reply; the transcript holds it whole.
+# Characters of a text in an exchange message; a transcript holds the whole text.
 MAX_TEXT = 16000
+# planner_node sets these before each query; the source and its cache do not depend on them.
+QUERY_PARAMETERS = frozenset({'instruction', *(parameter.name for parameter in COSTMAP)})
+
+
+class NoMapError(LlmAstarError, RuntimeError):
+    """The node has received no map yet."""
 
 
 class LlmClientNode(Node):
-    """Serves `~/get_waypoints`; an empty path is no waypoints, and `~/exchange` says why."""
+    """Serves `~/get_waypoints`. An empty path means no waypoints; `~/exchange` says why."""
 
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
-        """Set up the source. Raises ParameterError where its parameters do not fit."""
+        """Make the source. Raises ParameterError where its parameters do not fit together."""
         super().__init__('llm_client_node', **node_options)
         self._grid_map: GridMap | None = None
+        self._costmap: Costmap | None = None
+        self._costmap_lock = threading.Lock()
         self._last: ExchangeReport | None = None
-        self._chosen: dict[str, Any] = {}
-        self._settings = Parameters(self, 'llm_client_node', self._problem)
-        self._adopt()
-        self.add_post_set_parameters_callback(lambda _: self._adopt())
+        self._source_values: dict[str, Any] = {}
+        self._settings = Parameters(self, 'llm_client_node', self.parameter_problem)
+        self.adopt_source()
+        self.add_post_set_parameters_callback(lambda _: self.adopt_source())
         self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', REPORTS)
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
         together = ReentrantCallbackGroup()
-        MapSubscription(Entities(self), self._on_map)
+        MapSubscription(Entities(self), self.on_map)
         self.create_service(
-            GetPlan, '~/get_waypoints', self._on_get_waypoints, callback_group=together
+            GetPlan, '~/get_waypoints', self.on_get_waypoints, callback_group=together
         )
-        self.create_timer(1.0, self._publish_health, callback_group=together)
+        self.create_timer(1.0, self.publish_health, callback_group=together)
         self.get_logger().info(f'ready; waypoints by {self._source.name}')
 
-    def _problem(self, values: dict[str, Any]) -> str | None:
-        """Say why no source can be made of parameters, or keep the one made to be adopted."""
-        chosen = {name: value for name, value in values.items() if name != 'instruction'}
+    def parameter_problem(self, values: dict[str, Any]) -> str | None:
+        """Return why parameters do not make a source; else make the source and return None."""
+        source_values = {
+            name: value for name, value in values.items() if name not in QUERY_PARAMETERS
+        }
         try:
             clean_instruction(values['instruction'])
-            # A wish is no reason for a new source: the old one has its cache.
-            if chosen != self._chosen:
-                self._candidate = _make_source(values)
-        except (BarrierMapError, OSError, ValueError) as error:
+            if source_values != self._source_values:
+                self._new_source = source_from_parameters(values)
+        except (OSError, ValueError) as error:
             return str(error)
-        self._chosen = chosen
+        self._source_values = source_values
         return None
 
-    def _adopt(self) -> None:
-        self._source = self._candidate
+    def adopt_source(self) -> None:
+        """Use the source that the last check of the parameters made."""
+        self._source = self._new_source
 
-    def _on_map(self, grid_map: GridMap) -> None:
+    def on_map(self, grid_map: GridMap) -> None:
+        """Keep a new map."""
         self._grid_map = grid_map
-        self._publish_health()
+        self.publish_health()
 
-    def _on_get_waypoints(
+    def costmap(self) -> Costmap:
+        """Return the latest map under the rules of the parameters. Raises NoMapError.
+
+        The costmap is kept until the map or a rule changes, since its layers take time.
+        """
+        config = costmap_config(self._settings.values())
+        with self._costmap_lock:
+            grid_map, costmap = self._grid_map, self._costmap
+            if grid_map is None:
+                raise NoMapError('no map has arrived yet')
+            if costmap is None or costmap.grid_map is not grid_map or costmap.config != config:
+                costmap = self._costmap = Costmap(grid_map, config)
+            return costmap
+
+    def on_get_waypoints(
         self, request: GetPlan.Request, response: GetPlan.Response
     ) -> GetPlan.Response:
-        """Ask the source; publish the exchange, then answer under the same stamp."""
+        """Query the source; publish the exchange, then respond with the same stamp."""
         stamp = self.get_clock().now().to_msg()
-        grid_map = self._grid_map
-        wish = clean_instruction(self._settings['instruction'])
-        query = self._query(request, grid_map, wish)
-        reply = _refusal(query) if isinstance(query, str) else self._ask(query)
-        self._last = _exchange_report(reply, query, wish)
+        response.plan.header.stamp = stamp
+        if self._grid_map is not None:
+            response.plan.header.frame_id = self._grid_map.frame_id
+        instruction = clean_instruction(self._settings['instruction'])
+        key = SampleKey('', '')
+        try:
+            query = self.make_query(request, instruction)
+            key = query.live_key
+            reply, _ = query_source(self._source, query)
+            finite = tuple(point for point in reply.waypoints if all(map(math.isfinite, point)))
+            reply = replace(reply, waypoints=finite)
+            points = query.grid_map.grid_to_world(reply.waypoints)
+            response.plan = path_to_message(points, query.grid_map.frame_id, stamp)
+        except (GridMapError, NoMapError) as error:
+            reply = WaypointReply(status=SourceStatus.ERROR, detail=str(error))
+        self._last = exchange_report(reply, key, instruction)
         self._exchange_publisher.publish(report_to_message(self._last, self.get_name(), stamp))
         if self._last.level == DiagnosticStatus.OK:
             self.get_logger().info(self._last.summary)
         else:
             self.get_logger().warning(self._last.summary)
-        if grid_map is not None:
-            points = grid_map.grid_to_world(reply.waypoints)
-            response.plan = path_to_message(points, grid_map.frame_id, stamp)
-        response.plan.header.stamp = stamp
         return response
 
-    def _query(
-        self, request: GetPlan.Request, grid_map: GridMap | None, wish: str
-    ) -> WaypointQuery | str:
-        """Read a request; a string says why it is none.
+    def make_query(self, request: GetPlan.Request, instruction: str) -> WaypointQuery:
+        """Convert a request. Raises NoMapError without a map, GridMapError for a wrong pose.
 
-        GetPlan has no field for the time a caller waits: here `tolerance` holds it, in seconds.
+        GetPlan has no field for the caller's time limit, so `tolerance` holds it, in seconds.
         """
-        if grid_map is None:
-            return 'no map has arrived yet'
-        try:
-            start = _cell(request.start, 'start', grid_map)
-            goal = _cell(request.goal, 'goal', grid_map)
-        except GridMapError as error:
-            return str(error)
+        costmap = self.costmap()
+        start = cell_of(request.start, 'start', costmap.grid_map)
+        goal = cell_of(request.goal, 'goal', costmap.grid_map)
         limit = self._settings['timeout_s']
         if request.tolerance > 0.0:
             limit = min(limit, request.tolerance)
-        return WaypointQuery(Costmap(grid_map), start, goal, limit, instruction=wish)
+        return WaypointQuery(costmap, start, goal, limit, instruction=instruction)
 
-    def _ask(self, query: WaypointQuery) -> WaypointReply:
-        reply, _ = query_source(self._source, query)
-        finite = tuple(point for point in reply.waypoints if all(map(math.isfinite, point)))
-        return replace(reply, waypoints=finite)
-
-    def _publish_health(self) -> None:
-        """Publish the state of the node: at 1 Hz, and whenever a map comes."""
+    def publish_health(self) -> None:
+        """Publish the state of the node on /diagnostics: at 1 Hz, and for every new map."""
         client = client_of(self._source)
         values = {
             'source': self._source.name,
@@ -154,7 +177,8 @@ class LlmClientNode(Node):
         self._health_publisher.publish(status_to_message(name, level, message, values, stamp))
 
 
-def _cell(pose: PoseStamped, name: str, grid_map: GridMap) -> Cell:
+def cell_of(pose: PoseStamped, name: str, grid_map: GridMap) -> Cell:
+    """Return the cell of a pose in the map's frame, or in none. Raises GridMapError."""
     frame = pose.header.frame_id
     if frame not in ('', grid_map.frame_id):
         raise GridMapError(name, f'is in frame {frame!r}, the map in {grid_map.frame_id!r}')
@@ -162,14 +186,8 @@ def _cell(pose: PoseStamped, name: str, grid_map: GridMap) -> Cell:
     return grid_map.world_to_cell(place.x, place.y)
 
 
-def _refusal(detail: str) -> WaypointReply:
-    return WaypointReply(status=SourceStatus.ERROR, detail=detail)
-
-
-def _exchange_report(
-    reply: WaypointReply, query: WaypointQuery | str, wish: str
-) -> ExchangeReport:
-    key = SampleKey('', '') if isinstance(query, str) else query.live_key
+def exchange_report(reply: WaypointReply, key: SampleKey, instruction: str) -> ExchangeReport:
+    """Return what `~/exchange` publishes of a reply; `key` identifies map, start and goal."""
     return ExchangeReport(
         label=reply.label,
         status=reply.status.value,
@@ -185,13 +203,13 @@ def _exchange_report(
         waypoints=reply.waypoints,
         map_digest=str(key.map),
         pair=str(key.pair),
-        instruction=wish,
+        instruction=instruction,
         instruction_outcome=reply.instruction,
     )
 
 
-def _make_source(values: dict[str, Any]) -> WaypointSource:
-    """Make the source the parameters name. Raises ValueError or OSError where it cannot be."""
+def source_from_parameters(values: dict[str, Any]) -> WaypointSource:
+    """Make the source that the parameters name. Raises ValueError or OSError where it cannot."""
     transcript, dataset = (
         str(find_file(values[name], 'maps')) if values[name] else ''
         for name in ('transcript', 'dataset')

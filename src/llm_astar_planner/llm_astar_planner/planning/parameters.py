@@ -10,6 +10,7 @@ import json
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from llm_astar_planner.costmap import config as costmap
@@ -171,6 +172,16 @@ NODE = (
 SOURCE = tuple(waypoints.SOURCE.values())
 CLIENT = (
     *SOURCE,
+    *(
+        replace(
+            item,
+            sentence=f'{item.sentence}; planner_node sets it before it asks',
+            node_only=True,
+            cli_default=None,
+            cli_reason='',
+        )
+        for item in COSTMAP
+    ),
     Parameter(
         'instruction',
         '',

@@ -1,4 +1,4 @@
-"""A wish in plain language through the live graph: from a topic to the model, and to the path."""
+"""An instruction through the live graph: from a topic to the model, and to the path."""
 
 import pytest
 import rclpy
@@ -14,8 +14,8 @@ from nav_msgs.srv import GetPlan
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
-SPACE, OTHER = '/wished', '/other'
-WISH = 'pass by 5, 5'
+SPACE, OTHER = '/instructed', '/other'
+INSTRUCTION = 'pass by 5, 5'
 FOLLOWED = 'followed through 1 via point'
 REPLAY = {
     'source': 'replay',
@@ -33,7 +33,7 @@ def _context():
 
 
 def planner_in(namespace):
-    """Make a planner that waits for waypoints, wish or not."""
+    """Make a planner that waits for waypoints, with an instruction or without."""
     waits = Parameter('search_while_waiting', value=False)
     return PlannerNode(namespace=namespace, parameter_overrides=[waits])
 
@@ -49,7 +49,7 @@ def nodes(_context):
 
 @pytest.fixture
 def graph(nodes):
-    """The nodes, once the client has a new source by parameters and nobody a wish."""
+    """The nodes, once the parameters gave the client a new source and no instruction is set."""
     client, planner, caller = nodes
     planner.set_parameters([Parameter('instruction', value='')])
 
@@ -66,7 +66,7 @@ def is_seen(caller):
     return caller._health.get('other/planner_node: planner', {}).get('llm_client_ready')
 
 
-def test_a_wish_on_the_topic_reaches_the_model_and_bends_the_path(graph, chat_server):
+def test_an_instruction_on_the_topic_reaches_the_model_and_bends_the_path(graph, chat_server):
     chat_server.script = [chat_server.completion('Generated Path: [[39, 18], [5, 5], [7, 19]]')]
     _, planner, caller = graph(
         source='endpoint', base_url=chat_server.base_url, model='tiny', timeout_s=20.0
@@ -74,11 +74,11 @@ def test_a_wish_on_the_topic_reaches_the_model_and_bends_the_path(graph, chat_se
     topic = caller.node.create_publisher(String, 'planner_node/instruction', 10)
     wait_for(topic.get_subscription_count, 'the topic')
 
-    def wish():
+    def instruction():
         return planner.get_parameter('instruction').value
 
-    topic.publish(String(data=WISH))
-    wait_for(lambda: wish() == WISH, 'the wish')
+    topic.publish(String(data=INSTRUCTION))
+    wait_for(lambda: instruction() == INSTRUCTION, 'the instruction')
     path, report, _ = caller.call(START, GOAL)
     assert (report.code, report.instruction) == (0, FOLLOWED)
     assert report.guided_by == 'endpoint:tiny'
@@ -86,39 +86,40 @@ def test_a_wish_on_the_topic_reaches_the_model_and_bends_the_path(graph, chat_se
     again = caller.call(START, GOAL)[1]
     assert again.instruction == FOLLOWED
     assert len(chat_server.requests) == 1  # the client answers from its cache
-    assert f'Wish: "{WISH}"\nIts places' in chat_server.requests[0]['messages'][0]['content']
+    prompt = chat_server.requests[0]['messages'][0]['content']
+    assert f'Instruction: "{INSTRUCTION}"\nIts places' in prompt
 
     topic.publish(String(data='x' * 501))
     refused = set_parameter(caller, 'planner_node', 'instruction', 'x' * 501)
     assert not refused.successful
     assert '501 characters are more than 500' in refused.reason
-    assert wish() == WISH
+    assert instruction() == INSTRUCTION
 
     topic.publish(String(data=''))
-    wait_for(lambda: not wish(), 'no wish')
+    wait_for(lambda: not instruction(), 'no instruction')
     assert caller.call(START, GOAL)[1].instruction == ''
-    wait_for(lambda: len(chat_server.requests) > 1, 'the question without a wish')
-    assert 'Wish: ' not in chat_server.requests[1]['messages'][0]['content']
+    wait_for(lambda: len(chat_server.requests) > 1, 'the query without an instruction')
+    assert 'Instruction: ' not in chat_server.requests[1]['messages'][0]['content']
 
 
-def test_an_answer_counts_for_the_very_wish_alone(graph, chat_server):
-    """Somebody else tells the client another wish: the planner notices, and tells it again."""
+def test_an_answer_counts_only_for_the_instruction_it_was_made_with(graph, chat_server):
+    """The planner notices when somebody else set another instruction, and sets its own again."""
     chat_server.script = [chat_server.completion('Generated Path: [[39, 18], [5, 5], [7, 19]]')]
     client, _, caller = graph(
         source='endpoint', base_url=chat_server.base_url, model='tiny', timeout_s=20.0
     )
-    assert set_parameter(caller, 'planner_node', 'instruction', WISH).successful
+    assert set_parameter(caller, 'planner_node', 'instruction', INSTRUCTION).successful
     assert caller.call(START, GOAL)[1].instruction == FOLLOWED
     assert set_parameter(caller, 'llm_client_node', 'instruction', 'something else').successful
     assert caller.call(GOAL, START)[1].instruction == FOLLOWED
-    assert client.get_parameter('instruction').value == WISH
-    wishes = [request['messages'][0]['content'] for request in chat_server.requests]
-    assert ['something else' in text for text in wishes] == [False, True, False]
+    assert client.get_parameter('instruction').value == INSTRUCTION
+    prompts = [request['messages'][0]['content'] for request in chat_server.requests]
+    assert ['something else' in text for text in prompts] == [False, True, False]
 
 
-def test_a_client_that_cannot_read_a_wish_has_it_ignored_with_the_reason(graph):
+def test_an_instruction_that_a_client_cannot_read_is_ignored_with_the_reason(graph):
     _, _, caller = graph(**REPLAY)
-    assert set_parameter(caller, 'planner_node', 'instruction', WISH).successful
+    assert set_parameter(caller, 'planner_node', 'instruction', INSTRUCTION).successful
     report = caller.call(START, GOAL)[1]
     assert (report.code, report.guided_by) == (0, 'replay:hand-written example')
     reason = 'replay: the recording was made without this instruction'
@@ -129,8 +130,8 @@ def test_a_client_that_cannot_read_a_wish_has_it_ignored_with_the_reason(graph):
     )
 
 
-def test_a_client_of_another_make_has_a_wish_ignored_and_its_waypoints_used():
-    """Any GetPlan service may give waypoints; one that knows nothing of wishes says nothing."""
+def test_any_other_client_has_its_waypoints_used_and_the_instruction_ignored():
+    """Any GetPlan service may return waypoints; one that cannot read instructions says nothing."""
 
     def answer(request, response):
         pose = pose_to_message(Pose2D(12.0, 9.0), 'map', Time())
@@ -145,7 +146,7 @@ def test_a_client_of_another_make_has_a_wish_ignored_and_its_waypoints_used():
     ):
         caller.wait_until_ready()
         caller.wait_for(lambda: is_seen(caller), 'the client', 15.0)
-        assert set_parameter(caller, 'planner_node', 'instruction', WISH).successful
+        assert set_parameter(caller, 'planner_node', 'instruction', INSTRUCTION).successful
         report = caller.call(START, GOAL)[1]
     assert (report.code, report.guided_by) == (0, 'llm_client')
     assert report.instruction.startswith('ignored: /other/llm_client_node refused it: ')
