@@ -1,11 +1,11 @@
-"""`llm-astar evaluate`: the planner over recorded bags, without a robot, a graph or a screen."""
+"""`llm-astar evaluate`: plan the requests of recorded bags, without a robot, graph or display."""
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,14 @@ from llm_astar_msgs_adapter.bags.reading import Bag, open_bags
 from llm_astar_msgs_adapter.bags.writing import BagWriteError
 
 from llm_astar_planner.benchmark.bags.exchanges import write_exchanges
-from llm_astar_planner.benchmark.bags.requests import ListedRequest
+from llm_astar_planner.benchmark.bags.requests import ListedRequest, load_requests
 from llm_astar_planner.benchmark.bags.tasks import BagTasks, EvaluationConfig
-from llm_astar_planner.benchmark.bags.topics import TopicSelection, describe, describe_text
+from llm_astar_planner.benchmark.bags.topics import (
+    REQUEST_KINDS,
+    TopicSelection,
+    describe,
+    describe_text,
+)
 from llm_astar_planner.benchmark.bags.writing import ResultsBag
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap, save_kept_maps
 from llm_astar_planner.benchmark.results import (
@@ -35,13 +40,11 @@ from llm_astar_planner.benchmark.runner.sources import (
     SourceSpec,
     make_source_specs,
 )
-from llm_astar_planner.cli.evaluate_options import (
-    RULES,
-    SEARCH_OPTIONS,
-    add_input,
-    add_rules,
-    rules_given,
-    wanted_of,
+from llm_astar_planner.cli.parameter_flags import (
+    add_parameter_flags,
+    add_params_file_flag,
+    given_values,
+    read_params_files,
 )
 from llm_astar_planner.cli.run_options import (
     BAD_INPUT,
@@ -57,24 +60,46 @@ from llm_astar_planner.cli.run_options import (
     live_settings,
     make_executor,
 )
-from llm_astar_planner.planning.parameters import costmap_config, defaults
+from llm_astar_planner.planning.parameters import (
+    COSTMAP,
+    REQUESTS,
+    SEARCH,
+    costmap_config,
+    defaults,
+)
 from llm_astar_planner.planning.report import plan_report
 
-# The traffic with models taken out of bags, in the results folder.
+# The parameters that have flags of their own; the search has the flags of `bench`.
+RULES = (
+    *COSTMAP,
+    *(
+        item
+        for item in REQUESTS
+        if item.name in ('tolerance', 'start_tolerance', 'robot_base_frame')
+    ),
+)
+# The parameters of the search in a file, and the options of this command that they set.
+SEARCH_OPTIONS = {
+    'heuristic': 'heuristic',
+    'weight': 'weight',
+    'max_suboptimality': 'max_suboptimality',
+    'max_planning_time': 'time_limit',
+}
+# The exchanges with models that were found in the bags, in the results folder.
 EXCHANGES = 'exchanges.jsonl'
 EPILOG = """\
 examples:
-  llm-astar evaluate bag --list                       what it offers
+  llm-astar evaluate bag --list                       what the bag contains
   llm-astar evaluate bag --methods guided,exact_astar --params-file planner.yaml
   llm-astar evaluate monday tuesday.mcap --source replay --out out/field
   llm-astar evaluate bag --requests goals.csv --robot-radius 0.3
   llm-astar evaluate bag --methods guided --fail-under guided:valid=100    gate a release
 
-Every request is planned on the map of its moment. --source replay without --transcript answers
-from the traffic with models the bags hold.
+Every request is planned on the map of its time. --source replay without --transcript uses the
+exchanges with models that the bags contain.
 
-exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 something was left out or went
-unanswered, 130 interrupted
+exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 something was left out or a source
+did not answer, 130 interrupted
 """
 
 
@@ -83,7 +108,7 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     parser = subparsers.add_parser(
         'evaluate',
         description='Plan every request in rosbag2 bags (mcap or sqlite3) with every method and '
-        'source, hold it against the recorded plan, and write a results folder as bench does.',
+        'source, compare with the recorded plan, and write a results folder like that of bench.',
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -91,104 +116,280 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     parser.add_argument('bags', nargs='+', metavar='BAG', help='a folder, or an mcap or db3 file')
     add_input(parser.add_argument_group('input'))
     add_variants(parser.add_argument_group('methods and sources'))
-    add_rules(parser.add_argument_group('rules, by the names of the parameters of planner_node'))
+    rules = parser.add_argument_group('rules, by the names of the parameters of planner_node')
+    add_params_file_flag(rules)
+    add_parameter_flags(rules, RULES)
     add_running(parser.add_argument_group('running'), 'out/evaluate')
     names = ('methods', *SEARCH_OPTIONS.values())
     parser.set_defaults(unnamed={name: parser.get_default(name) for name in names})
 
 
+def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options that choose topics and requests."""
+    group.add_argument('--list', action='store_true', help='only show what the bags contain')
+    group.add_argument(
+        '--namespace', default='', metavar='NAME', help="the robot's, where a bag has several"
+    )
+    group.add_argument('--map-topic', default='', metavar='TOPIC', help='(/map)')
+    group.add_argument(
+        '--plan-topic', default='', metavar='TOPIC', help="the robot's own plans (/plan)"
+    )
+    group.add_argument(
+        '--odom-topic',
+        default='',
+        metavar='TOPIC',
+        help='the start of goals, where tf has no transform from map to base_link (/odom)',
+    )
+    group.add_argument(
+        '--requests',
+        default='auto',
+        metavar='WHAT',
+        help="service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
+        'first to last pose; auto: service and goals, or plans where there are neither; or a csv '
+        'or json FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
+    )
+    group.add_argument(
+        '--plan-window',
+        type=float,
+        default=10.0,
+        metavar='SECONDS',
+        help='how long after a request its recorded plan may come (10)',
+    )
+    group.add_argument(
+        '--results-bag', metavar='DIR', help='also write the plans and reports into this new bag'
+    )
+
+
 def run(args: argparse.Namespace) -> int:
-    """Evaluate bags or list them; return the exit code. Raises ValueError on bad input."""
-    wanted, listed = wanted_of(args)
+    """Evaluate bags or list their contents; return the exit code. Raises ValueError."""
+    selection, listed = read_selection(args)
     if args.list:
-        return _list(args, wanted)
-    options = rules_given(args)
+        return list_contents(args, selection)
+    rules = read_rules(args)
     check_variants(args)
-    plans = ResultsBag(args.results_bag) if args.results_bag else None
+    results_bag = ResultsBag(args.results_bag) if args.results_bag else None
     folder = ResultsFolder(args.out)
     with open_bags(args.bags) as (bags, unopened):
         try:
             if 'replay' in args.source and not args.transcript:
-                args.transcript = str(_take_exchanges(args, bags, wanted, folder))
-            sweep = _sweep(args, bags, wanted, listed, options)
-            asked = [*args.bags, *([args.requests] if listed else [])]
-            metadata = describe_run(asked, _parameters(args, sweep), deciding_files(args))
+                args.transcript = str(save_exchanges(args, bags, selection, folder))
+            config = make_config(args, bags, selection, listed, rules)
+            files = [*args.bags, *([args.requests] if listed else [])]
+            metadata = describe_run(files, deciding_parameters(args, config), deciding_files(args))
             metadata['bags'] = list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))
             done = open_folder(folder, metadata, resume=args.resume)
         except ResultsError as error:
             return complain(args, str(error), BAD_INPUT)
-        bag_run = BagTasks(sweep)
+        tasks = BagTasks(config)
         try:
-            tasks = bag_run.tasks(done)
-            code = _plan(args, folder, metadata, tasks, sources=sweep.sources, plans=plans)
+            code = plan_tasks(
+                args,
+                folder,
+                metadata,
+                tasks.tasks(done),
+                sources=config.sources,
+                results_bag=results_bag,
+            )
         except (ResultsError, BagWriteError) as error:
             return complain(args, str(error), INCOMPLETE)
         problems = [unopened, *(bag.problems for bag in bags)]
     metadata['left_out'] = [line for one in problems for line in one.lines()]
     metadata['notes'] = [line for one in problems for line in one.notes]
-    return _close(args, folder, metadata, bag_run.kept.maps(), code)
+    return close(args, folder, metadata, tasks.kept.maps(), code)
 
 
-def _plan(
+def read_selection(
+    args: argparse.Namespace,
+) -> tuple[TopicSelection, Sequence[ListedRequest]]:
+    """Return the topics to read, and the requests of a file. Raises ValueError."""
+    listed: Sequence[ListedRequest] = ()
+    requests = args.requests
+    if requests not in REQUEST_KINDS:
+        listed, requests = load_requests(requests), 'list'
+    if not args.plan_window >= 0.0:
+        message = f'--plan-window {args.plan_window} is not 0 seconds or more'
+        raise ValueError(message)
+    namespace = args.namespace.strip('/')
+    selection = TopicSelection(
+        f'/{namespace}' if namespace else '',
+        args.map_topic,
+        args.plan_topic,
+        args.odom_topic,
+        requests,
+    )
+    return selection, listed
+
+
+def read_rules(args: argparse.Namespace) -> dict[str, Any]:
+    """Return the rules that flags or files set; put the files' search into `args`.
+
+    Flags override files. With a file, what it does not set has the node's default. A flag of the
+    search counts as given where its value is not its default.
+    """
+    given: dict[str, Any] = {}
+    if args.params_file:
+        given = read_params_files(args).values['planner_node']
+        search = defaults((*SEARCH, *REQUESTS)) | given
+        for name, own in SEARCH_OPTIONS.items():
+            if getattr(args, own) == args.unnamed[own]:
+                setattr(args, own, search[name] or None)
+        if args.methods == args.unnamed['methods']:
+            args.methods = [search['method']]
+    names = {item.name for item in RULES}
+    rules = {name: value for name, value in given.items() if name in names}
+    return rules | given_values(args, RULES)
+
+
+def list_contents(args: argparse.Namespace, selection: TopicSelection) -> int:
+    """Show what bags contain; return 3 where one cannot be read or evaluated."""
+    code = OK
+    with open_bags(args.bags) as (bags, unopened):
+        contents = [describe(bag, selection) for bag in bags]
+    for line in unopened.lines():
+        code = complain(args, line, INCOMPLETE)
+    if any(item['missing'] or item['left_out'] for item in contents):
+        code = INCOMPLETE
+    print(json.dumps(contents) if args.json else '\n'.join(map(describe_text, contents)))
+    return code
+
+
+def save_exchanges(
+    args: argparse.Namespace,
+    bags: Sequence[Bag],
+    selection: TopicSelection,
+    folder: ResultsFolder,
+) -> Path:
+    """Write the exchanges of the bags into the folder, as the transcript to replay.
+
+    A resumed folder has it already. Raises ResultsError where the folder holds other results,
+    ValueError where the bags have no exchanges.
+    """
+    transcript = folder.path / EXCHANGES
+    if args.resume and folder.results.exists() and transcript.exists():
+        return transcript
+    if not args.resume:
+        folder.require_new()
+    if not write_exchanges(bags, selection, transcript):
+        message = (
+            '--source replay: the bags hold no exchanges with a model (on ~/exchange of '
+            'llm_client_node); name a --transcript'
+        )
+        raise ValueError(message)
+    return transcript
+
+
+def make_config(
+    args: argparse.Namespace,
+    bags: Sequence[Bag],
+    selection: TopicSelection,
+    listed: Sequence[ListedRequest],
+    rules: dict[str, Any],
+) -> EvaluationConfig:
+    """Return what the evaluation covers.
+
+    All baselines are added only where the barriers of every map are known.
+    """
+    values = defaults(RULES) | rules
+    settings = SearchSettings(
+        args.heuristic,
+        args.weight,
+        args.time_limit,
+        args.max_suboptimality,
+        costmap_config(rules),
+        values['tolerance'],
+        values['start_tolerance'],
+        'corner_cutting' not in rules and not args.params_file,
+    )
+    sources = make_source_specs(
+        args.source,
+        args.prompt,
+        args.model,
+        settings=live_settings(args),
+        dataset=(),
+        seed=args.seed,
+        default=None if all(BARRIER_MAP in bag.topics for bag in bags) else GRID_ABLATIONS,
+    )
+    selection = replace(selection, base_frame=values['robot_base_frame'])
+    return EvaluationConfig(
+        bags, selection, args.methods, sources, settings, args.plan_window, listed
+    )
+
+
+def deciding_parameters(args: argparse.Namespace, config: EvaluationConfig) -> dict[str, Any]:
+    """Return the parameters of a run for its metadata; --resume compares them."""
+    names = (
+        'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds', 'heuristic',
+        'weight', 'time_limit', 'max_suboptimality', 'price', 'jobs', 'requests', 'plan_window',
+    )  # fmt: skip
+    settings = config.settings
+    return {name: getattr(args, name) for name in names} | {
+        'rules': None if settings.costmap is None else asdict(settings.costmap),
+        'tolerance': settings.tolerance,
+        'start_tolerance': settings.start_tolerance,
+        'paper_corners': settings.paper_corners,
+        'topics': list(asdict(config.selection).values()),
+    }
+
+
+def plan_tasks(
     args: argparse.Namespace,
     folder: ResultsFolder,
     metadata: dict[str, Any],
     tasks: Iterator[Task],
     *,
     sources: Sequence[SourceSpec],
-    plans: ResultsBag | None,
+    results_bag: ResultsBag | None,
 ) -> int:
-    """Run tasks into the folder; return 130 where that was interrupted.
+    """Run tasks into the folder and the bag; return 130 where that is interrupted.
 
-    Raises ResultsError or BagWriteError where the disk takes no more.
+    Raises ResultsError or BagWriteError where the disk is full or fails.
     """
     running = make_executor(args, sources)
     try:
-        with running as (executor, at_once), _watching(plans) as step:
+        with (
+            running as (executor, at_once),
+            progress(None, 'request') as step,
+            results_bag or nullcontext(),
+        ):
+
+            def keep(task: Task, outcomes: list[Outcome]) -> None:
+                if results_bag is not None:
+                    write_outcomes(results_bag, task, outcomes)
+                step()
+
             metadata['parameters']['jobs'] = args.dask or at_once // 2
-            # Big maps wait in the queue, so it is no longer than it must be.
-            few = max(1, at_once // 2)
-            run_into_folder(folder, tasks, executor, few, metadata=metadata, step=step)
+            # Every queued task holds its map, so the queue is short.
+            queued = max(1, at_once // 2)
+            run_into_folder(folder, tasks, executor, queued, metadata=metadata, step=keep)
     except KeyboardInterrupt:
-        left = 'the rows so far are kept; go on with --resume'
+        left = 'the rows so far are kept; continue with --resume'
         return complain(args, f'interrupted: {left}', INTERRUPTED)
     return OK
 
 
-@contextmanager
-def _watching(bag: ResultsBag | None) -> Iterator[Callable[[Task, list[Outcome]], None]]:
-    """Yield what shows the progress and writes the plans into a bag, if one is wanted."""
-    with progress(None, 'request') as step, nullcontext() if bag is None else bag:
-
-        def keep(task: Task, outcomes: list[Outcome]) -> None:
-            if bag is not None:
-                _show(bag, task, outcomes)
-            step()
-
-        yield keep
-
-
-def _show(bag: ResultsBag, task: Task, outcomes: list[Outcome]) -> None:
-    """Write what the methods made of a request into a bag."""
+def write_outcomes(results_bag: ResultsBag, task: Task, outcomes: list[Outcome]) -> None:
+    """Write the plans of all methods for one request into a bag."""
     grid_map = task.sample.barrier_map.to_grid()
     for row, plan in outcomes:
         if plan is not None and task.recorded_plan is not None:
-            source = '/'.join(part for part in row.variant[1:] if part)
-            points = grid_map.grid_to_world(plan.path)
-            report = replace(plan_report(plan, grid_map), seconds_source=row.seconds_source)
-            bag.add(
-                row.method, source, grid_map, task.recorded_plan.time, points=points, report=report
+            results_bag.add(
+                row.method,
+                '/'.join(part for part in row.variant[1:] if part),
+                grid_map,
+                task.recorded_plan.time,
+                points=grid_map.grid_to_world(plan.path),
+                report=replace(plan_report(plan, grid_map), seconds_source=row.seconds_source),
             )
 
 
-def _close(
+def close(
     args: argparse.Namespace,
     folder: ResultsFolder,
     metadata: dict[str, Any],
     maps: Sequence[ProblemMap],
     code: int,
 ) -> int:
-    """Say what was left out, and write what is read of a run."""
+    """Print what was left out, save the maps and write the reports; return the exit code."""
     for line in metadata['notes']:
         complain(args, f'note: {line}', OK)
     for line in metadata['left_out']:
@@ -198,95 +399,3 @@ def _close(
     except OSError as error:
         return complain(args, f'{folder.path / MAPS_FILE}: {error.strerror or error}', INCOMPLETE)
     return close_run(args, folder, metadata, code)
-
-
-def _list(args: argparse.Namespace, wanted: TopicSelection) -> int:
-    """Show what bags offer; return 3 where one cannot be read or evaluated."""
-    code = OK
-    with open_bags(args.bags) as (bags, unopened):
-        offers = [describe(bag, wanted) for bag in bags]
-    for line in unopened.lines():
-        code = complain(args, line, INCOMPLETE)
-    if any(offer['missing'] or offer['left_out'] for offer in offers):
-        code = INCOMPLETE
-    print(json.dumps(offers) if args.json else '\n'.join(map(describe_text, offers)))
-    return code
-
-
-def _take_exchanges(
-    args: argparse.Namespace, bags: Sequence[Bag], wanted: TopicSelection, folder: ResultsFolder
-) -> Path:
-    """Write the traffic the bags hold into the folder, as the transcript to replay.
-
-    A folder that is gone on with has it. Raises ResultsError where results are in the way.
-    """
-    transcript = folder.path / EXCHANGES
-    if args.resume and folder.results.exists() and transcript.exists():
-        return transcript
-    if not args.resume:
-        folder.require_new()
-    if not write_exchanges(bags, wanted, transcript):
-        message = (
-            '--source replay: the bags hold no exchanges with a model (on ~/exchange of '
-            'llm_client_node); name a --transcript'
-        )
-        raise ValueError(message)
-    return transcript
-
-
-def _sweep(
-    args: argparse.Namespace,
-    bags: Sequence[Bag],
-    wanted: TopicSelection,
-    listed: Sequence[ListedRequest],
-    options: dict[str, Any],
-) -> EvaluationConfig:
-    asked = defaults(RULES) | options
-    settings = SearchSettings(
-        args.heuristic,
-        args.weight,
-        args.time_limit,
-        args.max_suboptimality,
-        costmap_config(options),
-        asked['tolerance'],
-        asked['start_tolerance'],
-        'corner_cutting' not in options and not args.params_file,
-    )
-    return EvaluationConfig(
-        bags,
-        replace(wanted, base_frame=asked['robot_base_frame']),
-        args.methods,
-        _sources(args, bags),
-        settings,
-        args.plan_window,
-        listed,
-    )
-
-
-def _sources(args: argparse.Namespace, bags: Sequence[Bag]) -> list[SourceSpec]:
-    """Make the sources; all ablations come along only where every map's barriers are known."""
-    default = None if all(BARRIER_MAP in bag.topics for bag in bags) else GRID_ABLATIONS
-    return make_source_specs(
-        args.source,
-        args.prompt,
-        args.model,
-        settings=live_settings(args),
-        dataset=(),
-        seed=args.seed,
-        default=default,
-    )
-
-
-def _parameters(args: argparse.Namespace, sweep: EvaluationConfig) -> dict[str, Any]:
-    names = (
-        'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds', 'heuristic',
-        'weight', 'time_limit', 'max_suboptimality', 'price', 'jobs', 'requests', 'plan_window',
-    )  # fmt: skip
-    settings, wanted = sweep.settings, sweep.selection
-    return {name: getattr(args, name) for name in names} | {
-        'rules': None if settings.costmap is None else asdict(settings.costmap),
-        'tolerance': settings.tolerance,
-        'start_tolerance': settings.start_tolerance,
-        'paper_corners': settings.paper_corners,
-        'topics': list(asdict(wanted).values()),
-    }
