@@ -1,6 +1,9 @@
 """Files written by version 0.1.0 are read as they were then; each kind has its own section."""
 
 import csv
+import json
+import shutil
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -10,7 +13,10 @@ from llm_astar_msgs_adapter.messages.diagnostics import (
     PlanReport,
     report_from_message,
 )
+from llm_astar_planner.benchmark.results import ResultsFolder
 from llm_astar_planner.cli.main import main
+
+import llm_astar_planner
 
 OLD = Path(__file__).parent / 'data' / 'version_0_1_0'
 
@@ -97,3 +103,87 @@ def test_an_old_recording_is_replayed_and_gives_the_plan_it_holds(tmp_path):
         '49.0',
     )
     assert len((tmp_path / 'exchanges.jsonl').read_text().splitlines()) == 1
+
+
+# --- results folders: `bench --maps 0-2 --limit 6 --methods llm_only,llm_astar,guided --source
+# oracle` (benchmark), `evaluate samples --methods guided --source straight --robot-radius 0.6
+# --tolerance 0.5` (evaluation) ---
+
+BENCH = ('--maps', '0-2', '--limit', '6', '--methods', 'llm_only,llm_astar,guided')
+FOLDERS = {
+    'benchmark': ('bench', *BENCH, '--source', 'oracle'),
+    'evaluation': (
+        'evaluate', str(OLD / 'samples'), '--methods', 'guided', '--source', 'straight',
+        '--robot-radius', '0.6', '--tolerance', '0.5',
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave the pictures out of tests that are not about them."""
+    monkeypatch.setattr('llm_astar_planner.benchmark.report.write.draw_all', lambda *_: [])
+
+
+def old_folder(name, tmp_path):
+    """Return a copy of an old results folder."""
+    return Path(shutil.copytree(OLD / name, tmp_path / name))
+
+
+def untimed(path):
+    """Return the rows of a results.csv without their times, methods by their present names."""
+    with path.open() as file:
+        return [
+            {
+                name: value.replace('llm_only', 'waypoints_only')
+                for name, value in row.items()
+                if name not in ('seconds_source', 'seconds_search')
+            }
+            for row in csv.DictReader(file)
+        ]
+
+
+@pytest.mark.parametrize('name', FOLDERS)
+def test_an_old_results_folder_is_reported_with_the_same_figures(name, tmp_path):
+    folder = old_folder(name, tmp_path)
+    (folder / 'summary.json').unlink()
+    assert main(['report', str(folder)]) == 0
+    text = (OLD / name / 'summary.json').read_text().replace('llm_only', 'waypoints_only')
+    assert json.loads((folder / 'summary.json').read_text()) == json.loads(text)
+    assert (folder / 'report.md').is_file()
+    assert (folder / 'report.html').is_file()
+
+
+def test_old_rows_of_llm_only_are_rows_of_waypoints_only():
+    rows = ResultsFolder(OLD / 'benchmark').read()
+    assert Counter(row.method for row in rows) == {
+        'astar': 6, 'waypoints_only': 6, 'llm_astar': 12, 'guided': 12,
+    }  # fmt: skip
+    assert all(row.found for row in rows)
+
+
+@pytest.mark.parametrize('name', FOLDERS)
+def test_an_old_run_is_resumed_by_its_own_version_alone(
+    name, tmp_path, monkeypatch, undrawn, capsys
+):
+    folder = old_folder(name, tmp_path)
+    results = folder / 'results.csv'
+    words = [*FOLDERS[name], '--out', str(folder), '--resume']
+    lines = results.read_text().splitlines(keepends=True)
+    results.write_text(''.join(lines[:-2]))
+    monkeypatch.setattr(llm_astar_planner, '__version__', '9.9.9')
+    assert main(words) == 2
+    assert 'version (0.1.0 before, 9.9.9 now)' in capsys.readouterr().err
+    assert results.read_text() == ''.join(lines[:-2])
+    monkeypatch.setattr(llm_astar_planner, '__version__', '0.1.0')
+    assert main(words) == 0
+    assert untimed(results) == untimed(OLD / name / 'results.csv')
+
+
+def test_the_old_name_of_a_method_is_accepted_with_a_warning(tmp_path, undrawn, capsys):
+    out = tmp_path / 'out'
+    limit = ('--fail-under', 'llm_only/oracle:valid=100')
+    assert main(['bench', *BENCH, '--source', 'oracle', '--out', str(out), *limit]) == 0
+    assert 'method llm_only is now called waypoints_only' in capsys.readouterr().err
+    assert untimed(out / 'results.csv') == untimed(OLD / 'benchmark' / 'results.csv')
+    assert 'llm_only' not in (out / 'results.csv').read_text()

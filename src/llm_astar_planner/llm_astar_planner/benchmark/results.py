@@ -32,6 +32,8 @@ from llm_astar_planner.waypoints.source import SourceStatus
 # The method that takes the waypoints themselves as the path, called `llm_only` up to 0.1.0.
 WAYPOINTS_ONLY = 'waypoints_only'
 METHOD_ALIASES = {'llm_only': WAYPOINTS_ONLY}
+# Costmap parameters that 0.1.0 wrote under another name.
+RULE_ALIASES = {'cost_multiplier': 'cost_travel_multiplier'}
 # A run is resumed only with equal values of these parameters: they change the rows.
 COMPARED_PARAMETERS = (
     'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
@@ -242,6 +244,19 @@ class ResultsFolder:
             raise ResultsError(f'{path}: a JSON object is expected')
         return values
 
+    def read_metadata(self) -> dict[str, Any]:
+        """Read metadata.json, with parameters renamed since 0.1.0. Raises ResultsError."""
+        metadata = self.read_json('metadata.json')
+        parameters = metadata.get('parameters')
+        if not isinstance(parameters, dict):
+            path = self.path / 'metadata.json'
+            raise ResultsError(f'{path}: parameters: a JSON object is expected')
+        if rules := parameters.get('rules'):
+            parameters['rules'] = {
+                RULE_ALIASES.get(name, name): value for name, value in rules.items()
+            }
+        return metadata
+
 
 def describe_run(
     datasets: Sequence[str | Path],
@@ -291,7 +306,7 @@ def run_differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[s
         changed.append(f'version ({before.get("version")} before, {now["version"]} now)')
     if before.get('dataset', {}).get('sha256') != now['dataset']['sha256']:
         changed.append('dataset')
-    old = before.get('parameters', {})
+    old = before['parameters']
     return changed + [
         f'{name} ({old.get(name)} before)'
         for name in COMPARED_PARAMETERS

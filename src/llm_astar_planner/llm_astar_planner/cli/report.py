@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """Write the reports or the section; return 0. Raises ValueError on bad input."""
     folder = ResultsFolder(args.folder)
     try:
-        metadata = folder.read_json('metadata.json')
+        metadata = folder.read_metadata()
         if args.readme:
             rows, seed = folder.read(), int(metadata['parameters'].get('seed', 0))
             section = results_section(

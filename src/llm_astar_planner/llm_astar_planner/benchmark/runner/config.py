@@ -84,7 +84,7 @@ def open_folder(
         folder.write_json('metadata.json', metadata)
         folder.start()
         return frozenset()
-    before = folder.read_json('metadata.json')
+    before = folder.read_metadata()
     changed = run_differences(before, metadata)
     if changed:
         message = f'{folder.path}: cannot be resumed, because these differ: {", ".join(changed)}'
