@@ -1,4 +1,4 @@
-"""Against what the paper's published code counts on its own samples: equal, every one."""
+"""The paper's methods count exactly what its published code does, on every reference sample."""
 
 import gzip
 import json
@@ -19,7 +19,7 @@ REPLY_SETS = ('none', 'oracle', 'noisy', 'reversed', 'offmap')
 
 
 class Filtered:
-    """Waypoints past the published parser, whose quirks the `offmap` texts test."""
+    """Returns waypoints that the published parser has filtered; its quirks show in `offmap`."""
 
     name = 'filtered'
 

@@ -11,7 +11,7 @@ from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
 
 @settings(max_examples=150, deadline=None)
 @given(queries())
-def test_bounds_are_never_over_the_optimum(query):
+def test_bounds_never_exceed_the_optimum(query):
     grid, start, goal = query
     landmarks = Landmarks.build(grid, count=3)
     if landmarks is None:
@@ -26,20 +26,20 @@ def test_bounds_are_never_over_the_optimum(query):
 
 @settings(max_examples=100, deadline=None)
 @given(queries(), st.integers(0, 2**32 - 1))
-def test_bounds_survive_new_obstacles(query, seed):
+def test_bounds_stay_admissible_with_new_obstacles(query, seed):
     grid, start, goal = query
     landmarks = Landmarks.build(grid, count=3)
     if landmarks is None:
         return
     more = grid.blocked | (np.random.default_rng(seed).random(grid.blocked.shape) < 0.2)
     more[[start[1], goal[1]], [start[0], goal[0]]] = False
-    dearer = GridGraph(more, corner_cutting=grid.corner_cutting)
-    dearer.cell_surcharge = grid.cell_surcharge
-    assert landmarks.is_admissible_on(dearer)
-    assert landmarks.lower_bound(dearer, start, goal) <= dijkstra(dearer, start, goal) + 1e-6
+    changed = GridGraph(more, corner_cutting=grid.corner_cutting)
+    changed.cell_surcharge = grid.cell_surcharge
+    assert landmarks.is_admissible_on(changed)
+    assert landmarks.lower_bound(changed, start, goal) <= dijkstra(changed, start, goal) + 1e-6
 
 
-def test_they_hold_only_while_nothing_is_freed_or_cheaper():
+def test_they_are_admissible_only_while_no_cell_is_freed_or_becomes_cheaper():
     blocked = np.zeros((6, 6), dtype=bool)
     blocked[2, 1:5] = True
     cost = np.full((6, 6), 50.0)
@@ -58,7 +58,7 @@ def test_they_hold_only_while_nothing_is_freed_or_cheaper():
     )
 
 
-def test_a_corridor_is_proven_exactly():
+def test_in_a_corridor_the_bound_is_exact():
     blocked = np.zeros((3, 30), dtype=bool)
     blocked[1, :29] = True
     grid = GridGraph(blocked)
@@ -68,7 +68,7 @@ def test_a_corridor_is_proven_exactly():
     assert abs(landmarks.lower_bound(grid, (0, 0), (0, 2)) - truth) < 1e-5
 
 
-def test_disconnected_cells_are_proven_so():
+def test_they_prove_that_cells_are_not_connected():
     blocked = np.zeros((3, 9), dtype=bool)
     blocked[:, 4] = True
     grid = GridGraph(blocked)
@@ -86,34 +86,34 @@ def test_memory_is_bounded():
     assert Landmarks.build(GridGraph(np.ones((4, 4), dtype=bool))) is None
 
 
-def test_building_stops_when_told_to():
+def test_a_raised_stop_flag_ends_the_build():
     grid = GridGraph(np.zeros((200, 200), dtype=bool))
     assert Landmarks.build(grid, stop=np.ones(1, dtype=np.uint8)) is None
 
 
-def test_the_keeper_builds_keeps_and_rebuilds():
+def test_the_manager_builds_keeps_and_rebuilds_landmarks():
     blocked = np.zeros((20, 20), dtype=bool)
     blocked[10, 2:] = True
-    keeper = LandmarkManager()
+    manager = LandmarkManager()
     grid = GridGraph(blocked)
-    assert keeper.current(grid) is None
-    assert keeper.wait(0.0)
-    keeper.update(grid)
-    assert keeper.wait(60.0)
-    first = keeper.current(grid)
+    assert manager.current(grid) is None
+    assert manager.wait(0.0)
+    manager.update(grid)
+    assert manager.wait(60.0)
+    first = manager.current(grid)
     assert first is not None
-    assert keeper.nbytes == first.nbytes
+    assert manager.nbytes == first.nbytes
     more = blocked.copy()
     more[5, 5] = True
     blocked_more = GridGraph(more)
-    keeper.update(blocked_more)
-    assert keeper.current(blocked_more) is first
+    manager.update(blocked_more)
+    assert manager.current(blocked_more) is first
     freed = GridGraph(np.zeros((20, 20), dtype=bool))
-    assert keeper.current(freed) is None
-    keeper.update(freed)
-    assert keeper.wait(60.0)
-    second = keeper.current(freed)
+    assert manager.current(freed) is None
+    manager.update(freed)
+    assert manager.wait(60.0)
+    second = manager.current(freed)
     assert second is not None
     assert second is not first
-    keeper.close()
-    assert keeper.current(freed) is None
+    manager.close()
+    assert manager.current(freed) is None

@@ -1,4 +1,4 @@
-"""The paper's methods against a plain reading of its pseudocode, and by hand on small grids."""
+"""The paper's methods against its pseudocode in plain Python, and small grids worked by hand."""
 
 import heapq
 import itertools
@@ -27,9 +27,9 @@ DISTANCES = {
 
 
 def plain_search(blocked, start, goal, targets=(), weight=1.0, decay=1.0, kind='euclidean'):
-    """Search as design and paper word it, with dictionaries; corners may be cut.
+    """Search by the paper's pseudocode, with dictionaries; corners may be cut.
 
-    Returns (operation, storage, g of the goal or None).
+    Returns (expansions, storage, g of the goal or None).
     """
 
     def distance(cell, other):
@@ -91,8 +91,8 @@ def problems(draw):
 
 
 def check(result, expected):
-    operation, storage, length = expected
-    assert (result.expansions, result.storage) == (operation, storage)
+    expansions, storage, length = expected
+    assert (result.expansions, result.storage) == (expansions, storage)
     if length is None:
         assert result.status is SearchStatus.EXHAUSTED
         assert len(result.path) == 0
@@ -117,11 +117,11 @@ def test_every_method_counts_as_the_pseudocode_does(problem, heuristic):
         check(result, plain_search(blocked, start, goal, kind=heuristic, **extra))
 
 
-CAREFUL = SearchOptions(corner_cutting=False)
+NO_CORNER_CUTTING = SearchOptions(corner_cutting=False)
 
 
 def grid(*rows):
-    """Read a picture, its first row at the top: # blocked."""
+    """Read a grid from text, its first row at the top: # is blocked."""
     return np.array([[mark == '#' for mark in row] for row in reversed(rows)])
 
 
@@ -157,7 +157,7 @@ def test_the_path_runs_over_the_wall():
     assert [3, 4] in path
 
 
-def test_a_target_between_lattice_points_is_never_met_and_the_goal_still_is():
+def test_with_a_target_between_lattice_points_the_goal_is_still_reached():
     free = np.zeros((9, 9), dtype=bool)
     result = PAPER_METHODS['llm_astar'](
         free, (1, 1), (7, 7), [(2.5, 6.0), (7, 7)], SearchOptions()
@@ -165,7 +165,7 @@ def test_a_target_between_lattice_points_is_never_met_and_the_goal_still_is():
     assert result.status is SearchStatus.FOUND
 
 
-def test_a_blocked_target_still_counts_as_met():
+def test_a_blocked_target_still_counts_as_reached():
     blocked = np.zeros((9, 9), dtype=bool)
     blocked[4, 4] = True
     met = PAPER_METHODS['llm_astar'](blocked, (1, 4), (7, 4), [(4, 4), (7, 4)], SearchOptions())
@@ -173,18 +173,18 @@ def test_a_blocked_target_still_counts_as_met():
     assert met.expansions == plain_search(blocked, (1, 4), (7, 4), [(4, 4), (7, 4)])[0]
 
 
-def test_squeezing_between_diagonal_cells_is_the_papers_and_not_a_robots():
+def test_passing_between_diagonal_obstacles_needs_corner_cutting():
     gap = grid('.#', '#.')
     allowed = PAPER_METHODS['astar'](gap, (0, 1), (1, 0), [], SearchOptions())
     assert allowed.length == pytest.approx(math.sqrt(2))
-    forbidden = PAPER_METHODS['astar'](gap, (0, 1), (1, 0), [], CAREFUL)
+    forbidden = PAPER_METHODS['astar'](gap, (0, 1), (1, 0), [], NO_CORNER_CUTTING)
     assert forbidden.status is SearchStatus.EXHAUSTED
 
 
-def test_without_corner_cutting_a_corner_is_walked_around():
+def test_without_corner_cutting_the_path_goes_around_a_corner():
     corner = grid('..', '#.')
     cut = PAPER_METHODS['astar'](corner, (0, 1), (1, 0), [], SearchOptions())
-    walked = PAPER_METHODS['astar'](corner, (0, 1), (1, 0), [], CAREFUL)
+    walked = PAPER_METHODS['astar'](corner, (0, 1), (1, 0), [], NO_CORNER_CUTTING)
     assert cut.length == pytest.approx(math.sqrt(2))
     assert walked.length == pytest.approx(2.0)
 
@@ -207,7 +207,7 @@ def test_a_raised_stop_flag_stops_the_search(name):
     assert len(result.path) == 0
 
 
-def test_expanded_cells_are_told_apart_by_row_and_column():
+def test_expanded_cells_are_marked_by_row_and_column():
     blocked = grid('#####', '#...#', '#####')
     result = PAPER_METHODS['astar'](blocked, (1, 1), (3, 1), [], SearchOptions())
     expected = np.zeros_like(blocked)

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import (
     Barrier,
@@ -101,20 +100,3 @@ def test_the_shipped_samples_are_the_command_s_own(request):
     shipped = load_barrier_maps(request.config.rootpath / 'maps' / 'samples_1000.json')
     assert (len(shipped), sum(len(m.samples) for m in shipped)) == (100, 1000)
     assert shipped[:3] == list(generate(seed=0, maps=3))
-
-
-def test_walls_join_touching_cells_and_nothing_else():
-    blocked = np.zeros((7, 7), dtype=bool)
-    blocked[3, 1:4] = True
-    blocked[5, 5] = True
-    line_of_sight = LineOfSightChecker(blocked)
-    assert line_of_sight.clear(
-        [[2, 1], [5, 1], [4, 3], [4, 6]], [[2, 6], [5, 4], [4, 5], [6, 4]]
-    ).tolist() == [
-        False,
-        True,
-        True,
-        False,
-    ]
-    assert line_of_sight.clear_along([(0, 0), (6, 0), (6, 6)])
-    assert not line_of_sight.clear_along([(0, 0), (float('nan'), 0)])
