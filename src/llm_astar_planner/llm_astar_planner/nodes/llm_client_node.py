@@ -107,7 +107,7 @@ class LlmClientNode(Node):
 
         The costmap is kept until the map or a rule changes, since its layers take time.
         """
-        config = costmap_config(self._settings.values())
+        config = costmap_config(self._settings.current)
         with self._costmap_lock:
             grid_map, costmap = self._grid_map, self._costmap
             if grid_map is None:
