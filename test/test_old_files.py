@@ -6,8 +6,11 @@ import shutil
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 from llm_astar_msgs_adapter.bags.reading import Bag
+from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.messages.diagnostics import (
     ExchangeReport,
     PlanReport,
@@ -15,6 +18,12 @@ from llm_astar_msgs_adapter.messages.diagnostics import (
 )
 from llm_astar_planner.benchmark.results import ResultsFolder
 from llm_astar_planner.cli.main import main
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.resources import find_file
+from llm_astar_planner.waypoints.config import SourceSettings
+from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.source import WaypointQuery
+from llm_astar_planner.waypoints.transcript import TranscriptWriter, read_transcript
 
 import llm_astar_planner
 
@@ -187,3 +196,63 @@ def test_the_old_name_of_a_method_is_accepted_with_a_warning(tmp_path, undrawn, 
     assert 'method llm_only is now called waypoints_only' in capsys.readouterr().err
     assert untimed(out / 'results.csv') == untimed(OLD / 'benchmark' / 'results.csv')
     assert 'llm_only' not in (out / 'results.csv').read_text()
+
+
+# --- transcripts: `llm_client_node` or `llm-astar plan` with `record` (transcript.jsonl) ---
+
+TRANSCRIPT = OLD / 'transcript.jsonl'
+ON_THE_DEMO = ((39.0, 18.0), (31.0, 10.0), (27.0, 9.0), (12.0, 9.0), (7.0, 19.0))
+INSTRUCTED = ((39.0, 18.0), (5.0, 5.0), (7.0, 19.0))
+ON_A_COARSE_LATTICE = ((4.0, 4.0), (60.0, 20.0), (115.0, 100.0))
+
+
+def big_map():
+    """Return the map that the last exchange is about: no straight barriers describe it exactly."""
+    cells = np.zeros((110, 120), dtype=np.int8)
+    cells[np.arange(100), np.arange(100) + 10] = 100
+    return GridMap(cells, 0.05)
+
+
+def test_an_old_transcript_holds_the_same_exchanges(tmp_path):
+    exchanges = read_transcript(TRANSCRIPT)
+    assert [(e.map, e.pair, e.unit, e.instruction, e.status.value) for e in exchanges] == [
+        (0, 0, 1, '', 'OK'),
+        (0, 0, 1, 'pass by 5, 5', 'OK'),
+        (0, 1, 1, '', 'MALFORMED'),
+        (big_map().digest, '4,4->115,100', 2, '', 'OK'),
+    ]
+    assert [len(exchange.messages) for exchange in exchanges] == [1, 1, 3, 1]
+    assert exchanges[2].response == 'Sorry.'
+    copy = TranscriptWriter(tmp_path / 'copy.jsonl')
+    for exchange in exchanges:
+        copy.write(exchange)
+    assert copy.path.read_text() == TRANSCRIPT.read_text()
+
+
+@pytest.mark.parametrize(
+    ('start', 'goal', 'instruction', 'waypoints'),
+    [
+        ((39, 18), (7, 19), '', ON_THE_DEMO),
+        ((39, 18), (7, 19), 'pass by 5, 5', INSTRUCTED),
+        ((39, 18), (7, 19), 'hurry', ON_THE_DEMO),
+        ((7, 19), (39, 18), '', ()),
+        ((4, 4), (115, 100), '', ON_A_COARSE_LATTICE),
+    ],
+)
+def test_an_old_transcript_is_replayed_to_the_same_waypoints(start, goal, instruction, waypoints):
+    dataset = load_barrier_maps(find_file('demo.json', 'maps'))
+    grid_map = big_map() if waypoints is ON_A_COARSE_LATTICE else dataset[0].to_grid()
+    query = WaypointQuery(Costmap(grid_map), start, goal, instruction=instruction)
+    source = make_source(SourceSettings(source='replay', transcript=str(TRANSCRIPT)), dataset)
+    reply = source.waypoints(query)
+    assert reply.waypoints == waypoints
+    assert reply.label == 'replay:tiny'
+    assert reply.status.value == ('OK' if waypoints else 'MALFORMED')
+
+
+def test_the_shipped_transcript_is_of_that_version_and_is_replayed():
+    dataset = load_barrier_maps(find_file('demo.json', 'maps'))
+    transcript = str(find_file('demo_transcript.jsonl', 'maps'))
+    source = make_source(SourceSettings(source='replay', transcript=transcript), dataset)
+    query = WaypointQuery(Costmap(dataset[0].to_grid()), (39, 18), (7, 19))
+    assert source.waypoints(query).waypoints == ON_THE_DEMO

