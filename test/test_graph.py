@@ -16,8 +16,10 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from graph_tools import (
     ALONE,
+    DEMO,
     GOAL,
     PATIENCE,
+    REPLAY,
     START,
     calling,
     process,
@@ -377,6 +379,9 @@ def test_a_node_ends_cleanly(name, ending):
         ('llm_client_node', 'source:=oracle9', ['source', 'oracle9', 'replay']),
         ('planner_node', 'method:=theta', ['method', 'theta', 'llm_astar']),
         ('planner_node', 'weight:=heavy', ['weight']),
+        ('planner_node', 'robot_raduis:=0.2', ['robot_raduis', 'did you mean robot_radius?']),
+        ('llm_client_node', 'modell:=x', ['modell', 'did you mean model?']),
+        ('map_node', 'map_fil:=x', ['map_fil', 'did you mean map_file?']),
     ],
 )
 def test_a_parameter_that_cannot_be_is_one_line_at_start(name, parameter, words):
@@ -386,6 +391,65 @@ def test_a_parameter_that_cannot_be_is_one_line_at_start(name, parameter, words)
     assert 'Traceback' not in output
     for word in words:
         assert word in output
+
+
+def test_a_section_of_a_node_holds_its_own_names_alone_and_a_shared_one_those_of_all(tmp_path):
+    own, shared = tmp_path / 'own.yaml', tmp_path / 'shared.yaml'
+    own.write_text('/**/map_node: {ros__parameters: {base_url: x}}')
+    shared.write_text('/**: {ros__parameters: {base_url: x, weight: 3.0, use_sim_time: false}}')
+    with process('map_node', '--params-file', str(shared), namespace=ALONE) as node:
+        wait_for(lambda: 'published' in ''.join(node.output), 'the map')
+    assert node.returncode == 0
+    with process('map_node', '--params-file', str(own), namespace=ALONE) as node:
+        assert node.wait(PATIENCE) == 2
+    assert 'base_url: map_node has no parameter of this name' in ''.join(node.output)
+
+
+ROBOT = """
+/**/planner_node:
+  ros__parameters:
+    method: guided
+    search_while_waiting: false
+    max_suboptimality: 1.0
+    corner_cutting: false
+    robot_radius: 1.0
+    inflation_radius: 3.0
+    cost_scaling_factor: 1.5
+    cost_travel_multiplier: 5.0
+"""
+
+
+def test_a_plan_of_the_node_is_reproduced_by_one_command_line(capsys, tmp_path):
+    robot = tmp_path / 'robot.yaml'
+    robot.write_text(ROBOT)
+    with (
+        process('map_node', namespace=ALONE),
+        process('llm_client_node', namespace=ALONE),
+        process('planner_node', '--params-file', str(robot), namespace=ALONE),
+        calling(ALONE) as caller,
+    ):
+        caller.wait_until_ready(client='llm_client_node')
+        path, report, _ = caller.call(START, GOAL)
+    files = [part for file in (DEMO, REPLAY, robot) for part in ('--params-file', str(file))]
+    capsys.readouterr()
+    assert main(['plan', *files, '--json']) == 0
+    plan = json.loads(capsys.readouterr().out)
+    # A cell of the demo map is a metre wide, and its centre is at whole metres.
+    assert plan['path'] == np.rint(path_from_message(path)).astype(int).tolist()
+    assert len(plan['path']) > 40
+    waypoints = [(point['x'], point['y'], point['verdict']) for point in plan['waypoints']]
+    assert waypoints == list(report.waypoints) != []
+    for name in ('operation', 'first_operation', 'storage', 'ratio', 'guided_by', 'clearance'):
+        assert plan[name] == getattr(report, name), name
+
+
+def test_a_deprecated_parameter_still_works_and_names_the_present_one():
+    arguments = ('-p', 'lifecycle:=true', '-p', 'remember_plans:=9')
+    with process('planner_node', *arguments, namespace=ALONE) as node:
+        wait_for(lambda: 'ready to be configured' in ''.join(node.output), 'the node')
+    output = ''.join(node.output)
+    assert 'parameter lifecycle is deprecated: it became autostart' in output
+    assert 'parameter remember_plans is deprecated: it has no effect any more' in output
 
 
 @pytest.mark.parametrize(

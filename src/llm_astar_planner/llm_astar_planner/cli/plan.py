@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +18,7 @@ from llm_astar_planner.cli.parameter_flags import (
     parameter_values,
     read_params_files,
 )
-from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.parameter import ParameterError, Scalar
 from llm_astar_planner.planning.parameters import (
     PLANNER,
     SOURCE,
@@ -43,6 +44,7 @@ examples:
   llm-astar plan --map demo.json --map-id 0 --pair 1 --method astar --png out/astar.png
   llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --robot-radius 0.2
   llm-astar plan --start 5 5 --goal 20 20 --via 30 8 --tolerance 1.5
+  llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --params-file robot.yaml
   llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
   llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
   llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids
@@ -55,8 +57,8 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'plan',
-        description='Plan from start to goal on a barrier map, without ROS, under the '
-        "paper's rules; or on a grid, in cells, where no corner is cut.",
+        description='Plan from start to goal on a map, without ROS. The parameters of the nodes '
+        "are flags; with the nodes' own --params-file it plans as they do.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -75,7 +77,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         type=int,
         default=0,
         metavar='N',
-        help='start-goal pair of the map, where --start and --goal are not given (default: 0)',
+        help='start-goal pair of the map, unless --start and --goal are given (default: 0)',
     )
     cell: dict[str, Any] = {'type': int, 'nargs': 2, 'metavar': ('X', 'Y')}
     where.add_argument('--start', **cell, help='a cell, not metres')
@@ -83,7 +85,8 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     where.add_argument(
         '--query',
         metavar='TEXT',
-        help="a sentence instead: of the dataset's own form, or any with --source endpoint",
+        help='the whole question as a sentence: worded as in the dataset, or freely with '
+        '--source endpoint',
     )
     where.add_argument(
         '--via',
@@ -96,7 +99,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     )
     rules = parser.add_argument_group(
         'rules',
-        'the parameters of planner_node; in metres, where a cell of a barrier map is one wide',
+        'the parameters of planner_node; a cell of a barrier map is one metre wide',
     )
     add_params_file_flag(rules)
     add_parameter_flags(rules, RULES)
@@ -109,28 +112,31 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Plan, print, draw; return 0 for a plan and 1 for none. Raises ValueError on bad input.
+    """Plan, print, draw; return 0 if there is a path, else 1.
 
-    The code of what went wrong, Nav2's as the nodes have it, is in what is printed.
+    Raises ParameterError, and what reading a map or a source raises, on bad input.
     """
     if (arguments.start is None) != (arguments.goal is None):
-        raise ValueError('--start and --goal go together; leave both out to take --pair')
-    values, settings = _settings(arguments)
-    maps, (problem, start, goal) = _problem(arguments, settings)
+        raise ParameterError('--start and --goal go together; leave both out to take --pair')
+    files = read_params_files(arguments).values if arguments.params_file else {}
+    values = parameter_values(arguments, RULES, files.get('planner_node'))
+    settings = source_settings(arguments, files.get('llm_client_node'))
+    maps, (problem, start, goal) = choose_problem(arguments, settings)
     barriers = problem if isinstance(problem, BarrierMap) else None
     if arguments.corner_cutting is None and not arguments.params_file:
         values['corner_cutting'] = barriers is not None
-    offset = _corner(problem)
+    # The map coordinates of cell (0, 0).
+    offset = (0, 0) if barriers is None else (barriers.range_x[0], barriers.range_y[0])
     source: WaypointSource | None = None
     if arguments.reply is not None:
         source = FixedReply(arguments.reply, offset)
     elif values['use_waypoints']:
-        source = make_source(settings, dataset=_barrier_maps(maps))
+        source = make_source(settings, dataset=barrier_maps_of(maps))
     request = PlanRequest(
         problem.to_cell(start),
         problem.to_cell(goal),
         source=source,
-        sample=_sample(problem, start, goal),
+        sample=sample_key_of(problem, start, goal),
         via=tuple(problem.to_cell((x, y)) for x, y in arguments.via),
         **request_fields(values),
     )
@@ -143,26 +149,38 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         print(plan_to_text(plan, offset))
     if arguments.png:
-        _draw(arguments, plan, planner, offset)
+        # Importing matplotlib takes most of a second.
+        from llm_astar_planner.visualization.figures import (  # noqa: PLC0415
+            picture_of,
+            save_picture,
+        )
+
+        picture = picture_of(plan, planner.grid_map, plan.start, plan.goal, offset)
+        save_picture(picture, arguments.png)
+        if not arguments.json:
+            print(f'picture    {arguments.png}')
     return 0 if plan.code == 0 else 1
 
 
-def _settings(arguments: argparse.Namespace) -> tuple[dict[str, Any], SourceSettings]:
-    """Return planner_node's parameters and the source's settings. Raises ParameterError."""
-    files = read_params_files(arguments).values if arguments.params_file else {}
-    values = parameter_values(arguments, RULES, files.get('planner_node'))
-    settings = source_config(parameter_values(arguments, SOURCE, files.get('llm_client_node')))
+def source_settings(
+    arguments: argparse.Namespace, file: Mapping[str, Scalar] | None
+) -> SourceSettings:
+    """Return the settings of the waypoint source, by flags and llm_client_node's parameters.
+
+    Raises ParameterError, and FileNotFoundError for a transcript that does not exist.
+    """
+    settings = source_config(parameter_values(arguments, SOURCE, file))
     if arguments.record and settings.source != 'endpoint':
         raise ParameterError('--record keeps exchanges with --source endpoint; no other has any')
     if settings.transcript:
         settings = replace(settings, transcript=str(find_file(settings.transcript, 'maps')))
-    return values, settings
+    return settings
 
 
-def _problem(
+def choose_problem(
     arguments: argparse.Namespace, settings: SourceSettings
 ) -> tuple[list[ProblemMap], tuple[ProblemMap, Point, Point]]:
-    """Return the maps and which problem on them is asked, by sentence or by numbers."""
+    """Return all maps, and the map, start and goal to plan: from a sentence or from numbers."""
     if arguments.query is not None:
         ask = make_asker(settings) if settings.source == 'endpoint' else None
         question = parse_query(arguments.query, ask)
@@ -170,52 +188,27 @@ def _problem(
     maps = load_maps(find_file(arguments.map, 'maps'))
     problem = maps[0]
     if arguments.map_id not in (None, problem.id):
-        problem = find_barrier_map(_barrier_maps(maps), arguments.map_id)
-    return maps, (problem, *_ends(arguments, problem))
+        problem = find_barrier_map(barrier_maps_of(maps), arguments.map_id)
+    if arguments.start is not None:
+        return maps, (problem, tuple(arguments.start), tuple(arguments.goal))
+    if not 0 <= arguments.pair < len(problem.samples):
+        count = len(problem.samples)
+        raise ParameterError(f'--pair {arguments.pair}: map {problem.id} has {count} pairs')
+    sample = problem.samples[arguments.pair]
+    return maps, (problem, sample.start, sample.goal)
 
 
-def _barrier_maps(maps: list[ProblemMap]) -> list[BarrierMap]:
+def barrier_maps_of(maps: list[ProblemMap]) -> list[BarrierMap]:
+    """Return the maps that are given by barriers."""
     return [item for item in maps if isinstance(item, BarrierMap)]
 
 
-def _corner(problem: ProblemMap) -> Point:
-    """Return the map coordinates of cell (0, 0)."""
-    if isinstance(problem, BarrierMap):
-        return problem.range_x[0], problem.range_y[0]
-    return 0, 0
-
-
-def _ends(arguments: argparse.Namespace, barrier_map: ProblemMap) -> tuple[Point, Point]:
-    if arguments.start is not None:
-        return tuple(arguments.start), tuple(arguments.goal)
-    if not 0 <= arguments.pair < len(barrier_map.samples):
-        count = len(barrier_map.samples)
-        raise ValueError(f'--pair {arguments.pair}: map {barrier_map.id} has {count} pairs')
-    sample = barrier_map.samples[arguments.pair]
-    return sample.start, sample.goal
-
-
-def _sample(barrier_map: ProblemMap, start: Point, goal: Point) -> SampleKey | None:
-    """Return which sample of the map this is, if it is one."""
-    for pair, sample in enumerate(barrier_map.samples):
+def sample_key_of(problem: ProblemMap, start: Point, goal: Point) -> SampleKey | None:
+    """Return the key of the map's sample with this start and goal, None if it has none."""
+    for pair, sample in enumerate(problem.samples):
         if (sample.start, sample.goal) == (start, goal):
-            return SampleKey(barrier_map.id, pair)
+            return SampleKey(problem.id, pair)
     return None
-
-
-def _draw(
-    arguments: argparse.Namespace,
-    plan: Plan,
-    planner: Planner,
-    offset: Point,
-) -> None:
-    # matplotlib takes most of a second to import; who draws nothing need not wait for it.
-    from llm_astar_planner.visualization.figures import picture_of, save_picture  # noqa: PLC0415
-
-    picture = picture_of(plan, planner.grid_map, plan.start, plan.goal, offset)
-    save_picture(picture, arguments.png)
-    if not arguments.json:
-        print(f'picture    {arguments.png}')
 
 
 def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
@@ -248,13 +241,14 @@ def plan_to_text(plan: Plan, offset: Point) -> str:
         place = f'[{point.x + offset[0]:g}, {point.y + offset[1]:g}]'
         lines.append(f'waypoint {number} {place} {point.status.value.replace("_", " ")}')
     if plan.code == 0:
-        lines += _path_lines(plan)
+        lines += path_lines(plan)
     milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)
     lines.append('time       {:.2f} ms in source, {:.2f} ms in search'.format(*milliseconds))
     return '\n'.join(lines)
 
 
-def _path_lines(plan: Plan) -> list[str]:
+def path_lines(plan: Plan) -> list[str]:
+    """Return the lines that only a plan with a path has."""
     turns = f'{plan.turns} turn{"" if plan.turns == 1 else "s"}'
     lines = [
         f'operation  {plan.expansions}',
@@ -266,6 +260,8 @@ def _path_lines(plan: Plan) -> list[str]:
     if plan.unknown_length:
         lines.append(f'unknown    {plan.unknown_length:.2f} m through unknown cells')
     if plan.any_angle is not None:
-        legs = len(plan.any_angle.points) - 1
-        lines.append(f'any angle  {plan.any_angle.length:.3f} cells in {legs} straight legs')
+        segments = len(plan.any_angle.points) - 1
+        lines.append(
+            f'any angle  {plan.any_angle.length:.3f} cells in {segments} straight segments'
+        )
     return lines

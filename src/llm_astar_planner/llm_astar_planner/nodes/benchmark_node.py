@@ -46,7 +46,7 @@ from llm_astar_planner.search.paper import METHODS
 OK, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 2, 3, 130
 EPILOG = """\
 Start planner_node and llm_client_node first, but no map_node: this node publishes the maps. It
-sets the parameters `method`, `use_waypoints`, `corner_cutting` and `remember_plans` of the planner
+sets the parameters `method`, `use_waypoints` and `corner_cutting` of the planner
 and restores them at the end.
 
 exit codes: 0 ok, 2 bad usage or input, 3 the graph stopped answering, 130 interrupted

@@ -24,9 +24,8 @@ from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 from llm_astar_planner.search.paper import WAYPOINT_METHODS
 
-# Parameters of the planner that a run sets and restores: the paper's paths may cut corners, and
-# the time of a remembered plan would not be that of planning.
-RULES = {'corner_cutting': True, 'remember_plans': 0}
+# Parameters of the planner that a run sets and restores: the paper's paths may cut corners.
+RULES = {'corner_cutting': True}
 TOUCHED = ('method', 'use_waypoints', *RULES)
 
 

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from llm_astar_planner.cli.main import COMMANDS, main
+from llm_astar_planner.planning.parameters import PLANNER, SOURCE
 from llm_astar_planner.resources import find_file
 from PIL import Image
 
@@ -161,7 +162,7 @@ def test_tolerances_and_via_cells_are_told_of(capsys, room):
     assert plan['start_shift'] == pytest.approx(0.15)
 
 
-def test_a_wish_bends_the_path_and_is_told_of(capsys, chat_server):
+def test_an_instruction_bends_the_path_and_is_reported(capsys, chat_server):
     chat_server.script = [chat_server.completion('[[39, 18], [5, 5], [7, 19]]')]
     endpoint = ('--source', 'endpoint', '--base-url', chat_server.base_url, '--model', 'tiny')
     code, plan = run_json(capsys, 'plan', *endpoint, '--instruction', 'pass by 5, 5')
@@ -169,7 +170,7 @@ def test_a_wish_bends_the_path_and_is_told_of(capsys, chat_server):
     assert [5, 5] in plan['path']
     assert plan['guided_by'] == 'endpoint:tiny'
     _, out, _ = run(capsys, 'plan', '--source', 'none', '--instruction', 'pass by 5, 5')
-    assert 'wish ignored: source none cannot read instructions' in out
+    assert 'instruction ignored: source none cannot read instructions' in out
 
 
 def test_a_person_reads_the_plan(capsys):
@@ -290,3 +291,76 @@ def test_plan_needs_no_ros():
     done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert 'NONE (0)' in done.stdout
+
+
+def test_flags_override_a_parameter_file_and_the_nodes_defaults_hold_for_the_rest(
+    capsys, tmp_path
+):
+    file = tmp_path / 'robot.yaml'
+    file.write_text(
+        'planner_node: {ros__parameters: {method: astar, robot_radius: 1.0}}\n'
+        'llm_client_node: {ros__parameters: {source: straight}}'
+    )
+    arguments = ['plan', '--params-file', str(file)]
+    by_file = run_json(capsys, *arguments)[1]
+    assert by_file['method'] == 'astar'
+    assert by_file['clearance'] > 1.0
+    by_flags = run_json(capsys, *arguments, '--method', 'guided', '--robot-radius', '0')[1]
+    assert (by_flags['method'], by_flags['clearance']) == ('guided', 1.0)
+    assert by_flags['source'] == 'straight'
+    # Corners are cut by default on barrier maps, and not by a node.
+    cutting = run_json(capsys, *arguments, '--robot-radius', '0', '--corner-cutting')[1]
+    kept = run_json(capsys, *arguments, '--robot-radius', '0')[1]
+    assert cutting['length'] < kept['length']
+    assert cutting['length'] == run_json(capsys, 'plan', '--method', 'astar')[1]['length']
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (
+            ['plan', '--robot-raduis', '1'],
+            'no option --robot-raduis; did you mean --robot-radius?',
+        ),
+        (
+            ['bench', '--metods=astar'],
+            'no option --metods=astar; did you mean --methods?',
+        ),
+        (['serve-llm', '--model', 'x'], 'serve-llm is no longer a command; '),
+        (['speed'], 'speed is no longer a command; '),
+    ],
+)
+def test_what_does_not_exist_is_one_line_that_says_what_does(capsys, arguments, words):
+    code, _, err = run(capsys, *arguments)
+    assert code == 2
+    assert err.startswith('llm-astar: error: ')
+    assert err.count('\n') == 1
+    assert words in err
+
+
+def test_an_unknown_name_in_a_parameter_file_names_the_file_and_the_nearest_name(capsys, tmp_path):
+    file = tmp_path / 'robot.yaml'
+    file.write_text('planner_node: {ros__parameters: {robot_raduis: 0.2}}')
+    code, _, err = run(capsys, 'plan', '--params-file', str(file))
+    assert code == 2
+    for words in (str(file), 'robot_raduis', 'did you mean robot_radius?'):
+        assert words in err
+
+
+def test_every_rule_of_the_planner_node_has_a_flag_and_no_default_of_its_own(capsys):
+    with pytest.raises(SystemExit):
+        main(['plan', '--help'])
+    text = capsys.readouterr().out
+    for item in (*PLANNER, *SOURCE):
+        assert (f'--{item.name.replace("_", "-")}' in text) != item.node_only, item.name
+
+
+def test_help_is_printed_without_the_libraries_of_the_commands():
+    program = (
+        'import sys; from llm_astar_planner.cli.main import main\n'
+        'try: main(["--help"])\n'
+        'finally: print(sorted({"numpy", "numba", "yaml", "scipy"} & set(sys.modules)))'
+    )
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == '[]'
