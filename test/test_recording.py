@@ -1,4 +1,4 @@
-"""The live graph into a bag: real processes, and readers that are not ours."""
+"""Recording the live graph: real processes, and the readers of other libraries."""
 
 import contextlib
 import csv
@@ -55,7 +55,7 @@ def recording(folder, *options, namespace=ALONE, ending=signal.SIGINT):
     recorder.lines = []
     reader = threading.Thread(target=lambda: recorder.lines.extend(recorder.stdout), daemon=True)
     reader.start()
-    recorder.told = lambda words: any(words in line for line in recorder.lines)
+    recorder.printed = lambda words: any(words in line for line in recorder.lines)
     try:
         yield recorder
         recorder.send_signal(ending)
@@ -90,8 +90,8 @@ def drive(_context, tmp_path_factory):
     ):
         caller.wait_until_ready(client='llm_client_node')
         for topic in ('map', 'plan', 'planner_node/report', 'llm_client_node/exchange'):
-            wait_for(lambda topic=topic: recorder.told(f'recording {ALONE}/{topic} '), topic)
-        wait_for(lambda: recorder.told(f'recording {EVENT}'), 'service events')
+            wait_for(lambda topic=topic: recorder.printed(f'recording {ALONE}/{topic} '), topic)
+        wait_for(lambda: recorder.printed(f'recording {EVENT}'), 'service events')
         answers = [caller.call(*pair)[:2] for pair in PAIRS]
         # The last answer's event leaves the planner right after the answer.
         time.sleep(0.5)
@@ -103,7 +103,7 @@ def of(messages, topic):
     return [message for name, _, message in messages if name == f'{ALONE}/{topic}']
 
 
-def test_a_drive_is_recorded_whole_and_in_order(drive):
+def test_a_drive_is_recorded_completely_and_in_order(drive):
     folder, answers, _ = drive
     messages = read(folder)
     assert of(messages, 'map')[0].info.width == 51
@@ -129,7 +129,7 @@ def test_a_drive_is_recorded_whole_and_in_order(drive):
     assert names.index('map') < names.index(order[0])
 
 
-def test_mcaps_own_reader_checks_every_checksum_of_a_recording(drive):
+def test_the_mcap_library_accepts_every_checksum_of_a_recording(drive):
     folder, _, _ = drive
     with (folder / 'drive_0.mcap').open('rb') as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
@@ -139,17 +139,17 @@ def test_mcaps_own_reader_checks_every_checksum_of_a_recording(drive):
     assert [len(plan.poses) > 2 for *_, plan in plans] == [True] * len(PAIRS)
 
 
-def test_a_recording_keeps_what_publishers_offered(drive):
+def test_a_recording_keeps_the_qos_of_the_publishers(drive):
     folder, _, recorder = drive
     with Reader(folder) as reader:
         offered = {c.topic: c.ext.offered_qos_profiles[0].durability for c in reader.connections}
     assert offered[f'{ALONE}/map'] is QosDurability.TRANSIENT_LOCAL
     assert offered[f'{ALONE}/plan'] is QosDurability.VOLATILE
-    assert recorder.told('never there: /recorded/map_updates')
-    assert recorder.told('3 /recorded/plan')
+    assert recorder.printed('never there: /recorded/map_updates')
+    assert recorder.printed('3 /recorded/plan')
 
 
-def test_a_recorded_drive_evaluated_with_replay_gives_the_paths_it_had(drive, tmp_path):
+def test_a_recorded_drive_evaluated_with_replay_gives_the_same_paths(drive, tmp_path):
     """The same rules, the recorded exchanges: the same waypoints, cell for cell the same paths."""
     folder, answers, _ = drive
     out = tmp_path / 'out'
@@ -169,7 +169,7 @@ def test_a_recorded_drive_evaluated_with_replay_gives_the_paths_it_had(drive, tm
 
 
 def test_messages_are_written_as_they_come_and_split_by_size(tmp_path):
-    """None is lost: those that have arrived when the end comes are written, too."""
+    """None is lost: those that have arrived when the recording ends are written too."""
     options = ('--topics', 'chatter', '--max-size', '0.05', '--storage', 'sqlite3')
     bag = tmp_path / 'bag'
     sent = [f'{number:05}' * 1000 for number in range(30)]
@@ -179,7 +179,7 @@ def test_messages_are_written_as_they_come_and_split_by_size(tmp_path):
         publisher = node.create_publisher(String, 'chatter', LATCHED_ALL)
         for text in sent:
             publisher.publish(String(data=text))
-        wait_for(lambda: recorder.told('recording /recorded/chatter'), 'the topic')
+        wait_for(lambda: recorder.printed('recording /recorded/chatter'), 'the topic')
         wait_for(publisher.get_subscription_count, 'the recorder')
         publisher.wait_for_all_acked()
     node.destroy_node()
@@ -193,19 +193,19 @@ def test_messages_are_written_as_they_come_and_split_by_size(tmp_path):
     assert texts == sent
 
 
-def test_a_publisher_that_offers_less_than_those_before_is_recorded_too(tmp_path):
-    """A reliable subscription hears nothing of a publisher that is best effort."""
+def test_a_later_publisher_with_a_weaker_qos_is_recorded_too(tmp_path):
+    """A reliable subscription receives nothing from a best-effort publisher."""
     bag = tmp_path / 'bag'
     node = rclpy.create_node('talkers', namespace=ALONE)
     words = String(data='best effort' * 1000)
     with recording(bag, '--topics', 'chatter', '--max-size', '0.01') as recorder:
         first = node.create_publisher(String, 'chatter', LATCHED_ALL)
         first.publish(String(data='reliable'))
-        wait_for(lambda: recorder.told('recording /recorded/chatter'), 'the topic')
+        wait_for(lambda: recorder.printed('recording /recorded/chatter'), 'the topic')
         wait_for(first.get_subscription_count, 'the recorder')
         first.wait_for_all_acked()
         second = node.create_publisher(String, 'chatter', qos_profile_sensor_data)
-        wait_for(lambda: recorder.told('subscribed to /recorded/chatter anew'), 'the second')
+        wait_for(lambda: recorder.printed('subscribed to /recorded/chatter again'), 'the second')
         # Best effort is lost while ends find each other. The second of them begins a new file.
         wait_for(lambda: second.publish(words) or (bag / 'metadata.yaml').exists(), 'the words')
     node.destroy_node()
@@ -214,11 +214,11 @@ def test_a_publisher_that_offers_less_than_those_before_is_recorded_too(tmp_path
     assert set(texts[1:]) == {words.data}
 
 
-def test_a_recorder_to_whom_nothing_comes_says_so(tmp_path, capfd):
+def test_a_recorder_without_messages_says_so_and_exits_with_1(tmp_path, capfd):
     with recording(tmp_path / 'bag', '--duration', '0.5', namespace='nobody/') as recorder:
         assert recorder.wait(PATIENCE) == 1
-    assert recorder.told('never there: /nobody/map')
-    assert recorder.told('0 messages')
+    assert recorder.printed('never there: /nobody/map')
+    assert recorder.printed('0 messages')
     assert main(['record', '--out', str(tmp_path / 'bag')]) == 2
     assert 'exists already' in capfd.readouterr().err
     for wrong in (('--topics', 'bad name'), ('--namespace', 'bad name')):

@@ -1,4 +1,4 @@
-"""`llm-astar record`: the live graph into a bag, to be evaluated later."""
+"""`llm-astar record`: record the live graph into a bag, to evaluate it later."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ examples:
   llm-astar record --out run2 --duration 600 --max-size 500     ten minutes, files of 500 MB
   llm-astar record --out run3 --namespace /robot1 --topics scan amcl_pose
 
-Recorded are maps and their updates, requests of GetPlan, goals and initial poses, plans, the
-planner's reports, exchanges with the language model, tf, odometry and diagnostics, each as soon
-as somebody publishes it. What the bag is good for: `llm-astar evaluate --help`.
+Records maps and their updates, requests of GetPlan, goals and initial poses, plans, the planner's
+reports, exchanges with the language model, tf, odometry and diagnostics, each as soon as it has a
+publisher. For the use of the bag see `llm-astar evaluate --help`.
 """
 
 
@@ -23,7 +23,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     """Add the command to `llm-astar`."""
     parser = commands.add_parser(
         'record',
-        description='Record the live graph into a rosbag2 bag, to be evaluated later.',
+        description='Record the live graph into a rosbag2 bag, to evaluate it later.',
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -36,25 +36,33 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         help="the robot's, such as /robot1",
     )
     parser.add_argument(
-        '--topics', nargs='+', default=[], metavar='NAME', help='more topics to record'
+        '--topics', nargs='+', default=[], metavar='NAME', help='further topics to record'
     )
     parser.add_argument(
-        '--duration', type=float, default=math.inf, metavar='S', help='end after so many seconds'
+        '--duration',
+        type=float,
+        default=math.inf,
+        metavar='S',
+        help='stop after this time (default: at Ctrl-C)',
     )
     parser.add_argument(
         '--max-size', type=float, default=0.0, metavar='MB',
-        help='begin a new file after so much (default: one file)',
+        help='begin a new file after this size (default: one file)',
     )  # fmt: skip
     parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap')
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Record; return 0, or 1 where nothing came. Raises ValueError, OSError."""
+    """Record; return 0, or 1 where no message came. Raises ValueError, OSError."""
     if not arguments.duration > 0 or not arguments.max_size >= 0:
-        raise ValueError('--duration S, --max-size MB: a number above 0 is expected')
-    from llm_astar_planner.nodes.tools.recorder import TOPICS, Options, record  # noqa: PLC0415
+        message = (
+            f'--duration {arguments.duration}, --max-size {arguments.max_size}: numbers above 0 '
+            'are expected'
+        )
+        raise ValueError(message)
+    from llm_astar_planner.nodes.tools.recorder import TOPICS, RecordingOptions, record  # noqa: PLC0415
 
-    options = Options(
+    options = RecordingOptions(
         arguments.out,
         arguments.storage,
         round(arguments.max_size * MEGABYTE),

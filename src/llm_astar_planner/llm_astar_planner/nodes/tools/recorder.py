@@ -1,4 +1,4 @@
-"""A recorder of the live graph: whatever comes on its topics goes into a bag as it came."""
+"""Records topics of the live graph into a bag, as serialized messages."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from functools import partial
 from typing import Any
 
 import rclpy
+from llm_astar_msgs_adapter.bags.messages import NANOSECONDS
 from llm_astar_msgs_adapter.bags.types import BagTypeError, define
 from llm_astar_msgs_adapter.bags.writing import BagWriter, OfferedTopic
 from rclpy.duration import Duration
@@ -40,7 +41,7 @@ from rosbags.interfaces import (
 
 from llm_astar_planner.nodes.common.spin import leave
 
-# What an evaluation reads, names relative to the namespace recorded.
+# The topics that an evaluation reads; the names are relative to the recorded namespace.
 TOPICS = (
     'map',
     'map_updates',
@@ -61,32 +62,35 @@ TOPICS = (
     '/diagnostics',
 )
 NAME = 'llm_astar_recorder'
-# How often new topics are looked for, and the user is told that nothing comes, in seconds.
-LOOK_EVERY = 0.25
-TELL_EVERY = 10.0
-QUIET_SECONDS = 0.05
-# Messages of a topic that wait while others are written.
+# How often to look for new topics, and to report the number of messages (s).
+DISCOVERY_PERIOD_S = 0.25
+REPORT_PERIOD_S = 10.0
+# How long to wait for each message that has arrived when the recording ends (s).
+DRAIN_TIMEOUT_S = 0.05
+# How many messages of a topic wait while others are written.
 DEPTH = 100
-NANOSECONDS = 1_000_000_000
 
-Tell = Callable[[str], None]
+# Prints a line for the user.
+PrintLine = Callable[[str], None]
 
 
 class Recorder(Node):
-    """Subscribes to topics as their publishers come, and writes what they send."""
+    """Subscribes to topics when their publishers appear, and writes their messages."""
 
-    def __init__(self, bag: BagWriter, topics: Sequence[str], namespace: str, tell: Tell) -> None:
-        """Record topics of these full names into an open bag, from within a namespace."""
+    def __init__(
+        self, bag: BagWriter, topics: Sequence[str], namespace: str, report: PrintLine
+    ) -> None:
+        """Record topics with these full names into an open bag, as a node in `namespace`."""
         super().__init__(NAME, namespace=namespace)
         self._bag = bag
-        self._tell = tell
+        self._report = report
         self.wanted = topics
         self._waiting = set(topics)
         self._subscribed: dict[str, Subscription] = {}
-        self.create_timer(LOOK_EVERY, self._look)
+        self.create_timer(DISCOVERY_PERIOD_S, self._discover)
 
-    def _look(self) -> None:
-        """Subscribe to what is wanted and has a publisher by now, on terms that suit them all."""
+    def _discover(self) -> None:
+        """Subscribe to topics that have a publisher by now, with a QoS that fits all of them."""
         for name, types in self.get_topic_names_and_types():
             if name not in self._waiting and name not in self._subscribed:
                 continue
@@ -96,56 +100,57 @@ class Recorder(Node):
             if name in self._waiting:
                 self._waiting.discard(name)
                 self._begin(name, types[0], offered)
-            elif _misses_any(self._subscribed[name].qos_profile, offered):
+            elif requests_too_much(self._subscribed[name].qos_profile, offered):
                 self._subscribe(name, self._subscribed[name].msg_type, offered)
-                self._tell(f'subscribed to {name} anew, as a publisher that came offers less')
+                self._report(f'subscribed to {name} again, since a new publisher offers less')
 
     def _begin(self, name: str, msgtype: str, offered: list[QoSProfile]) -> None:
+        """Add a topic to the bag and subscribe to it, if its type is installed."""
         try:
             topic = OfferedTopic(
-                name, define(msgtype), tuple(dict.fromkeys(map(_qos_in_bag, offered)))
+                name, define(msgtype), tuple(dict.fromkeys(map(bag_qos, offered)))
             )
-            message_class = _message_class(msgtype)
+            message_class = import_message_class(msgtype)
         except (BagTypeError, ImportError, AttributeError) as error:
-            self._tell(f'not recorded: {name} ({msgtype}): {error}')
+            self._report(f'not recorded: {name} ({msgtype}): {error}')
             return
         self._bag.add_topic(topic)
         self._subscribe(name, message_class, offered)
-        self._tell(f'recording {name} ({msgtype})')
+        self._report(f'recording {name} ({msgtype})')
 
     def _subscribe(self, name: str, message_class: type, offered: list[QoSProfile]) -> None:
-        """Subscribe in place of what was subscribed before: two would write everything twice."""
+        """Subscribe; replace an earlier subscription, since two would write each message twice."""
         if name in self._subscribed:
             self.destroy_subscription(self._subscribed[name])
         self._subscribed[name] = self.create_subscription(
-            message_class, name, partial(self._on_message, name), _matching(offered), raw=True
+            message_class, name, partial(self._on_message, name), matching_qos(offered), raw=True
         )
 
     def _on_message(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
-        """Write a message at the time it arrived, not the later one at which its turn came."""
-        # Not every middleware knows that time; those that do not say 0.
+        """Write a message with the time at which it arrived."""
+        # 0 where the middleware does not know that time.
         self._bag.write(topic, info['received_timestamp'] or time.time_ns(), data)
 
-    def tell_progress(self, total: int, new: int) -> None:
-        """Tell how much came, and where nothing did, where it was looked for."""
+    def report_progress(self, total: int, new: int) -> None:
+        """Report the number of messages; without any, the namespace and domain searched."""
         if total:
-            self._tell(f'{total} messages, {new} of them in the last {TELL_EVERY:g} s')
+            self._report(f'{total} messages, {new} of them in the last {REPORT_PERIOD_S:g} s')
             return
         domain = os.environ.get('ROS_DOMAIN_ID', '0')
-        self._tell(
-            f'nothing has come yet in namespace {self.get_namespace()}, ROS_DOMAIN_ID {domain}; '
+        self._report(
+            f'no message yet in namespace {self.get_namespace()}, ROS_DOMAIN_ID {domain}; '
             'is the graph up?'
         )
 
     @property
     def missing(self) -> list[str]:
-        """The topics that had no publisher yet."""
+        """The topics that had no publisher so far."""
         return [name for name in self.wanted if name in self._waiting]
 
 
 @dataclass(frozen=True)
-class Options:
-    """What to record and into what; see BagWriter. `duration` is in seconds."""
+class RecordingOptions:
+    """What to record, and the bag; see BagWriter. `duration` is in seconds."""
 
     folder: str
     storage: str = 'mcap'
@@ -155,15 +160,15 @@ class Options:
     namespace: str = ''
 
 
-def record(options: Options, tell: Tell) -> dict[str, int]:
+def record(options: RecordingOptions, report: PrintLine) -> dict[str, int]:
     """Record until SIGINT, SIGTERM or the end of `duration`; return the messages by topic.
 
-    `tell` gets a line on every topic found, and now and then on what came. Raises BagWriteError
-    where the folder exists or the disk takes no more, OSError where it cannot be made, ValueError
-    for names that cannot be.
+    `report` gets a line for every topic found, and regularly one on the number of messages. Raises
+    BagWriteError where the folder exists or the disk is full, OSError where the folder cannot be
+    made, ValueError for invalid names.
     """
     namespace = '/' + options.namespace.strip('/')
-    topics = _full_names(options.topics, namespace)
+    topics = full_names(options.topics, namespace)
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
@@ -171,56 +176,55 @@ def record(options: Options, tell: Tell) -> dict[str, int]:
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         with writer as bag:
-            recorder = Recorder(bag, topics, namespace, tell)
-            _spin(recorder, bag, stopped, options.duration)
+            recorder = Recorder(bag, topics, namespace, report)
+            spin_until(stopped, recorder, bag, options.duration)
             if recorder.missing:
-                tell(f'never there: {", ".join(recorder.missing)}')
-        # Only now that the bag is closed: it may end the process.
+                report(f'never there: {", ".join(recorder.missing)}')
+        # After the bag is closed, since this may end the process.
         leave(recorder)
     finally:
         rclpy.try_shutdown()
     return writer.counts
 
 
-def _spin(recorder: Recorder, bag: BagWriter, stopped: threading.Event, duration: float) -> None:
+def spin_until(
+    stopped: threading.Event, recorder: Recorder, bag: BagWriter, duration: float
+) -> None:
+    """Record until `stopped` is set or `duration` seconds have passed, then write what arrived."""
     executor = SingleThreadedExecutor()
     executor.add_node(recorder)
     end = time.monotonic() + duration
-    told, next_tell = 0, time.monotonic() + TELL_EVERY
+    reported, next_report = 0, time.monotonic() + REPORT_PERIOD_S
     while not stopped.is_set() and time.monotonic() < end:
-        executor.spin_once(timeout_sec=LOOK_EVERY)
-        if time.monotonic() >= next_tell:
-            recorder.tell_progress(bag.total, bag.total - told)
-            told, next_tell = bag.total, time.monotonic() + TELL_EVERY
-    _drain(executor, bag)
-    executor.shutdown()
-
-
-def _drain(executor: SingleThreadedExecutor, bag: BagWriter) -> None:
-    """Write what had arrived when the end came, but do not follow a graph that talks on."""
+        executor.spin_once(timeout_sec=DISCOVERY_PERIOD_S)
+        if time.monotonic() >= next_report:
+            recorder.report_progress(bag.total, bag.total - reported)
+            reported, next_report = bag.total, time.monotonic() + REPORT_PERIOD_S
+    # Bounded by the queues, since a busy graph publishes for ever. The timer takes turns, too, so
+    # one turn without a message does not mean that all are written.
     quiet = 0
     for _ in range(DEPTH * len(bag.counts)):
         count = bag.total
-        executor.spin_once(timeout_sec=QUIET_SECONDS)
-        # The timer takes turns, too.
+        executor.spin_once(timeout_sec=DRAIN_TIMEOUT_S)
         quiet = quiet + 1 if bag.total == count else 0
         if quiet == 4:
-            return
+            break
+    executor.shutdown()
 
 
-def _full_names(topics: Sequence[str], namespace: str) -> list[str]:
-    """Return topics' full names, those without a slash in front below a namespace.
+def full_names(topics: Sequence[str], namespace: str) -> list[str]:
+    """Return the full names of topics; those without a leading slash are in the namespace.
 
-    Raises ValueError for what no topic or no namespace can be called.
+    Raises ValueError for invalid names.
     """
     try:
         return list(dict.fromkeys(expand_topic_name(name, NAME, namespace) for name in topics))
     except ValueError as error:
-        # Behind it stands a place in the source of rcl.
+        # The rest of the message is a line of rcl's source code.
         raise ValueError(str(error).partition(', at /')[0]) from None
 
 
-def _message_class(msgtype: str) -> type:
+def import_message_class(msgtype: str) -> type:
     """Return the class of `package/msg/Name` or `package/srv/Name_Event`.
 
     Raises ImportError or AttributeError where its package is not installed here.
@@ -232,13 +236,15 @@ def _message_class(msgtype: str) -> type:
     return getattr(module, name)
 
 
-def _misses_any(asked: QoSProfile, offered: list[QoSProfile]) -> bool:
-    """Tell whether a subscription asks for more than some of these publishers offer."""
-    return any(qos_check_compatible(qos, asked)[0] == QoSCompatibility.ERROR for qos in offered)
+def requests_too_much(requested: QoSProfile, offered: list[QoSProfile]) -> bool:
+    """Tell whether a subscription requests more than one of these publishers offers."""
+    return any(
+        qos_check_compatible(qos, requested)[0] == QoSCompatibility.ERROR for qos in offered
+    )
 
 
-def _matching(offered: list[QoSProfile]) -> QoSProfile:
-    """Return the QoS that gets the most of all of these publishers."""
+def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
+    """Return the QoS of a subscription that receives most from all of these publishers."""
     reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
     latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
     return QoSProfile(
@@ -248,19 +254,20 @@ def _matching(offered: list[QoSProfile]) -> QoSProfile:
     )
 
 
-def _qos_in_bag(offered: QoSProfile) -> Qos:
+def bag_qos(offered: QoSProfile) -> Qos:
+    """Return a publisher's QoS as a bag holds it."""
+
+    def time_of(duration: Duration) -> QosTime:
+        return QosTime(*divmod(duration.nanoseconds, NANOSECONDS))
+
     return Qos(
         history=QosHistory[offered.history.name],
         depth=offered.depth,
         reliability=QosReliability[offered.reliability.name],
         durability=QosDurability[offered.durability.name],
-        deadline=_span(offered.deadline),
-        lifespan=_span(offered.lifespan),
+        deadline=time_of(offered.deadline),
+        lifespan=time_of(offered.lifespan),
         liveliness=QosLiveliness[offered.liveliness.name],
-        liveliness_lease_duration=_span(offered.liveliness_lease_duration),
+        liveliness_lease_duration=time_of(offered.liveliness_lease_duration),
         avoid_ros_namespace_conventions=offered.avoid_ros_namespace_conventions,
     )
-
-
-def _span(duration: Duration) -> QosTime:
-    return QosTime(*divmod(duration.nanoseconds, NANOSECONDS))
