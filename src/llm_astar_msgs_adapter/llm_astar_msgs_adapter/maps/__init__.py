@@ -1,1 +1,1 @@
-"""Maps and the files they load from: GridMap, BarrierMap, map_server, MovingAI, datasets."""
+"""Maps as plain values: grids, barrier maps, and the files that they are loaded from."""

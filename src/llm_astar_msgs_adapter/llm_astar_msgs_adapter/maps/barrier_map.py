@@ -1,4 +1,4 @@
-"""Barrier maps: the paper's dataset format, loaded, validated, saved, scaled and rasterised.
+"""Barrier maps, the paper's dataset format: loaded, validated, saved, scaled and rasterised.
 
 A dataset is a JSON list of `{id, range_x, range_y, horizontal_barriers [y, x0, x1],
 vertical_barriers [x, y0, y1], start_goal [[start, goal, query], ...]}` (LLM-A* paper, sec. 4.1).
@@ -14,14 +14,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap, Pose2D
 
 Point = tuple[int, int]
-# The most cells a barrier map may span; ten times the 4000 x 4000 that planners are sized for.
+# The most cells of a barrier map: ten times the 4000 x 4000 cells that the planner is made for.
 MAX_CELLS = 160_000_000
 
 
-class BarrierMapError(ValueError):
+class BarrierMapError(LlmAstarError, ValueError):
     """A barrier map that cannot be used; the message names the file, the map and the field."""
 
 
@@ -59,11 +60,11 @@ class BarrierMap:
     def to_grid(self, resolution: float = 1.0, frame_id: str = 'map') -> GridMap:
         """Rasterise: lattice point (x, y) becomes the centre of its cell, at (x, y) * resolution.
 
-        Barriers are closed (both ends blocked; one of no length blocks its one cell) and the
-        outermost cells are blocked. The origin is (min - 0.5) * resolution.
+        Both ends of a barrier are blocked; a barrier of length zero blocks one cell. The outermost
+        cells are blocked. The origin is (min - 0.5) * resolution.
         """
         (x_min, x_max), (y_min, y_max) = self.range_x, self.range_y
-        # One row and column more than the map: the published data lets barriers lie there.
+        # One row and column more than the map, since barriers in the published data lie there.
         shape = (y_max - y_min + 1, x_max - x_min + 1)
         cells: NDArray[np.int8] = np.full(shape, FREE, dtype=np.int8)
         for y, first, last in self.horizontal_barriers:
@@ -81,9 +82,9 @@ class BarrierMap:
         return point[0] - self.range_x[0], point[1] - self.range_y[0]
 
     def open_ended(self) -> BarrierMap:
-        """Return the map with every barrier a cell shorter at its end; those of one cell go.
+        """Return the map with every barrier one cell shorter at its end; those of one cell vanish.
 
-        The paper's published waypoint filter sees barriers so.
+        This is how the paper's published waypoint filter treats barriers.
         """
 
         def shorten(barriers: tuple[Barrier, ...]) -> tuple[Barrier, ...]:
@@ -102,7 +103,7 @@ class BarrierMap:
     def scale(self, factor: int) -> BarrierMap:
         """Multiply every coordinate by `factor` >= 1, the paper's scaled environments.
 
-        Barriers stay one cell thick and queries are dropped, since they name the old numbers.
+        Barriers stay one cell thick. Queries are dropped, since they name the old coordinates.
         """
         if factor < 1:
             raise BarrierMapError(f'scale: {factor} is not 1 or more')
@@ -110,8 +111,8 @@ class BarrierMap:
             return self
         return replace(
             self,
-            range_x=_scaled(self.range_x, factor),
-            range_y=_scaled(self.range_y, factor),
+            range_x=scale_pair(self.range_x, factor),
+            range_y=scale_pair(self.range_y, factor),
             horizontal_barriers=tuple(
                 Barrier(*(value * factor for value in barrier))
                 for barrier in self.horizontal_barriers
@@ -121,7 +122,7 @@ class BarrierMap:
                 for barrier in self.vertical_barriers
             ),
             samples=tuple(
-                Sample(_scaled(sample.start, factor), _scaled(sample.goal, factor))
+                Sample(scale_pair(sample.start, factor), scale_pair(sample.goal, factor))
                 for sample in self.samples
             ),
         )
@@ -164,7 +165,7 @@ def load_barrier_maps(path: str | Path) -> list[BarrierMap]:
 
 
 def find_barrier_map(maps: list[BarrierMap], map_id: int) -> BarrierMap:
-    """Return the map with that id. Raises BarrierMapError listing the ids there are."""
+    """Return the map with an id. Raises BarrierMapError, which lists the ids of the maps."""
     for barrier_map in maps:
         if barrier_map.id == map_id:
             return barrier_map
@@ -174,7 +175,7 @@ def find_barrier_map(maps: list[BarrierMap], map_id: int) -> BarrierMap:
 
 
 def save_barrier_maps(maps: list[BarrierMap], path: str | Path) -> None:
-    """Write a dataset in the paper's format, one map a line."""
+    """Write a dataset in the paper's format, with one map per line."""
     lines = ',\n'.join(json.dumps(barrier_map.to_json()) for barrier_map in maps)
     Path(path).write_text(f'[\n{lines}\n]\n', encoding='utf-8')
 
@@ -185,21 +186,23 @@ def parse_barrier_map(entry: object, where: str = 'barrier map') -> BarrierMap:
     Raises BarrierMapError that begins with `where` and names the field.
     """
     if not isinstance(entry, dict):
-        raise BarrierMapError(f'{where}: an object is expected, not {_show(entry)}')
-    map_id = _integer(entry.get('id', 0), f'{where}: id')
+        raise BarrierMapError(f'{where}: an object is expected, not {short_repr(entry)}')
+    map_id = parse_integer(entry.get('id', 0), f'{where}: id')
     where = f'{where} (id {map_id})'
     for field in ('range_x', 'range_y'):
         if field not in entry:
             raise BarrierMapError(f'{where}: {field}: is missing')
-    range_x = _range(entry['range_x'], f'{where}: range_x')
-    range_y = _range(entry['range_y'], f'{where}: range_y')
+    range_x = parse_range(entry['range_x'], f'{where}: range_x')
+    range_y = parse_range(entry['range_y'], f'{where}: range_y')
     if (range_x[1] - range_x[0]) * (range_y[1] - range_y[0]) > MAX_CELLS:
         raise BarrierMapError(f'{where}: range_x, range_y: over {MAX_CELLS} cells')
 
     def items(field: str) -> list[tuple[Any, str]]:
         values = entry.get(field, [])
         if not isinstance(values, list):
-            raise BarrierMapError(f'{where}: {field}: a list is expected, not {_show(values)}')
+            raise BarrierMapError(
+                f'{where}: {field}: a list is expected, not {short_repr(values)}'
+            )
         return [(value, f'{where}: {field}[{index}]') for index, value in enumerate(values)]
 
     return BarrierMap(
@@ -207,71 +210,80 @@ def parse_barrier_map(entry: object, where: str = 'barrier map') -> BarrierMap:
         range_x=range_x,
         range_y=range_y,
         horizontal_barriers=tuple(
-            _barrier(value, name, range_y, range_x) for value, name in items('horizontal_barriers')
+            parse_barrier(value, name, range_y, range_x)
+            for value, name in items('horizontal_barriers')
         ),
         vertical_barriers=tuple(
-            _barrier(value, name, range_x, range_y) for value, name in items('vertical_barriers')
+            parse_barrier(value, name, range_x, range_y)
+            for value, name in items('vertical_barriers')
         ),
         samples=tuple(
-            _sample(value, name, range_x, range_y) for value, name in items('start_goal')
+            parse_sample(value, name, range_x, range_y) for value, name in items('start_goal')
         ),
     )
 
 
-def _scaled(pair: Point, factor: int) -> Point:
+def scale_pair(pair: Point, factor: int) -> Point:
+    """Multiply both numbers of a point or range."""
     return pair[0] * factor, pair[1] * factor
 
 
-def _show(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + '...'
-
-
-def _integer(value: object, name: str) -> int:
+def parse_integer(value: object, name: str) -> int:
+    """Return a whole number. Raises BarrierMapError, which begins with `name`."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value // 1:
-        raise BarrierMapError(f'{name}: a whole number is expected, not {_show(value)}')
+        raise BarrierMapError(f'{name}: a whole number is expected, not {short_repr(value)}')
     return int(value)
 
 
-def _integers(value: object, count: int, name: str) -> tuple[int, ...]:
+def parse_integers(value: object, count: int, name: str) -> tuple[int, ...]:
+    """Return `count` whole numbers. Raises BarrierMapError, which begins with `name`."""
     if not isinstance(value, (list, tuple)) or len(value) != count:
-        raise BarrierMapError(f'{name}: {count} whole numbers are expected, not {_show(value)}')
-    return tuple(_integer(item, name) for item in value)
+        raise BarrierMapError(
+            f'{name}: {count} whole numbers are expected, not {short_repr(value)}'
+        )
+    return tuple(parse_integer(item, name) for item in value)
 
 
-def _range(value: object, name: str) -> Point:
-    low, high = _integers(value, 2, name)
+def parse_range(value: object, name: str) -> Point:
+    """Return a half-open range. Raises BarrierMapError, which begins with `name`."""
+    low, high = parse_integers(value, 2, name)
     if high - low < 3:
         raise BarrierMapError(f'{name}: [{low}, {high}] leaves no room between its walls')
     return low, high
 
 
-def _inside(value: int, low: int, high: int, name: str) -> None:
+def check_inside(value: int, low: int, high: int, name: str) -> None:
+    """Raise BarrierMapError, which begins with `name`, for a value outside low to high."""
     if not low <= value <= high:
         raise BarrierMapError(f'{name}: {value} is outside the range {low} to {high}')
 
 
-def _barrier(value: object, name: str, across: Point, along: Point) -> Barrier:
-    barrier = Barrier(*_integers(value, 3, name))
+def parse_barrier(value: object, name: str, across: Point, along: Point) -> Barrier:
+    """Return a barrier whose line is in the range `across` and whose ends are in `along`.
+
+    Raises BarrierMapError, which begins with `name`.
+    """
+    barrier = Barrier(*parse_integers(value, 3, name))
     # Up to the open end of the range, one past the last lattice line, as in the published data.
-    _inside(barrier.line, *across, name)
-    _inside(barrier.first, *along, name)
-    _inside(barrier.last, *along, name)
+    check_inside(barrier.line, *across, name)
+    check_inside(barrier.first, *along, name)
+    check_inside(barrier.last, *along, name)
     if barrier.first > barrier.last:
         raise BarrierMapError(f'{name}: ends {barrier.first} > {barrier.last}; swap them')
     return barrier
 
 
-def _sample(value: object, name: str, range_x: Point, range_y: Point) -> Sample:
+def parse_sample(value: object, name: str, range_x: Point, range_y: Point) -> Sample:
+    """Return a sample with both points in range. Raises BarrierMapError beginning with `name`."""
     if not isinstance(value, (list, tuple)) or len(value) not in (2, 3):
-        raise BarrierMapError(f'{name}: [start, goal, query] is expected, not {_show(value)}')
+        raise BarrierMapError(f'{name}: [start, goal, query] is expected, not {short_repr(value)}')
     points: list[Point] = []
     for label, item in zip(('start', 'goal'), value):
-        x, y = _integers(item, 2, f'{name}: {label}')
-        _inside(x, range_x[0], range_x[1] - 1, f'{name}: {label} x')
-        _inside(y, range_y[0], range_y[1] - 1, f'{name}: {label} y')
+        x, y = parse_integers(item, 2, f'{name}: {label}')
+        check_inside(x, range_x[0], range_x[1] - 1, f'{name}: {label} x')
+        check_inside(y, range_y[0], range_y[1] - 1, f'{name}: {label} y')
         points.append((x, y))
     query = value[2] if len(value) == 3 else ''
     if not isinstance(query, str):
-        raise BarrierMapError(f'{name}: query: a string is expected, not {_show(query)}')
+        raise BarrierMapError(f'{name}: query: a string is expected, not {short_repr(query)}')
     return Sample(points[0], points[1], query)

@@ -1,4 +1,4 @@
-"""A planning problem whose map is a grid: what a BarrierMap is to barriers, for any other map."""
+"""Start-goal pairs on a grid map: the counterpart of BarrierMap for maps without barriers."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from typing import Any
 
 import numpy as np
 
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
 from llm_astar_msgs_adapter.maps.grid_map import ORIGIN, GridMap, GridMapError, Pose2D
 
 
-class GridProblemError(ValueError):
+class GridProblemError(LlmAstarError, ValueError):
     """A grid problem that cannot be used; the message names the field."""
 
 
 @dataclass(frozen=True, eq=False)
 class GridProblem:
-    """A grid and start-goal pairs on it, in cells.
+    """A grid map and start-goal pairs on it, in cells. It has the methods of BarrierMap.
 
-    `optimal_lengths` are the lengths in cells published for the samples, NaN or none at all where
-    there are none. Equal, and hashed, by what it holds.
+    `optimal_lengths` are the lengths (in cells) published for the samples: NaN for a sample
+    without one, empty where there are none. Problems with equal contents are equal.
     """
 
     id: int
@@ -36,7 +37,7 @@ class GridProblem:
 
     @cached_property
     def digest(self) -> str:
-        """Twelve hex digits that name this problem: its map, samples and lengths."""
+        """Twelve hex digits that identify the contents: map, samples and lengths."""
         rest = f'{self.id} {self.grid_map.digest} {self.samples!r} {self.optimal_lengths!r}'
         return hashlib.sha256(rest.encode()).hexdigest()[:12]
 
@@ -94,7 +95,10 @@ def parse_grid_problem(entry: dict[str, Any], where: str = 'grid problem') -> Gr
         return GridProblem(
             int(entry['id']),
             GridMap(cells, entry['resolution'], origin, entry['frame_id']),
-            tuple(Sample(_point(a), _point(b)) for a, b in entry['start_goal']),
+            tuple(
+                Sample((int(x0), int(y0)), (int(x1), int(y1)))
+                for (x0, y0), (x1, y1) in entry['start_goal']
+            ),
             tuple(math.nan if item is None else float(item) for item in entry['optimal_lengths']),
         )
     except KeyError as error:
@@ -103,8 +107,3 @@ def parse_grid_problem(entry: dict[str, Any], where: str = 'grid problem') -> Gr
         raise GridProblemError(f'{where}: cells: {error}') from None
     except (GridMapError, TypeError, ValueError) as error:
         raise GridProblemError(f'{where}: {error}') from None
-
-
-def _point(value: list[int]) -> Point:
-    x, y = value
-    return int(x), int(y)

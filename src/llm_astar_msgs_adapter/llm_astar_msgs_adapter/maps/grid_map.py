@@ -1,4 +1,4 @@
-"""A map as plain values: occupancy cells, resolution, and where the cells lie in the world."""
+"""An occupancy grid as plain values: cells, resolution, and its pose in the world."""
 
 from __future__ import annotations
 
@@ -11,21 +11,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from llm_astar_msgs_adapter.errors import LlmAstarError
+
 UNKNOWN = -1
 FREE = 0
 OCCUPIED = 100
 MIN_RESOLUTION = 1e-6
-# A point that is off a cell border by less than this part of a cell lies on the border.
+# A point nearer to a cell border than this, in cells, lies on the border.
 BORDER_TOLERANCE = 1e-6
-# Metres: whatever lies beyond is off any map, and its cell might not be a number.
+# Metres. Points beyond are off any map, and their cells might overflow.
 FAR = 1e12
 
 
-class GridMapError(ValueError):
-    """A grid that cannot be a map; `field` names what is wrong with it."""
+class GridMapError(LlmAstarError, ValueError):
+    """A malformed map, pose or transform; `field` is the name of the field that is wrong."""
 
     def __init__(self, field: str, problem: str) -> None:
-        """Say what is wrong with which field."""
+        """Take the field and what is wrong with it."""
         super().__init__(f'{field}: {problem}')
         self.field = field
 
@@ -48,7 +50,7 @@ class GridMap:
     `cells` is int8 [height, width], -1 unknown, 0 to 100 occupancy, row 0 at the origin.
     `resolution` is metres a cell. `origin` is the pose of the outer corner of cell (0, 0) in
     `frame_id`, as in nav_msgs/MapMetaData. A cell is named (x, y), column before row.
-    Raises GridMapError on a shape, value, resolution, origin or frame no map can have.
+    Raises GridMapError on a malformed shape, value, resolution, origin or frame.
     """
 
     cells: NDArray[np.int8]
@@ -91,8 +93,8 @@ class GridMap:
 
     @cached_property
     def digest(self) -> str:
-        """Twelve hex digits that name this map: cells, resolution, origin and frame."""
-        # As an OccupancyGrid carries it, so that a map has one name before and after its journey.
+        """Twelve hex digits that identify the map: cells, resolution, origin and frame."""
+        # An OccupancyGrid holds a float32; this keeps the digest equal before and after a message.
         resolution = float(np.float32(self.resolution))
         header = f'{self.cells.shape} {resolution!r} {tuple(self.origin)!r} {self.frame_id}'
         return hashlib.sha256(header.encode() + self.cells.tobytes()).hexdigest()[:12]
@@ -104,29 +106,29 @@ class GridMap:
     def blocked(
         self, occupied_threshold: int = 65, *, allow_unknown: bool = True
     ) -> NDArray[np.bool_]:
-        """Return where a robot may not be: bool [height, width].
+        """Return the blocked cells: bool [height, width].
 
-        Occupied from `occupied_threshold` up; unknown cells too unless `allow_unknown`.
+        Blocked are cells from `occupied_threshold` up, and unknown ones unless `allow_unknown`.
         """
         blocked: NDArray[np.bool_] = self.cells >= occupied_threshold
         return blocked if allow_unknown else blocked | (self.cells < FREE)
 
     def world_to_grid(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Turn world points [n, 2] in metres into grid coordinates: cell centres are whole."""
+        """Turn points [n, 2] in metres into grid coordinates, where cell centres are integers."""
         offset = np.asarray(points, dtype=np.float64).reshape(-1, 2) - self.origin[:2]
         cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
         local: NDArray[np.float64] = offset @ np.array([[cos, -sin], [sin, cos]])
         return local / self.resolution - 0.5
 
     def grid_to_world(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Turn grid coordinates [n, 2] (a cell's centre is its own x, y) into metres."""
+        """Turn grid coordinates [n, 2], where cell centres are integers, into metres."""
         local = (np.asarray(points, dtype=np.float64).reshape(-1, 2) + 0.5) * self.resolution
         cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
         turned: NDArray[np.float64] = local @ np.array([[cos, sin], [-sin, cos]])
         return turned + self.origin[:2]
 
     def world_to_cell(self, x: float, y: float) -> tuple[int, int]:
-        """Return the cell (x, y) that holds a world point in metres, on the map or off it.
+        """Return the cell (x, y) of a point in metres, on the map or off it.
 
         A point on a border, within a millionth of a cell, belongs to the higher cell.
         Raises GridMapError where the point is not finite.

@@ -1,10 +1,14 @@
-"""Maps in nav2_map_server's format: a yaml file beside an image (pgm, png, bmp, ...).
+"""Maps in nav2_map_server's format: a yaml file and an image (pgm, png, bmp, ...).
 
-A pixel's shade is the mean of its colours, 0 black to 1 white; it is occupied by 1 - shade, or
-by the shade itself where `negate`. Mode `trinary` (alpha, where there is one, counts as a fourth
-colour): occupied above occupied_thresh, free below free_thresh, unknown in between. `scale`: in
-between 0 to 100 in proportion, and unknown where the pixel is not opaque. `raw`: the shade of
-255 itself, unknown above 100, whatever `negate` says. The image's bottom row is the map's row 0.
+A pixel's shade is the mean of its colours, 0 for black to 1 for white. Its occupancy is
+1 - shade, or the shade itself with `negate`. The modes are those of map_server:
+
+- `trinary`: occupied above occupied_thresh, free below free_thresh, unknown in between. An alpha
+  channel counts as a fourth colour.
+- `scale`: as `trinary`, but 0 to 100 in proportion in between; unknown where not opaque.
+- `raw`: the shade times 255 is the occupancy, unknown above 100. `negate` has no effect.
+
+The bottom row of the image is row 0 of the map.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ import yaml
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import (
     FREE,
     OCCUPIED,
@@ -30,19 +35,21 @@ from llm_astar_msgs_adapter.maps.grid_map import (
 MODES = ('trinary', 'scale', 'raw')
 
 
-class MapServerError(ValueError):
+class MapServerError(LlmAstarError, ValueError):
     """A map that cannot be loaded; the message names the file and the field."""
 
 
 def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
     """Read a map_server yaml file and its image. Raises MapServerError, naming file and field."""
     path = Path(path)
-    fields = _read_yaml(path)
-    resolution = _number(fields, 'resolution', path)
-    origin = _origin(fields, path)
-    occupied = _number(fields, 'occupied_thresh', path)
-    free = _number(fields, 'free_thresh', path)
-    negate = _flag(fields, path)
+    fields = read_yaml(path)
+    resolution = read_number(fields, 'resolution', path)
+    origin = read_origin(fields, path)
+    occupied = read_number(fields, 'occupied_thresh', path)
+    free = read_number(fields, 'free_thresh', path)
+    negate = fields.get('negate', 0)
+    if negate not in (0, 1):
+        raise MapServerError(f'{path}: negate: 0 or 1 is expected, not {negate!r}')
     mode = fields.get('mode', 'trinary')
     if mode not in MODES:
         raise MapServerError(f'{path}: mode: {mode!r} is not one of {", ".join(MODES)}')
@@ -53,15 +60,15 @@ def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
     image = fields.get('image')
     if not isinstance(image, str) or not image:
         raise MapServerError(f'{path}: image: a file name is expected, not {image!r}')
-    pixels = _read_image(path.parent / image, path)
-    cells = _cells(pixels, mode, negate=negate, occupied=occupied, free=free)
+    pixels = read_image(path.parent / image, path)
+    cells = pixels_to_cells(pixels, mode, negate=bool(negate), occupied=occupied, free=free)
     try:
         return GridMap(cells[::-1], resolution, origin, frame_id)
     except GridMapError as error:
         raise MapServerError(f'{path}: {error}') from None
 
 
-def _cells(
+def pixels_to_cells(
     pixels: NDArray[np.float64],
     mode: str,
     *,
@@ -69,7 +76,7 @@ def _cells(
     occupied: float,
     free: float,
 ) -> NDArray[np.int8]:
-    """Turn pixels [height, width, 3 or 4], 0 to 255, into occupancy in the image's row order."""
+    """Return the occupancy of pixels [height, width, 3 or 4], 0 to 255, in the same order."""
     channels = pixels if mode == 'trinary' else pixels[:, :, :3]
     shade = channels.mean(axis=2) / 255.0
     if mode == 'raw':
@@ -85,7 +92,8 @@ def _cells(
     return cells.astype(np.int8)
 
 
-def _read_yaml(path: Path) -> dict[str, Any]:
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Return the fields of a yaml file. Raises MapServerError."""
     try:
         fields = yaml.safe_load(path.read_text(encoding='utf-8'))
     except OSError as error:
@@ -97,20 +105,21 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     return fields
 
 
-def _read_image(image: Path, path: Path) -> NDArray[np.float64]:
-    """Return an image's pixels [height, width, channels], 0 to 255: colours, and alpha if any."""
+def read_image(image: Path, path: Path) -> NDArray[np.float64]:
+    """Return the pixels of an image [height, width, 3 or 4], 0 to 255. Raises MapServerError."""
     try:
         with Image.open(image) as picture:
             alpha = 'A' in picture.getbands() or 'transparency' in picture.info
             return np.asarray(picture.convert('RGBA' if alpha else 'RGB'), dtype=np.float64)
     except UnidentifiedImageError:
-        raise MapServerError(f'{path}: image: {image} is no picture') from None
+        raise MapServerError(f'{path}: image: {image} is not an image') from None
     except (OSError, ValueError, Image.DecompressionBombError) as error:
         reason = getattr(error, 'strerror', None) or error
         raise MapServerError(f'{path}: image: {image}: {reason}') from None
 
 
-def _number(fields: dict[str, Any], name: str, path: Path) -> float:
+def read_number(fields: dict[str, Any], name: str, path: Path) -> float:
+    """Return a finite number. Raises MapServerError, naming file and field."""
     if name not in fields:
         raise MapServerError(f'{path}: {name}: is missing')
     value = fields[name]
@@ -119,7 +128,8 @@ def _number(fields: dict[str, Any], name: str, path: Path) -> float:
     return float(value)
 
 
-def _origin(fields: dict[str, Any], path: Path) -> Pose2D:
+def read_origin(fields: dict[str, Any], path: Path) -> Pose2D:
+    """Return the field `origin`. Raises MapServerError, naming the file."""
     value = fields.get('origin')
     if not isinstance(value, list) or len(value) != 3:
         raise MapServerError(f'{path}: origin: [x, y, yaw] is expected, not {value!r}')
@@ -127,10 +137,3 @@ def _origin(fields: dict[str, Any], path: Path) -> Pose2D:
         if isinstance(item, bool) or not isinstance(item, (int, float)):
             raise MapServerError(f'{path}: origin: a number is expected, not {item!r}')
     return Pose2D(*(float(item) for item in value))
-
-
-def _flag(fields: dict[str, Any], path: Path) -> bool:
-    value = fields.get('negate', 0)
-    if value not in (0, 1):
-        raise MapServerError(f'{path}: negate: 0 or 1 is expected, not {value!r}')
-    return bool(value)

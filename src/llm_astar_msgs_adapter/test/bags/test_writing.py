@@ -1,4 +1,4 @@
-"""Bags as they are written: split, described, closed whatever happens."""
+"""Writing bags: split by size, described by metadata.yaml, closed after errors too."""
 
 import io
 import os
@@ -55,7 +55,7 @@ def test_a_bag_is_split_by_size_into_files_that_one_metadata_lists(tmp_path, sto
     assert contents == [f'{number:0100}' for number in range(25)]
 
 
-def test_a_topic_that_comes_later_is_in_the_metadata_too(tmp_path):
+def test_a_topic_added_later_is_in_the_metadata_too(tmp_path):
     with BagWriter(tmp_path / 'bag', max_bytes=1000) as bag:
         bag.add_topic(CHATTER)
         write(bag, 15)
@@ -67,7 +67,7 @@ def test_a_topic_that_comes_later_is_in_the_metadata_too(tmp_path):
         assert len(list(reader.messages())) == 17
 
 
-def test_an_error_amid_the_messages_still_leaves_a_whole_bag(tmp_path):
+def test_an_error_between_messages_still_leaves_a_complete_bag(tmp_path):
     def break_off():
         with BagWriter(tmp_path / 'bag', 'sqlite3') as bag:
             bag.add_topic(CHATTER)
@@ -80,7 +80,7 @@ def test_an_error_amid_the_messages_still_leaves_a_whole_bag(tmp_path):
         assert reader.message_count == 3
 
 
-def test_an_mcap_file_that_is_never_finished_holds_all_but_the_last_chunk(tmp_path):
+def test_an_unfinished_mcap_file_holds_all_but_the_last_chunk(tmp_path):
     bag = BagWriter(tmp_path / 'bag')
     with bag:
         bag.add_topic(CHATTER)
@@ -93,9 +93,7 @@ def test_an_mcap_file_that_is_never_finished_holds_all_but_the_last_chunk(tmp_pa
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
-def test_a_file_that_is_never_finished_is_read_beside_those_that_are(
-    tmp_path, monkeypatch, storage
-):
+def test_an_unfinished_file_is_read_after_the_finished_ones(tmp_path, monkeypatch, storage):
     monkeypatch.setattr(writing, 'COMMIT_SECONDS', 0.0)
     with BagWriter(tmp_path / 'bag', storage, max_bytes=300_000) as bag:
         bag.add_topic(CHATTER)
@@ -109,7 +107,7 @@ def test_a_file_that_is_never_finished_is_read_beside_those_that_are(
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
-def test_a_disk_that_takes_no_more_is_said_and_what_it_took_can_be_read(
+def test_a_full_disk_is_reported_and_the_messages_before_can_be_read(
     tmp_path, monkeypatch, storage
 ):
     monkeypatch.setattr(writing, 'COMMIT_SECONDS', 0.0)
@@ -140,12 +138,12 @@ def test_a_bag_without_messages_can_be_read(tmp_path):
         assert list(reader.messages()) == []
 
 
-def test_nothing_is_overwritten(tmp_path):
+def test_an_existing_folder_is_not_overwritten(tmp_path):
     with pytest.raises(BagWriteError, match='exists already'):
         BagWriter(tmp_path)
 
 
-def test_sqlite3_holds_the_definitions_as_rosbag2_does(tmp_path):
+def test_sqlite3_files_hold_definitions_as_rosbag2_writes_them(tmp_path):
     with BagWriter(tmp_path / 'bag', 'sqlite3') as bag:
         bag.add_topic(CHATTER)
     with sqlite3.connect(tmp_path / 'bag' / 'bag_0.db3') as database:
@@ -154,7 +152,7 @@ def test_sqlite3_holds_the_definitions_as_rosbag2_does(tmp_path):
     assert row == (STRING, 'ros2msg')
 
 
-def test_hashes_are_those_of_ros_of_services_too():
+def test_type_hashes_are_those_of_ros_also_for_services():
     """As Jazzy's own packages state them in share/nav_msgs/srv/GetPlan.json."""
     assert define('nav_msgs/srv/GetPlan_Event').digest == (
         'RIHS01_2550c2e32e7ee24d4806e10847958e1fc37e2631a63dd83f5512fa02ac0cdda5'
@@ -164,7 +162,7 @@ def test_hashes_are_those_of_ros_of_services_too():
     )
 
 
-def test_types_of_other_packages_are_read_from_where_they_are_installed(tmp_path, monkeypatch):
+def test_types_of_other_packages_are_read_from_their_installation(tmp_path, monkeypatch):
     share = tmp_path / 'share' / 'robot_msgs'
     for name, content in {
         'msg/Wheel.msg': 'float64 speed\n',

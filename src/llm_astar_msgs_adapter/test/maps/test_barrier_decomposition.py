@@ -34,7 +34,7 @@ def test_decomposing_a_barrier_map_blocks_the_same_cells(barrier_map):
     np.testing.assert_array_equal(summary.to_grid().cells, grid.cells)
 
 
-def test_it_finds_the_very_barriers_of_a_plain_map():
+def test_a_plain_map_gives_back_its_own_barriers():
     barrier_map = BarrierMap(
         0, (0, WIDTH), (0, HEIGHT), (Barrier(10, 3, 25),), (Barrier(25, 10, 22),)
     )

@@ -44,7 +44,7 @@ def test_walls_and_both_ends_of_a_barrier_are_blocked():
     assert barriers == {(x, 4) for x in range(2, 7)} | {(8, y) for y in range(1, 6)}
 
 
-def test_a_barrier_of_no_length_blocks_its_one_cell():
+def test_a_barrier_of_length_zero_blocks_one_cell():
     entry = {**ENTRY, 'horizontal_barriers': [[4, 5, 5]], 'vertical_barriers': []}
     empty = {**ENTRY, 'horizontal_barriers': [], 'vertical_barriers': []}
     assert blocked(parse_barrier_map(entry)) - blocked(parse_barrier_map(empty)) == {(5, 4)}
@@ -81,13 +81,13 @@ def test_open_ended_drops_the_last_cell_of_every_barrier():
     assert shorter.vertical_barriers == (Barrier(8, 1, 4),)
 
 
-def test_what_is_saved_loads_again(tmp_path):
+def test_a_saved_dataset_loads_again(tmp_path):
     maps = [parse_barrier_map(ENTRY), parse_barrier_map({**ENTRY, 'id': 4})]
     save_barrier_maps(maps, tmp_path / 'out.json')
     assert load_barrier_maps(tmp_path / 'out.json') == maps
 
 
-def test_a_missing_id_lists_those_there_are():
+def test_an_unknown_id_lists_the_known_ones():
     with pytest.raises(BarrierMapError, match=r'map id 7 .* holds 3'):
         find_barrier_map([parse_barrier_map(ENTRY)], 7)
 
@@ -123,7 +123,7 @@ def test_a_broken_map_names_file_map_and_field(tmp_path, change, words):
     ('text', 'word'),
     [('{', 'not JSON'), ('[]', 'list'), ('{"id": 1}', 'list'), ('[5]', 'object')],
 )
-def test_a_file_that_is_no_dataset_is_refused(tmp_path, text, word):
+def test_a_file_that_is_not_a_dataset_is_refused(tmp_path, text, word):
     path = write(tmp_path, text)
     with pytest.raises(BarrierMapError, match=word) as error:
         load_barrier_maps(path)
@@ -151,7 +151,7 @@ json_values = st.recursive(
 
 
 @given(st.dictionaries(st.sampled_from(sorted(ENTRY)), json_values))
-def test_whatever_the_json_holds_there_is_a_map_or_a_clear_error(change):
+def test_any_json_gives_a_map_or_a_clear_error(change):
     try:
         barrier_map = parse_barrier_map({**ENTRY, **change})
     except BarrierMapError as error:

@@ -9,7 +9,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 CELLS = np.array([[0, 100, -1], [64, 65, 0]], dtype=np.int8)
 
 
-def test_occupied_from_the_threshold_up_and_unknown_on_request():
+def test_cells_are_blocked_from_the_threshold_up_and_unknown_ones_on_request():
     grid = GridMap(CELLS)
     assert grid.blocked().tolist() == [[False, True, False], [False, True, False]]
     assert grid.blocked(64).tolist() == [[False, True, False], [True, True, False]]
@@ -17,7 +17,7 @@ def test_occupied_from_the_threshold_up_and_unknown_on_request():
     assert strict.tolist() == [[False, True, True], [False, True, False]]
 
 
-def test_a_cell_is_named_column_first():
+def test_a_cell_is_x_then_y():
     grid = GridMap(CELLS, resolution=0.5, origin=Pose2D(1.0, 2.0))
     assert (grid.width, grid.height) == (3, 2)
     assert grid.contains((2, 1))
@@ -27,7 +27,7 @@ def test_a_cell_is_named_column_first():
     np.testing.assert_allclose(grid.grid_to_world([[2, 0]]), [[2.25, 2.25]])
 
 
-def test_a_yawed_origin_turns_the_cells_about_their_corner():
+def test_an_origin_with_yaw_turns_the_cells_about_their_corner():
     grid = GridMap(CELLS, resolution=2.0, origin=Pose2D(10.0, 0.0, math.pi / 2))
     np.testing.assert_allclose(grid.grid_to_world([[0, 0]]), [[9.0, 1.0]])
     assert grid.world_to_cell(9.0, 1.0) == (0, 0)
@@ -43,7 +43,7 @@ def test_a_yawed_origin_turns_the_cells_about_their_corner():
     st.integers(0, 3000),
     st.integers(0, 3000),
 )
-def test_cell_centres_come_back_from_the_world(x, y, yaw, resolution, column, row):
+def test_cell_centres_survive_the_round_trip_through_metres(x, y, yaw, resolution, column, row):
     grid = GridMap(CELLS, resolution, Pose2D(x, y, yaw))
     place = grid.grid_to_world([[column, row]])
     np.testing.assert_allclose(grid.world_to_grid(place), [[column, row]], atol=1e-6)
@@ -55,7 +55,7 @@ def test_a_point_on_a_border_belongs_to_the_higher_cell():
     assert grid.world_to_cell(-0.1, 0.05) == (1, 1)
 
 
-def test_a_map_cannot_be_changed_behind_its_digest():
+def test_the_cells_of_a_map_are_read_only():
     cells = CELLS.copy()
     grid = GridMap(cells)
     cells[0, 0] = 100
@@ -64,7 +64,7 @@ def test_a_map_cannot_be_changed_behind_its_digest():
         grid.cells[0, 0] = 1
 
 
-def test_the_digest_tells_maps_apart():
+def test_different_maps_have_different_digests():
     maps = [
         GridMap(CELLS),
         GridMap(CELLS.T),
@@ -92,7 +92,7 @@ def test_the_digest_tells_maps_apart():
         ('frame_id', {'frame_id': ''}),
     ],
 )
-def test_what_no_map_can_have_is_named(field, arguments):
+def test_a_malformed_field_is_named(field, arguments):
     with pytest.raises(GridMapError) as error:
         GridMap(**{'cells': CELLS, **arguments})
     assert error.value.field == field
@@ -104,6 +104,6 @@ def test_a_point_that_is_not_finite_has_no_cell():
 
 
 @pytest.mark.parametrize('value', [1e12, 1e300, -1.7e308])
-def test_a_point_however_far_has_a_cell_off_the_map(value):
+def test_a_point_at_any_distance_has_a_cell_off_the_map(value):
     grid_map = GridMap(np.zeros((4, 5), dtype=np.int8), 0.05, Pose2D(1.0, 2.0, 0.7))
     assert not grid_map.contains(grid_map.world_to_cell(value, -value))

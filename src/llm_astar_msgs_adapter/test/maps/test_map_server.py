@@ -25,25 +25,25 @@ def write(tmp_path, pixels, **fields):
     return path
 
 
-def test_trinary_and_the_bottom_row_first(tmp_path):
+def test_trinary_mode_puts_the_bottom_row_of_the_image_first(tmp_path):
     grid = load_map(write(tmp_path, [[0, 255], [128, 254]]))
     assert grid.cells.tolist() == [[-1, 0], [100, 0]]
     assert grid.resolution == 0.05
     assert grid.origin == Pose2D(-1.0, -2.0, 0.5)
 
 
-def test_negate_turns_black_and_white_around(tmp_path):
+def test_negate_swaps_black_and_white(tmp_path):
     assert load_map(write(tmp_path, [[0, 255]], negate='1')).cells.tolist() == [[0, 100]]
 
 
-def test_scale_is_in_proportion_between_the_thresholds(tmp_path):
+def test_scale_mode_is_in_proportion_between_the_thresholds(tmp_path):
     shades = [[255, 191, 140, 90, 0]]
     assert load_map(write(tmp_path, shades)).cells.tolist() == [[0, -1, -1, -1, 100]]
     scaled = load_map(write(tmp_path, shades, mode='scale'))
     assert scaled.cells.tolist() == [[0, 0, 50, 99, 100]]
 
 
-def test_scale_knows_nothing_of_transparent_pixels(tmp_path):
+def test_transparent_pixels_are_unknown_in_scale_mode(tmp_path):
     pixels = [[[255, 255, 255, 255], [255, 255, 255, 10]]]
     assert load_map(write(tmp_path, pixels, mode='scale')).cells.tolist() == [[0, -1]]
     # In trinary mode alpha is one more colour: (3 * 205 + 10) / 4 is too dark to be free.
@@ -51,7 +51,7 @@ def test_scale_knows_nothing_of_transparent_pixels(tmp_path):
     assert load_map(write(tmp_path, pixels)).cells.tolist() == [[0, -1]]
 
 
-def test_raw_is_the_shade_up_to_a_hundred(tmp_path):
+def test_raw_mode_is_the_shade_up_to_a_hundred(tmp_path):
     path = write(tmp_path, [[0, 65, 100, 101, 255]], mode='raw')
     assert load_map(path).cells.tolist() == [[0, 65, 100, -1, -1]]
 
@@ -69,7 +69,7 @@ def test_raw_is_the_shade_up_to_a_hundred(tmp_path):
         ({'negate': '2'}, 'negate: 0 or 1'),
         ({'image': 'none.png'}, r'image: .*none\.png'),
         ({'image': '7'}, 'image: a file name'),
-        ({'image': 'x.yaml'}, 'image: .* is no picture'),
+        ({'image': 'x.yaml'}, 'image: .* is not an image'),
     ],
 )
 def test_a_broken_field_is_named(tmp_path, fields, message):
@@ -79,14 +79,14 @@ def test_a_broken_field_is_named(tmp_path, fields, message):
 
 
 @pytest.mark.parametrize('text', ['[1, 2', '- 1\n- 2', ''])
-def test_what_is_not_a_map_is_named(tmp_path, text):
+def test_a_file_that_is_not_a_map_is_named(tmp_path, text):
     path = tmp_path / 'bad.yaml'
     path.write_text(text)
     with pytest.raises(MapServerError, match=r'bad\.yaml'):
         load_map(path)
 
 
-def test_a_robots_map():
+def test_the_map_of_a_robot_loads():
     folder = os.environ.get('LLM_ASTAR_REFERENCE')
     if not folder:
         pytest.skip('LLM_ASTAR_REFERENCE is not set')
@@ -96,7 +96,7 @@ def test_a_robots_map():
     assert grid.origin == Pose2D(-7.14, -7.83, 0.0)
 
 
-def test_what_is_no_yaml_is_told_in_one_line(tmp_path):
+def test_a_file_that_is_not_yaml_is_reported_in_one_line(tmp_path):
     (tmp_path / 'x.yaml').write_text('a: [1\nb: 2\n')
     with pytest.raises(MapServerError, match=r'x\.yaml: not yaml: ') as caught:
         load_map(tmp_path / 'x.yaml')

@@ -63,7 +63,7 @@ def test_a_broken_scenario_is_named(tmp_path, text, field):
         load_scenarios(path)
 
 
-def test_the_map_lies_beside_its_scenarios(tmp_path):
+def test_the_map_is_found_next_to_its_scenarios(tmp_path):
     scenarios = write(tmp_path, 'x.map.scen', 'version 1\n' + ROW)
     with pytest.raises(MovingAiError, match='map: no such file'):
         map_of(scenarios)

@@ -1,4 +1,4 @@
-"""`llm-astar evaluate` as a user runs it: bags in, a results folder and an exit code out."""
+"""`llm-astar evaluate` as a user runs it: from bags to a results folder and an exit code."""
 
 import csv
 import json
@@ -39,7 +39,7 @@ CASES = ('--methods', 'guided', '--source', 'straight')
 
 @pytest.fixture(autouse=True)
 def undrawn(monkeypatch):
-    """Leave the pictures out: they take seconds and are the benchmark's own."""
+    """Draw no pictures: they take seconds and are tested with the benchmark."""
     monkeypatch.setattr('llm_astar_planner.benchmark.report.write.draw_all', lambda *_: [])
 
 
@@ -82,7 +82,7 @@ def drive(tmp_path):
     ])  # fmt: skip
 
 
-def test_a_datasets_bag_gives_the_figures_of_the_benchmark_row_for_row(tmp_path):
+def test_the_bag_of_a_dataset_gives_the_same_rows_as_the_benchmark(tmp_path):
     dataset = tmp_path / 'maps.json'
     save_barrier_maps(list(generate(9, 2, MapRules(pairs=4))), dataset)
     methods = ('--methods', 'exact_astar,waypoints_only,llm_astar,guided')
@@ -97,7 +97,7 @@ def test_a_datasets_bag_gives_the_figures_of_the_benchmark_row_for_row(tmp_path)
     assert [item.id for item in load_barrier_maps(out / 'maps.json')] == [0, 1]
 
 
-def test_plans_are_held_against_what_the_robot_did(drive, out, capsys):
+def test_plans_are_compared_with_those_of_the_robot(drive, out, capsys):
     limits = ('--fail-under', 'guided:valid=100', '--fail-under', 'guided:recorded=90')
     assert llm_astar('evaluate', drive, '--out', out, *CASES, *limits) == 1
     assert 'guided/none: recorded' in capsys.readouterr().err
@@ -122,7 +122,7 @@ def test_plans_are_held_against_what_the_robot_did(drive, out, capsys):
     assert '"drive, request 1","2,2;8,2"' in page
 
 
-def test_the_rules_are_the_nodes_by_option_and_by_parameter_file(drive, tmp_path, capsys):
+def test_the_rules_come_from_options_and_from_parameter_files_of_the_node(drive, tmp_path, capsys):
     file = tmp_path / 'planner.yaml'
     file.write_text(
         '/**/planner_node:\n  ros__parameters:\n    method: astar\n    corner_cutting: true\n'
@@ -140,18 +140,18 @@ def test_the_rules_are_the_nodes_by_option_and_by_parameter_file(drive, tmp_path
     assert 'planner.yaml: robot_radius: float is expected' in capsys.readouterr().err
 
 
-def test_none_as_the_source_asks_nobody(drive, out):
+def test_source_none_asks_no_source(drive, out):
     cases = ('--methods', 'guided', '--source', 'none')
     assert llm_astar('evaluate', drive, *cases, '--out', out) == 0
     assert {row['source'] for row in rows_in(out)} == {'none'}
 
 
-def test_a_body_that_does_not_fit_finds_no_way(drive, out):
+def test_a_robot_that_does_not_fit_gets_no_plan(drive, out):
     assert llm_astar('evaluate', drive, '--out', out, *CASES, '--robot-radius', '3') == 0
     assert {row['code'] for row in rows_in(out)} == {'START_OCCUPIED'}
 
 
-def test_recorded_traffic_is_replayed_and_makes_the_same_plans(tmp_path, out, monkeypatch):
+def test_recorded_exchanges_are_replayed_and_give_the_same_plans(tmp_path, out, monkeypatch):
     opened = []
     monkeypatch.setattr(bag_reading, 'Bag', lambda path: opened.append(path) or Bag(path))
     points = [[6.0, 7.0], [7.0, 7.0]]
@@ -172,16 +172,16 @@ def test_recorded_traffic_is_replayed_and_makes_the_same_plans(tmp_path, out, mo
     assert row['waypoints'] == row['recorded_waypoints'] == '6,7;7,7'
     assert (row['recorded_code'], row['prompt_tokens']) == ('NONE', '9')
     assert len((out / 'exchanges.jsonl').read_text().splitlines()) == 1
-    # Opening looks through a whole bag: traffic and requests are read from one that is open.
+    # Opening reads a whole index: exchanges and requests are read from the same open bag.
     assert opened == [str(bag)]
 
 
-def test_replay_of_a_bag_without_traffic_is_bad_usage(drive, out, capsys):
+def test_replay_of_a_bag_without_exchanges_is_bad_usage(drive, out, capsys):
     assert llm_astar('evaluate', drive, '--source', 'replay', '--out', out) == 2
     assert 'the bags hold no exchanges' in capsys.readouterr().err
 
 
-def test_what_is_left_out_is_said_and_the_rest_goes_on(drive, tmp_path, out, capsys):
+def test_what_is_left_out_is_reported_and_the_rest_is_evaluated(drive, tmp_path, out, capsys):
     early = write_bag(tmp_path / 'early', [
         call_at(1, (2, 2), (8, 8), 1), map_at(2, ROOM), call_at(3, (2, 2), (8, 8), 2),
     ])  # fmt: skip
@@ -213,7 +213,7 @@ def test_nothing_to_evaluate_still_leaves_a_report(tmp_path, out):
     assert 'no map' in (out / 'report.md').read_text()
 
 
-def test_an_interrupted_run_goes_on_where_it_was(drive, out, capsys):
+def test_an_interrupted_run_is_resumed_where_it_stopped(drive, out, capsys):
     assert llm_astar('evaluate', drive, *CASES, '--out', out) == 0
     whole = rows_in(out)
     lines = (out / 'results.csv').read_text().splitlines(keepends=True)
@@ -236,7 +236,7 @@ def test_the_same_map_in_two_bags_is_one_map_with_all_its_requests(drive, tmp_pa
     ]  # fmt: skip
 
 
-def test_samples_keep_their_places_and_what_comes_again_is_numbered_behind_them():
+def test_samples_keep_their_numbers_and_repeated_ones_are_numbered_after_them():
     ids = SampleIdAllocator()
     assert [ids.map_id(digest, 7) for digest in ('a', 'b', 'a')] == [7, 8, 7]
     assert [ids.pair(7, wanted, 3) for wanted in (1, None, 0, 1, 2, None)] == [
@@ -250,7 +250,7 @@ def test_samples_keep_their_places_and_what_comes_again_is_numbered_behind_them(
     assert [ids.pair(8, wanted, 0) for wanted in (None, None)] == [0, 1]
 
 
-def test_a_list_of_what_bags_offer_is_for_people_and_for_programs(drive, capsys):
+def test_the_contents_of_bags_are_listed_as_text_and_as_json(drive, capsys):
     assert llm_astar('evaluate', drive, '--list') == 0
     text = capsys.readouterr().out
     assert '5 messages in 2.500 s' in text
@@ -260,7 +260,7 @@ def test_a_list_of_what_bags_offer_is_for_people_and_for_programs(drive, capsys)
     assert [offer['bag'] for offer in offers] == ['drive', 'drive']
 
 
-def test_the_plans_go_into_a_bag_that_others_read(drive, tmp_path, out):
+def test_the_plans_are_written_into_a_bag_that_rosbags_reads(drive, tmp_path, out):
     plans = tmp_path / 'plans'
     assert llm_astar('evaluate', drive, *CASES, '--out', out, '--results-bag', plans) == 0
     with AnyReader([plans]) as reader:
@@ -282,7 +282,7 @@ def test_the_report_shows_the_map_of_the_middle_request(drive, out, monkeypatch)
 
 
 def test_a_request_is_drawn_by_the_rules_it_was_planned_by(tmp_path, out, monkeypatch, capsys):
-    """Where barriers are known corners may be cut, though the rules of the run say otherwise."""
+    """Where barriers are known, corners may be cut even if the rules of the run say otherwise."""
     monkeypatch.undo()
     drawn = []
 
@@ -320,7 +320,7 @@ def test_bad_usage_is_one_line_and_exit_code_2(drive, out, capsys, options, expe
     assert expected in line
 
 
-def test_a_list_that_changed_since_is_not_gone_on_with(tmp_path, out, capsys):
+def test_a_run_is_not_resumed_with_a_changed_list(tmp_path, out, capsys):
     bag, goals = write_bag(tmp_path / 'bag', [map_at(1, ROOM)]), tmp_path / 'goals.csv'
     words = ('evaluate', bag, '--out', out, *CASES, '--requests', goals)
     goals.write_text('start_x,start_y,goal_x,goal_y\n2,2,8,2\n')
@@ -331,7 +331,7 @@ def test_a_list_that_changed_since_is_not_gone_on_with(tmp_path, out, capsys):
     assert 'these differ: dataset' in capsys.readouterr().err
 
 
-def test_results_in_the_way_keep_their_exchanges(drive, out):
+def test_the_exchanges_of_an_existing_folder_are_kept(drive, out):
     assert llm_astar('evaluate', drive, '--out', out, *CASES) == 0
     (out / 'exchanges.jsonl').write_text('of before')
     assert llm_astar('evaluate', drive, '--out', out, '--source', 'replay') == 2
@@ -339,7 +339,7 @@ def test_results_in_the_way_keep_their_exchanges(drive, out):
 
 
 @pytest.mark.parametrize('seconds', [0, 9e9])
-def test_a_clock_of_any_time_makes_a_bag_of_results(tmp_path, out, seconds):
+def test_requests_at_any_time_give_a_results_bag(tmp_path, out, seconds):
     topic, _, call = call_at(0, (2, 2), (8, 2))
     bag = write_bag(tmp_path / 'bag', [map_at(0, ROOM), (topic, seconds, call)])
     plans = tmp_path / 'plans'
@@ -348,14 +348,14 @@ def test_a_clock_of_any_time_makes_a_bag_of_results(tmp_path, out, seconds):
         assert reader.message_count > 1
 
 
-def test_a_recorded_path_of_no_end_is_not_walked(tmp_path, out):
+def test_a_recorded_path_of_enormous_length_is_not_checked_cell_by_cell(tmp_path, out):
     far = answer_at(2.5, [(2, 2), (9e7, 9e7), (8, 2)])
     bag = write_bag(tmp_path / 'bag', [map_at(1, ROOM), call_at(2, (2, 2), (8, 2)), far])
     assert llm_astar('evaluate', bag, '--out', out, *CASES) == 0
     assert 'cells long' in by_method(out, 'guided')[0]['recorded_problem']
 
 
-def test_a_goal_without_a_heading_is_planned_as_the_node_plans_it(tmp_path, out):
+def test_a_goal_whose_quaternion_is_zero_is_planned(tmp_path, out):
     goal = goal_at(3, (8, 2))
     goal[2].pose.orientation.w = 0.0
     bag = write_bag(tmp_path / 'bag', [map_at(1, ROOM), start_at(2, (2, 2)), goal])

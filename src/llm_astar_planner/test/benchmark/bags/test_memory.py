@@ -14,7 +14,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 
 SIDE, MAPS, NOISE = 2000, 50, 1 << 20
 GOAL_BYTES = 2 * 10**9
-# Prints the peak of a command's resident memory in KiB behind its own output.
+# Prints the peak of a command's resident memory in KiB after the command's own output.
 MEASURE = """
 import resource, subprocess, sys
 code = subprocess.run(sys.argv[1:]).returncode

@@ -1,4 +1,4 @@
-"""What a bag asks of a planner: which requests, from where, on which map, with what answer."""
+"""The requests of a bag: their start, goal and map, and the plan recorded for them."""
 
 import json
 import shutil
@@ -35,7 +35,7 @@ WAY = [(2.0, 2.0), (5.0, 5.0), (8.0, 8.0)]
 
 @pytest.fixture
 def ask(tmp_path):
-    """Return what reads the requests of messages: the requests, and the bag's problems."""
+    """Return a function that writes messages as a bag and returns its requests and problems."""
 
     def read(messages, listed=(), window=10.0, **wanted):
         folder = write_bag(tmp_path / 'bag', messages)
@@ -50,7 +50,7 @@ def places(requests):
     return [(request.start[:2], request.goal[:2]) for request in requests]
 
 
-def test_a_request_is_planned_on_the_map_of_its_moment(ask):
+def test_a_request_is_planned_on_the_map_of_its_time(ask):
     first, second = room(), room(30, 12, (4, 4))
     requests, problems = ask([
         map_at(1, first), call_at(2, (2, 2), (8, 8), 1),
@@ -62,7 +62,7 @@ def test_a_request_is_planned_on_the_map_of_its_moment(ask):
     assert not problems.left_out
 
 
-def test_a_call_told_by_client_and_server_is_one_request(ask):
+def test_a_call_recorded_by_client_and_server_is_one_request(ask):
     call = call_at(2, (2, 2), (8, 8), 7)
     requests, _ = ask([map_at(1, room()), call, (EVENT, 2.001, call[2])])
     assert len(requests) == 1
@@ -84,7 +84,7 @@ def test_a_request_before_the_first_map_is_left_out_and_the_next_is_not(ask):
     assert 'at 0.000 s: a request before the first map' in problems.left_out[0]
 
 
-def test_a_goal_starts_where_tf_has_the_robot_else_odometry_else_where_it_was_told_to_be(ask):
+def test_a_goal_starts_at_the_pose_of_tf_else_odometry_else_initialpose(ask):
     requests, problems = ask([
         map_at(1, room()), goal_at(2, (8, 8)),
         start_at(3, (2, 2)), goal_at(4, (8, 8)),
@@ -96,7 +96,7 @@ def test_a_goal_starts_where_tf_has_the_robot_else_odometry_else_where_it_was_to
     assert 'a request whose start is not known' in problems.left_out[0]
 
 
-def test_without_tf_a_goal_starts_where_amcl_had_the_robot_and_odometry_of_no_use_is_named(ask):
+def test_without_tf_a_goal_starts_at_amcl_pose_and_unusable_odometry_is_named(ask):
     requests, problems = ask([
         map_at(1, room()), odometry_at(2, (3, 3), 'odom'), goal_at(3, (8, 8)),
         start_at(4, (2, 2)), start_at(5, (4, 4), topic='/amcl_pose'), goal_at(6, (8, 8)),
@@ -106,7 +106,7 @@ def test_without_tf_a_goal_starts_where_amcl_had_the_robot_and_odometry_of_no_us
     assert 'no amcl_pose or initialpose yet' in problems.left_out[0]
 
 
-def test_where_neither_goals_nor_calls_are_told_each_path_of_the_robot_is_a_request(ask):
+def test_without_goals_and_calls_each_path_of_the_robot_is_a_request(ask):
     """As in a bag of Nav2 whose goals came through an action."""
     better = [(2.0, 2.0), (8.0, 8.0)]
     messages = [
@@ -121,7 +121,7 @@ def test_where_neither_goals_nor_calls_are_told_each_path_of_the_robot_is_a_requ
     assert not problems.left_out
 
 
-def test_paths_are_no_requests_beside_goals_unless_they_are_asked_for(ask, tmp_path):
+def test_paths_are_not_requests_where_there_are_goals_unless_selected(ask, tmp_path):
     messages = [map_at(1, room()), start_at(1, (2, 2)), goal_at(2, (8, 8)), plan_at(3, WAY)]
     requests, _ = ask(messages)
     assert [request.time for request in requests] == [at(2)]
@@ -132,7 +132,7 @@ def test_paths_are_no_requests_beside_goals_unless_they_are_asked_for(ask, tmp_p
     assert not problems.notes
 
 
-def test_a_goal_in_another_frame_is_taken_there_by_tf_and_left_out_without(ask):
+def test_a_goal_in_another_frame_is_transformed_by_tf_and_left_out_without(ask):
     requests, problems = ask([
         map_at(1, room()), start_at(1, (2, 2)), goal_at(2, (3, 3), 'odom'),
         tf_at(3, 'map', 'odom', (1.0, 2.0), '/tf_static'), goal_at(90, (3, 3), 'odom'),
@@ -141,7 +141,7 @@ def test_a_goal_in_another_frame_is_taken_there_by_tf_and_left_out_without(ask):
     assert "goal is in frame 'odom', the map in 'map'" in problems.left_out[0]
 
 
-def test_the_answer_to_a_call_is_its_own(ask):
+def test_a_response_belongs_to_its_own_call(ask):
     requests, _ = ask([
         map_at(1, room()), call_at(2, (2, 2), (8, 8), 1), call_at(2.1, (3, 2), (8, 8), 2),
         answer_at(2.2, WAY, 2), answer_at(2.3, [], 1),
@@ -150,7 +150,7 @@ def test_the_answer_to_a_call_is_its_own(ask):
     np.testing.assert_allclose(requests[1].recorded.points, WAY)
 
 
-def test_a_goals_answer_is_the_first_plan_that_ends_there_within_the_window(ask):
+def test_the_plan_of_a_goal_is_the_first_that_ends_there_within_the_window(ask):
     elsewhere = [(2.0, 2.0), (3.0, 3.0)]
     messages = [
         map_at(1, room()), start_at(1, (2, 2)), goal_at(2, (8, 8)),
@@ -160,14 +160,14 @@ def test_a_goals_answer_is_the_first_plan_that_ends_there_within_the_window(ask)
     np.testing.assert_allclose(requests[0].recorded.points, WAY)
 
 
-def test_a_plan_behind_the_window_is_no_answer(ask):
+def test_a_plan_after_the_window_does_not_belong_to_the_request(ask):
     requests, _ = ask([
         map_at(1, room()), start_at(1, (2, 2)), goal_at(2, (8, 8)), plan_at(4, WAY),
     ], window=1.0)  # fmt: skip
     assert requests[0].recorded.points is None
 
 
-def test_of_a_planner_of_ours_the_last_plan_under_one_stamp_counts_and_its_report(ask):
+def test_the_last_plan_with_one_stamp_and_its_report_are_recorded(ask):
     better = [(2.0, 2.0), (8.0, 8.0)]
     requests, _ = ask([
         map_at(1, room()), start_at(1, (2, 2)), goal_at(2, (8, 8)),
@@ -180,14 +180,14 @@ def test_of_a_planner_of_ours_the_last_plan_under_one_stamp_counts_and_its_repor
 
 
 @pytest.mark.parametrize('waypoints', [f'[[1{"0" * 400}, 1]]', '[' * 100_000])
-def test_a_report_whose_values_are_no_numbers_tells_nothing(ask, waypoints):
+def test_a_report_with_malformed_numbers_is_ignored(ask, waypoints):
     report = report_at(3, 'NONE', [], 3)
     report[2].status[0].values[1].value = waypoints
     (request,), _ = ask([map_at(1, room()), call_at(2, (2, 2), (8, 8)), report])
     assert request.recorded.code == ''
 
 
-def test_a_clock_that_jumps_back_forgets_where_the_robot_was(ask):
+def test_the_pose_of_the_robot_is_forgotten_when_the_clock_jumps_back(ask):
     requests, problems = ask([
         map_at(100, room()), start_at(101, (2, 2)), goal_at(102, (8, 8)),
         map_at(1, room()), goal_at(2, (8, 8)), start_at(3, (4, 4)), goal_at(4, (8, 8)),
@@ -197,7 +197,7 @@ def test_a_clock_that_jumps_back_forgets_where_the_robot_was(ask):
     assert 'start is not known' in problems.left_out[0]
 
 
-def test_a_refused_map_leaves_the_last_good_one(ask):
+def test_a_refused_map_leaves_the_last_valid_one(ask):
     broken = map_at(2, room())
     broken[2].info.width = 3
     requests, problems = ask([map_at(1, room()), broken, call_at(3, (2, 2), (8, 8))])
@@ -205,7 +205,7 @@ def test_a_refused_map_leaves_the_last_good_one(ask):
     assert 'a map is refused, data: 200 cells do not fill' in problems.left_out[0]
 
 
-def test_barriers_count_where_they_are_the_maps(ask):
+def test_barriers_are_used_only_for_the_map_made_from_them(ask):
     barriers = BarrierMap(7, (0, 20), (0, 12), (Barrier(5, 3, 9),), (), (Sample((2, 2), (8, 8)),))
     text = '/chatter', 0.5, barrier_map_text(barriers)
     on_topic = ('/llm_astar/barrier_map', *text[1:])
@@ -217,7 +217,7 @@ def test_barriers_count_where_they_are_the_maps(ask):
     assert [request.barrier_map for request in requests] == [barriers, None]
 
 
-def test_listed_requests_are_made_at_their_times_and_at_the_end(ask, tmp_path):
+def test_listed_requests_are_made_at_their_times_or_at_the_end(ask, tmp_path):
     listing = tmp_path / 'goals.csv'
     listing.write_text('start_x,start_y,goal_x,goal_y,time\n2,2,8,8,1.5\n3,3,9,9,\n')
     first, second = room(), room(30, 12)
@@ -241,13 +241,13 @@ def test_listed_requests_are_made_at_their_times_and_at_the_end(ask, tmp_path):
         ('a.json', '[{"start": [1, 2], "goal": [1, NaN]}]', 'goal_y: a number'),
     ],
 )
-def test_a_list_that_is_none_is_refused_with_entry_and_field(tmp_path, name, text, expected):
+def test_a_malformed_list_is_refused_with_entry_and_field(tmp_path, name, text, expected):
     (tmp_path / name).write_text(text)
     with pytest.raises(RequestListError, match=expected):
         load_requests(tmp_path / name)
 
 
-def test_a_json_list_says_the_same_as_a_csv_one(tmp_path):
+def test_a_json_list_gives_the_same_requests_as_a_csv_list(tmp_path):
     (tmp_path / 'a.json').write_text(json.dumps([{'start': [1, 2], 'goal': [3, 4], 'time': 5}]))
     (tmp_path / 'a.csv').write_text('start_x,start_y,goal_x,goal_y,time\n1,2,3,4,5\n')
     assert load_requests(tmp_path / 'a.json') == load_requests(tmp_path / 'a.csv')
@@ -263,7 +263,7 @@ def test_a_bag_without_a_map_names_the_grids_it_has(ask, tmp_path):
     assert 'name one with --map-topic: /map' in offer['missing']
 
 
-def test_a_bag_says_what_it_offers(tmp_path):
+def test_a_bag_is_described_by_its_topics_and_their_roles(tmp_path):
     folder = write_bag(tmp_path / 'bag', [map_at(1, room()), call_at(2.5, (2, 2), (8, 8))])
     with Bag(folder) as bag:
         offer = describe(bag, TopicSelection())

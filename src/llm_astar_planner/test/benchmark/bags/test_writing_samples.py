@@ -1,4 +1,4 @@
-"""A dataset as a bag: readable by others' readers, the same for the same samples."""
+"""A dataset as a bag: readable by other libraries, the same for the same samples."""
 
 import json
 
@@ -39,7 +39,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_each_map_comes_with_its_barriers_before_it_and_its_samples_as_requests_after(folder):
+def test_each_map_follows_its_barriers_and_precedes_its_samples_as_requests(folder):
     messages = read(folder)
     topics = [topic for topic, _, _ in messages]
     assert topics == [BARRIER_MAP, MAP, *10 * [GET_PLAN_EVENT]] * 3
@@ -60,7 +60,7 @@ def test_each_map_comes_with_its_barriers_before_it_and_its_samples_as_requests_
             assert len(event.response) == 0
 
 
-def test_mcaps_own_reader_takes_it_with_every_checksum_checked(folder):
+def test_the_mcap_library_accepts_every_checksum(folder):
     with next(folder.glob('*.mcap')).open('rb') as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         assert reader.get_summary().statistics.message_count == 36
@@ -71,8 +71,8 @@ def test_mcaps_own_reader_takes_it_with_every_checksum_checked(folder):
     assert [grid.info.width for grid in decoded] == [51, 51, 51]
 
 
-def test_damage_is_seen_by_its_checksum(folder, tmp_path):
-    """The checksums are there: one wrong byte among the messages does not pass."""
+def test_a_damaged_byte_fails_a_checksum(folder, tmp_path):
+    """The file has checksums, so one wrong byte among the messages is noticed."""
     data = bytearray(next(folder.glob('*.mcap')).read_bytes())
     data[len(data) // 3] ^= 1
     broken = tmp_path / 'broken.mcap'
@@ -83,7 +83,7 @@ def test_damage_is_seen_by_its_checksum(folder, tmp_path):
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
 def test_a_bag_defines_its_own_types(tmp_path, storage):
-    """A reader that knows no type but those in the bag reads every message."""
+    """A reader that knows only the types in the bag reads every message."""
     assert make_bag(tmp_path / 'bag', '--maps', '7', '--storage', storage) == 0
     with AnyReader([tmp_path / 'bag']) as reader:
         messages = [
@@ -110,7 +110,7 @@ def test_the_same_samples_give_the_same_bag(folder, tmp_path):
         assert (again / file.name).read_bytes() == file.read_bytes()
 
 
-def test_a_grid_without_barriers_is_a_map_all_the_same(tmp_path):
+def test_a_grid_without_barriers_is_written_as_a_map(tmp_path):
     (tmp_path / 'x.map').write_text('type octile\nheight 2\nwidth 3\nmap\n...\n.@.\n')
     (tmp_path / 'x.map.scen').write_text('version 1\n0 x.map 3 2 0 0 2 0 2.0\n')
     out = tmp_path / 'bag'
@@ -121,7 +121,7 @@ def test_a_grid_without_barriers_is_a_map_all_the_same(tmp_path):
     assert [topic for topic, _, _ in read(out)] == [MAP, GET_PLAN_EVENT]
 
 
-def test_what_cannot_be_made_is_one_sentence(folder, capsys):
+def test_a_bag_that_cannot_be_written_is_one_sentence(folder, capsys):
     assert make_bag(folder) == 2
     assert 'exists already' in capsys.readouterr().err
     assert make_bag(folder.parent / 'new', '--maps', '5000') == 2

@@ -1,4 +1,4 @@
-"""An evaluation's plans as a bag: what others' readers find in it."""
+"""The bag of an evaluation's plans, read by the mcap library."""
 
 import json
 
@@ -46,7 +46,7 @@ def read(folder):
         ]
 
 
-def test_a_plan_is_a_path_its_report_and_its_waypoints_on_a_map_written_once(tmp_path):
+def test_each_plan_is_a_path_a_report_and_markers_and_each_map_is_written_once(tmp_path):
     with ResultsBag(tmp_path / 'bag') as bag:
         plan, points = evaluate(bag, free_map(30), 5 * SECOND)
         evaluate(bag, free_map(30), 5 * SECOND, TwoPoints())
@@ -69,7 +69,7 @@ def test_a_plan_is_a_path_its_report_and_its_waypoints_on_a_map_written_once(tmp
     assert marker.colors[1].r > marker.colors[1].g
 
 
-def test_a_request_without_a_plan_is_told_and_clears_the_path(tmp_path):
+def test_a_request_without_a_plan_is_an_empty_path_and_a_report(tmp_path):
     with ResultsBag(tmp_path / 'bag', 'mcap') as bag:
         evaluate(bag, free_map(30), SECOND, goal=(50, 50))
     _, (_, _, path), (_, _, report), _ = read(tmp_path / 'bag')
@@ -77,7 +77,7 @@ def test_a_request_without_a_plan_is_told_and_clears_the_path(tmp_path):
     assert report.status[0].message.startswith('GOAL_OUTSIDE_MAP')
 
 
-def test_an_evaluation_that_breaks_off_leaves_a_bag_that_can_be_read(tmp_path):
+def test_an_evaluation_that_fails_leaves_a_readable_bag(tmp_path):
     def break_off():
         with ResultsBag(tmp_path / 'bag') as bag:
             evaluate(bag, free_map(30), SECOND)

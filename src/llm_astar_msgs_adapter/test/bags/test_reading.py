@@ -1,4 +1,4 @@
-"""Bags in every storage are read; of a damaged one what is whole, with a sentence on the rest."""
+"""Reading bags in every storage; damaged ones as far as possible, with a sentence on the rest."""
 
 import random
 import sqlite3
@@ -32,7 +32,7 @@ def seen(bag):
 
 
 def read(path):
-    """Return what a bag yields, and what it says of itself."""
+    """Return the messages of a bag and its problems."""
     with Bag(path) as bag:
         return seen(bag), bag.problems
 
@@ -72,7 +72,7 @@ def test_both_storages_are_read_in_order_of_time(tmp_path, storage):
         (StoragePlugin.SQLITE3, CompressionMode.MESSAGE),
     ],
 )
-def test_files_messages_and_chunks_may_be_compressed(tmp_path, storage, compression):
+def test_compressed_files_messages_and_chunks_are_read(tmp_path, storage, compression):
     assert read(write_by_rosbags(tmp_path / 'bag', storage, compression))[0] == SEEN
 
 
@@ -96,7 +96,7 @@ def test_without_its_metadata_a_bag_is_read_in_order_of_names_and_says_so(tmp_pa
 @pytest.mark.parametrize(
     'text', ['rosbag2: [', 'a: 1', '[]', '\x00', '[' * 3000, NAMES.format('[[a]]')]
 )
-def test_metadata_that_is_none_costs_nothing(tmp_path, text):
+def test_malformed_metadata_is_only_a_note(tmp_path, text):
     folder = write_bag(tmp_path / 'bag', DAY)
     (folder / 'metadata.yaml').write_text(text)
     found, problems = read(folder)
@@ -104,8 +104,8 @@ def test_metadata_that_is_none_costs_nothing(tmp_path, text):
     assert 'cannot be used' in problems.notes[0]
 
 
-def test_metadata_that_names_none_of_the_files_costs_nothing(tmp_path):
-    """As where somebody gave the file another name."""
+def test_metadata_that_names_other_files_is_only_a_note(tmp_path):
+    """As after renaming the file."""
     folder = write_bag(tmp_path / 'bag', DAY)
     (folder / 'bag_0.mcap').rename(folder / 'monday.mcap')
     found, problems = read(folder)
@@ -123,7 +123,7 @@ def test_a_missing_file_is_named_and_the_others_are_read(tmp_path):
 
 
 def mcap_of(folder, messages, compression, chunk_size=1 << 20, crcs=True):
-    """Write a file as mcap's own library does, with ROS 2 schemas."""
+    """Write a file by the mcap library, with ROS 2 schemas."""
     folder.mkdir()
     with (folder / 'bag.mcap').open('wb') as stream:
         writer = McapWriter(
@@ -144,7 +144,7 @@ def mcap_of(folder, messages, compression, chunk_size=1 << 20, crcs=True):
 
 
 @pytest.mark.parametrize('compression', list(CompressionType))
-def test_mcaps_own_files_are_read_and_of_a_cut_one_what_was_whole(tmp_path, compression):
+def test_files_of_the_mcap_library_are_read_as_far_as_they_are_complete(tmp_path, compression):
     file = mcap_of(tmp_path / 'bag', DAY, compression, chunk_size=500)
     assert read(file)[0] == SEEN
     whole = file.read_bytes()
@@ -156,7 +156,7 @@ def test_mcaps_own_files_are_read_and_of_a_cut_one_what_was_whole(tmp_path, comp
         assert len(found) == 4 or 'was cut off' in problems.left_out[0]
         found_at.append(len(found))
     assert found_at == sorted(found_at, reverse=True)
-    assert found_at[0] == 4  # the index alone is missing
+    assert found_at[0] == 4  # only the index is missing
     assert found_at[-1] < 4
 
 
@@ -168,7 +168,7 @@ def test_a_cut_chunk_gives_the_messages_before_the_cut(tmp_path):
     assert read(file)[0] == SEEN[:3]
 
 
-def test_zeros_that_a_power_cut_leaves_behind_are_no_messages(tmp_path):
+def test_zeros_at_the_end_of_a_file_are_not_messages(tmp_path):
     file = mcap_of(tmp_path / 'bag', DAY, CompressionType.NONE, chunk_size=100)
     whole = file.read_bytes()
     file.write_bytes(whole[: whole.index(struct.pack('<BQ', 15, 4))])
@@ -180,7 +180,7 @@ def test_zeros_that_a_power_cut_leaves_behind_are_no_messages(tmp_path):
 
 
 @pytest.mark.parametrize(('opcode', 'length'), [(9, LARGEST), (6, 1 << 62), (5, LARGEST + 1)])
-def test_what_is_larger_than_any_message_is_not_taken_into_memory(tmp_path, opcode, length):
+def test_records_larger_than_any_message_are_not_read_into_memory(tmp_path, opcode, length):
     file = tmp_path / 'large.mcap'
     with file.open('wb') as stream:
         stream.write(b'\x89MCAP0\r\n' + struct.pack('<BQ', opcode, length))
@@ -193,7 +193,7 @@ def test_what_is_larger_than_any_message_is_not_taken_into_memory(tmp_path, opco
         tracemalloc.stop()
 
 
-def test_a_chunk_holds_no_more_than_it_says(tmp_path):
+def test_a_chunk_with_more_bytes_than_it_says_is_left_out(tmp_path):
     data = zstandard.ZstdCompressor().compress(bytes(1_000_000))
     chunk = struct.pack('<QQQII', 0, 1, 1000, 0, 4) + b'zstd' + struct.pack('<Q', len(data)) + data
     file = tmp_path / 'bomb.mcap'
@@ -203,7 +203,7 @@ def test_a_chunk_holds_no_more_than_it_says(tmp_path):
         unzstd(data, 1000)
 
 
-def test_messages_by_mcaps_ros2_writer_are_read(tmp_path):
+def test_messages_of_the_mcap_ros2_writer_are_read(tmp_path):
     file = tmp_path / 'text.mcap'
     with Ros2Writer(str(file)) as writer:
         schema = writer.register_msgdef('std_msgs/msg/String', 'string data')
@@ -224,7 +224,7 @@ def test_a_chunk_with_a_wrong_checksum_is_left_out_and_the_rest_is_read(tmp_path
     assert 'its checksum is wrong' in problems.left_out[0]
 
 
-def test_a_cut_database_is_read_as_far_as_it_goes(tmp_path):
+def test_a_database_that_is_cut_off_is_read_up_to_there(tmp_path):
     maps = [map_at(n, room(200, 100)) for n in range(1, 9)]
     folder = write_bag(tmp_path / 'bag', maps, 'sqlite3')
     (file,) = folder.glob('*.db3')
@@ -235,7 +235,7 @@ def test_a_cut_database_is_read_as_far_as_it_goes(tmp_path):
     assert 'is damaged' in problems.left_out[0]
 
 
-def test_a_cut_compressed_file_is_read_as_far_as_it_goes(tmp_path):
+def test_a_compressed_file_that_is_cut_off_is_read_up_to_there(tmp_path):
     folder = write_by_rosbags(tmp_path / 'bag', StoragePlugin.MCAP, CompressionMode.FILE)
     (file,) = folder.glob('*.zstd')
     inside = zstandard.ZstdDecompressor().decompressobj().decompress(file.read_bytes())
@@ -271,7 +271,7 @@ def test_a_topic_of_unknown_type_is_left_out_and_the_rest_is_read(tmp_path):
     'definition',
     ['x_msgs/A a', f'x_msgs/B[1000000000] b\n{"=" * 80}\nMSG: x_msgs/B\nuint8 c'],
 )
-def test_a_definition_that_has_no_end_counts_as_none(tmp_path, definition):
+def test_an_unusable_definition_makes_its_type_unknown(tmp_path, definition):
     file = tmp_path / 'odd.mcap'
     with file.open('wb') as stream:
         writer = McapWriter(stream)
@@ -282,7 +282,7 @@ def test_a_definition_that_has_no_end_counts_as_none(tmp_path, definition):
     assert 'x_msgs/msg/A is unknown here' in read(file)[1].left_out[0]
 
 
-def test_a_type_the_bag_defines_is_read_as_the_bag_defines_it(tmp_path):
+def test_a_type_is_decoded_by_the_definition_in_the_bag(tmp_path):
     file = tmp_path / 'own.mcap'
     with Ros2Writer(str(file)) as writer:
         schema = writer.register_msgdef('my_msgs/msg/Pair', 'int32 a\nint32 b')
@@ -300,14 +300,14 @@ def test_a_message_that_does_not_decode_is_left_out_alone(tmp_path):
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
-def test_a_clock_that_jumps_back_leaves_the_order_of_recording(tmp_path, storage):
+def test_a_file_whose_clock_jumps_back_is_read_in_order_of_recording(tmp_path, storage):
     late = [map_at(100, room()), call_at(101, (2, 2), (8, 8), 1)]
     found, problems = read(write_bag(tmp_path / 'bag', [*late, *DAY], storage))
     assert [time for _, time in found] == [100.0, 101.0, 1.0, 2.0, 3.0, 4.0]
     assert 'the clock jumps back by 99.000 s' in problems.notes[0]
 
 
-def test_topics_written_one_after_the_other_are_no_jump(tmp_path):
+def test_topics_written_one_after_the_other_are_not_a_clock_jump(tmp_path):
     by_topic = sorted(DAY, key=lambda item: item[0])
     found, problems = read(write_bag(tmp_path / 'bag', by_topic))
     assert found == SEEN
@@ -322,7 +322,7 @@ def test_topics_written_one_after_the_other_are_no_jump(tmp_path):
         (lambda path: path.write_text('x'), 'a bag is a folder'),
     ],
 )
-def test_what_is_no_bag_is_refused_by_name(tmp_path, make_it, expected):
+def test_a_path_that_is_not_a_bag_is_refused_by_name(tmp_path, make_it, expected):
     make_it(tmp_path / 'thing')
     with pytest.raises(BagError, match=expected):
         Bag(tmp_path / 'thing')
@@ -330,13 +330,13 @@ def test_what_is_no_bag_is_refused_by_name(tmp_path, make_it, expected):
 
 @pytest.mark.parametrize('name', ['bag.mcap', 'bag.db3'])
 @pytest.mark.parametrize('content', [b'', b'rubbish, and more of it than a header has'])
-def test_a_file_that_is_none_is_refused_by_name(tmp_path, name, content):
+def test_a_malformed_file_is_refused_by_name(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(BagError, match=name):
         Bag(tmp_path / name)
 
 
-def test_a_database_without_definitions_is_read_by_jazzys(tmp_path):
+def test_a_database_without_definitions_is_decoded_by_those_of_jazzy(tmp_path):
     folder = write_bag(tmp_path / 'bag', DAY, 'sqlite3')
     (file,) = folder.glob('*.db3')
     with sqlite3.connect(file) as connection:
@@ -352,7 +352,7 @@ def test_service_events_keep_their_requests(tmp_path):
 
 
 @pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
-def test_whatever_is_wrong_with_a_file_it_is_read_or_refused(tmp_path, storage):
+def test_a_file_with_random_damage_is_read_or_refused(tmp_path, storage):
     (file,) = (f for f in write_bag(tmp_path / 'bag', DAY, storage).iterdir() if 'bag_0' in f.name)
     whole, chance = file.read_bytes(), random.Random(5)  # noqa: S311 - no secret
     outcomes = set()

@@ -1,4 +1,4 @@
-"""Small bags for tests: messages of a robot's day, in any storage."""
+"""Helpers that make the messages of a robot and write them as small bags."""
 
 import json
 
@@ -50,7 +50,7 @@ def at(seconds):
 
 
 def write_bag(folder, messages, storage='mcap', **options):
-    """Write (topic, seconds, message) as they come; a message may be bytes."""
+    """Write (topic, seconds, message) in this order; a message may be serialized."""
     with BagWriter(folder, storage, **options) as bag:
         for topic in dict.fromkeys(topic for topic, _, _ in messages):
             bag.add_topic(OfferedTopic(topic, define(TYPES[topic])))
@@ -72,7 +72,7 @@ def call_at(seconds, start, goal, number=1, frame='map'):
 
 
 def answer_at(seconds, points, number=1):
-    """Return the answer to a call, as its server tells it."""
+    """Return the event that a server publishes for its response to a call."""
     info = make(
         'service_msgs/msg/ServiceEventInfo',
         event_type=2,
