@@ -24,7 +24,8 @@ from llm_astar_planner.benchmark.runner.engine import (
 )
 from llm_astar_planner.benchmark.runner.sources import SourceSpec, make_source_specs
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.waypoints.factory import SOURCES, SourceSettings
+from llm_astar_planner.waypoints.config import SourceSettings
+from llm_astar_planner.waypoints.factory import SOURCES
 
 
 def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private

@@ -30,16 +30,6 @@ from llm_astar_planner.waypoints.replay import ReplaySource
 from llm_astar_planner.waypoints.source import Message, WaypointSource
 from llm_astar_planner.waypoints.transcript import RecordingSource, TranscriptWriter
 
-__all__ = [
-    'SOURCES',
-    'SettingsError',
-    'SourceSettings',
-    'client_of',
-    'make_asker',
-    'make_client',
-    'make_source',
-]
-
 Dataset = Sequence[BarrierMap] | None
 # How many seconds a request that missed its deadline may go on, to answer the next query.
 LATE_S = 60.0

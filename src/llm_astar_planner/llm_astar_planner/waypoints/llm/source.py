@@ -25,7 +25,7 @@ from llm_astar_planner.waypoints.prompts.map_description import (
     describe,
     describe_coarser,
 )
-from llm_astar_planner.waypoints.prompts.reply_parser import ReplyStatus, parse_reply
+from llm_astar_planner.waypoints.prompts.reply_parser import parse_reply
 from llm_astar_planner.waypoints.prompts.template import Template, ask_for_json, path_schema
 from llm_astar_planner.waypoints.source import (
     FOLLOWED,
@@ -51,10 +51,10 @@ class Answer(NamedTuple):
 
 def read_answer(text: str) -> Answer:
     """Parse a model's text: OK with points, NO_WAYPOINTS for an empty list, else MALFORMED."""
-    parsed = parse_reply(text)
-    if parsed.status is ReplyStatus.FOUND:
-        return Answer(parsed.waypoints, SourceStatus.OK, '')
-    if parsed.status is ReplyStatus.EMPTY_LIST:
+    points = parse_reply(text)
+    if points:
+        return Answer(points, SourceStatus.OK, '')
+    if points is not None:
         return Answer((), SourceStatus.NO_WAYPOINTS, 'the model answered with an empty list')
     if not text.strip():
         return Answer((), SourceStatus.MALFORMED, 'the reply is empty')
@@ -173,12 +173,8 @@ class Conversation:
         """Ask for a path on the described map. Raises EndpointFailure."""
         self._lattice = description.lattice
         instruction = self._query.instruction
-        section = (
-            instruction_section(instruction, self._query.grid_map, self._lattice)
-            if instruction
-            else ''
-        )
-        messages = self._template.render(description, section)
+        section = instruction_section(instruction, self._query.grid_map, self._lattice)
+        messages = self._template.render(description, section if instruction else '')
         if self._client.dialect.response_format != 'text':
             messages = ask_for_json(messages, thinks=self._template.thinks)
         self._messages = messages

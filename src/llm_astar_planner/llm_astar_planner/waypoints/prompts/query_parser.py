@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 from collections.abc import Callable
@@ -145,25 +146,22 @@ def make_query(data: dict[str, Any]) -> PathQuery:
     return PathQuery(barrier_map, sample.start, sample.goal)
 
 
-def barrier_lists(data: dict[str, Any], field: str, names: tuple[str, ...]) -> list[Any]:
-    """Return the barriers of a field as lists. Raises QueryError where it is no list."""
-    if not isinstance(data[field], list):
-        raise QueryError(f'query: {field}: a list is expected')
-    return [in_order(named_values(value, names)) for value in data[field]]
-
-
 def named_values(value: Any, names: tuple[str, ...]) -> Any:  # noqa: ANN401 - any JSON value
     """Return the named values of an object as a list; anything else as it is."""
     return [value.get(name) for name in names] if isinstance(value, dict) else value
 
 
-def in_order(barrier: Any) -> Any:  # noqa: ANN401 - any JSON value
-    """Return a barrier with its lower end first; anything else as it is."""
-    try:
-        line, first, last = barrier
-        return [line, min(first, last), max(first, last)]
-    except (TypeError, ValueError):
-        return barrier
+def barrier_lists(data: dict[str, Any], field: str, names: tuple[str, ...]) -> list[Any]:
+    """Return a field's barriers as lists, lower end first. Raises QueryError if it is no list."""
+    if not isinstance(data[field], list):
+        raise QueryError(f'query: {field}: a list is expected')
+    barriers = [named_values(value, names) for value in data[field]]
+    for index, barrier in enumerate(barriers):
+        # What is not three numbers is left to the map's own check.
+        with contextlib.suppress(TypeError, ValueError):
+            line, first, last = barrier
+            barriers[index] = [line, min(first, last), max(first, last)]
+    return barriers
 
 
 def first_question(text: str) -> dict[str, Any]:

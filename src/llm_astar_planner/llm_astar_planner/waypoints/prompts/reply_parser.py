@@ -9,8 +9,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
-from enum import Enum
 from typing import Any, NamedTuple
 
 from llm_astar_planner.waypoints.source import Waypoint
@@ -48,25 +46,6 @@ _MAX_DEPTH = 12
 _FARTHEST = 1e12
 
 
-class ReplyStatus(str, Enum):
-    """What a reply contains."""
-
-    FOUND = 'found'
-    EMPTY_LIST = 'empty-list'  # the answer is that no waypoint is needed
-    NO_LIST = 'no-list'
-
-
-@dataclass(frozen=True)
-class ParsedReply:
-    """The points of a reply, in its order and in the coordinates of the prompt, not yet checked.
-
-    There are at most MAX_WAYPOINTS, all finite.
-    """
-
-    waypoints: tuple[Waypoint, ...] = ()
-    status: ReplyStatus = ReplyStatus.NO_LIST
-
-
 class BracketGroup(NamedTuple):
     """A pair of brackets or braces in the text, and the point in it if it holds one."""
 
@@ -95,30 +74,22 @@ class GroupRun(NamedTuple):
         return not self.is_labelled and all(item.is_triple for item in self.items)
 
 
-def parse_reply(text: str) -> ParsedReply:
-    """Return the last list of points in `text`; never raises, linear in the text's length.
+def parse_reply(text: str) -> tuple[Waypoint, ...] | None:
+    """Return the last list of points in `text`; empty for an empty list, None for no list.
 
-    Only the last MAX_REPLY_CHARS characters are read.
+    The points are in the reply's order and in the coordinates of the prompt, not yet checked; at
+    most MAX_WAYPOINTS, all finite. Only the last MAX_REPLY_CHARS characters are read. Never
+    raises; linear in the text's length.
     """
     text = text[-MAX_REPLY_CHARS:].translate(_FULL_WIDTH)
-    _, closed, answer = text.rpartition('</think>')
-    if closed:
-        parsed = parse_text(answer)
-        if parsed.status is not ReplyStatus.NO_LIST:
-            return parsed
-    return parse_text(text)
-
-
-def parse_text(text: str) -> ParsedReply:
-    """Parse a reply, or the part of it that follows the thoughts."""
-    found = points_in_json(text)
-    if found is None:
-        found = points_in_text(text)
-    if found is None:
-        return ParsedReply()
-    if not found:
-        return ParsedReply(status=ReplyStatus.EMPTY_LIST)
-    return ParsedReply(tuple(found[:MAX_WAYPOINTS]), ReplyStatus.FOUND)
+    _, closed, conclusion = text.rpartition('</think>')
+    for part in (conclusion, text) if closed else (text,):
+        found = points_in_json(part)
+        if found is None:
+            found = points_in_text(part)
+        if found is not None:
+            return tuple(found[:MAX_WAYPOINTS])
+    return None
 
 
 def points_in_text(text: str) -> list[Waypoint] | None:

@@ -5,7 +5,6 @@ For structured output, a prompt also says which JSON is expected; the schema is 
 
 from __future__ import annotations
 
-import hashlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,11 +42,6 @@ class Template:
 
     name: str
     text: str
-
-    @property
-    def digest(self) -> str:
-        """Twelve hex digits of the text's SHA-256."""
-        return hashlib.sha256(self.text.encode()).hexdigest()[:12]
 
     @property
     def thinks(self) -> bool:
