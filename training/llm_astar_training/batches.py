@@ -8,22 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from llm_astar_planner.waypoints.learned.source import Route, follow
 
-from llm_astar_training.maps import (
-    BOXES,
-    KINDS,
-    MAX_PARALLEL,
-    RECIPE,
-    ROOMS,
-    SCALED,
-    SCATTERED,
-    Flags,
-    Floats,
-    Ints,
-)
+from llm_astar_training import maps
+from llm_astar_training.maps import Flags, Floats, Ints
 from llm_astar_training.routes import fill_batch
 
-# The share of steps that learn from each kind of map.
-SHARES = {RECIPE: 0.35, SCALED: 0.12, SCATTERED: 0.23, ROOMS: 0.15, BOXES: 0.15}
+# The share of steps that learn from each of `maps.KINDS`.
+SHARES = (0.35, 0.12, 0.23, 0.15, 0.15)
 MAX_BARRIERS = 30
 MAX_MAPS = 256
 # Pairs of nodes times barriers in a batch: limits its memory and its time.
@@ -67,14 +57,8 @@ def make_batch(seed: int, kind: int, barriers: int, count: int) -> Batch:
     return batch
 
 
-def batch_size(barriers: int, most: int = MAX_MAPS) -> int:
-    """Return how many maps with so many barriers a batch holds."""
-    nodes = 2 + 2 * barriers
-    return max(4, min(most, MAX_TRIPLES // (nodes * nodes * max(barriers, 1))))
-
-
 def step_batch(seed: int, step: int, most: int = MAX_MAPS) -> Batch:
-    """Draw the batch of a training step.
+    """Draw the batch of a training step, of at most `most` maps.
 
     Raises ValueError for a seed or step whose problems would overlap with others.
     """
@@ -82,30 +66,32 @@ def step_batch(seed: int, step: int, most: int = MAX_MAPS) -> Batch:
         message = f'seed {seed}, step {step}: not a seed below 1000 and a step below 4 million'
         raise ValueError(message)
     draw = np.random.default_rng([seed, step])
-    kind = int(draw.choice(len(KINDS), p=[SHARES[kind] for kind in range(len(KINDS))]))
-    if kind in (RECIPE, SCALED):
-        barriers = int(draw.integers(1, MAX_PARALLEL, size=2, endpoint=True).sum())
+    kind = int(draw.choice(len(SHARES), p=SHARES))
+    if kind in (maps.RECIPE, maps.SCALED):
+        barriers = int(draw.integers(1, maps.MAX_PARALLEL, size=2, endpoint=True).sum())
     else:
         # Drawn on a log scale: many barriers cost much time.
         barriers = int((MAX_BARRIERS + 1) ** draw.random())
         barriers = barriers if draw.random() < 0.97 else 0
-        barriers = max(barriers, 1) if kind != SCATTERED else barriers
-    return make_batch(seed * STEPS_PER_SEED + step, kind, barriers, batch_size(barriers, most))
+        barriers = max(barriers, 1) if kind != maps.SCATTERED else barriers
+    triples = (2 + 2 * barriers) ** 2 * max(barriers, 1)
+    count = max(4, min(most, MAX_TRIPLES // triples))
+    return make_batch(seed * STEPS_PER_SEED + step, kind, barriers, count)
 
 
-def held_out(maps: int) -> list[Batch]:
-    """Return the fixed held-out problems: about `maps` of the recipe and as many wider ones."""
+def held_out(count: int) -> list[Batch]:
+    """Return the fixed held-out problems: about `count` of the recipe and as many wider ones."""
     batches = [
-        make_batch(HELD_OUT_SEED + n, RECIPE, n, max(1, round(maps * share / 16)))
+        make_batch(HELD_OUT_SEED + n, maps.RECIPE, n, max(1, round(count * share / 16)))
         for n, share in zip(range(2, 9), (1, 2, 3, 4, 3, 2, 1))
     ]
     wide = [
         (kind, barriers)
-        for kind in (SCALED, SCATTERED, ROOMS, BOXES)
-        for barriers in ((3, 5, 8) if kind == SCALED else (4, 12, 20, 30))
+        for kind in (maps.SCALED, maps.SCATTERED, maps.ROOMS, maps.BOXES)
+        for barriers in ((3, 5, 8) if kind == maps.SCALED else (4, 12, 20, 30))
     ]
     return batches + [
-        make_batch(HELD_OUT_SEED + 100 + n, kind, barriers, max(1, maps // len(wide)))
+        make_batch(HELD_OUT_SEED + 100 + n, kind, barriers, max(1, count // len(wide)))
         for n, (kind, barriers) in enumerate(wide)
     ]
 

@@ -17,11 +17,7 @@ from statistics import median
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, load_barrier_maps
 from llm_astar_planner.benchmark.analysis.summary import VariantSummary, summarise
 from llm_astar_planner.benchmark.datasets.generate import MapRules, generate
-from llm_astar_planner.benchmark.datasets.samples import (
-    ProblemMap,
-    load_maps,
-    select_samples,
-)
+from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps, select_samples
 from llm_astar_planner.benchmark.report.markdown import markdown_table
 from llm_astar_planner.benchmark.results import WAYPOINTS_ONLY
 from llm_astar_planner.benchmark.runner.engine import (
@@ -37,6 +33,7 @@ from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply, Way
 from tqdm import tqdm
 
 SEED = 606
+Summaries = Mapping[str, VariantSummary]
 # One row per kind of map.
 HEAD = (
     'maps', 'samples', 'valid alone, greedy / best of 8 / straight (%)',
@@ -104,9 +101,9 @@ class TimedSource:
 class Figures:
     """Results on one kind of map, by source; `none` is a source too."""
 
-    alone: Mapping[str, VariantSummary]
-    paper: Mapping[str, VariantSummary]
-    guided: Mapping[str, VariantSummary]
+    alone: Summaries
+    paper: Summaries
+    guided: Summaries
     milliseconds: Mapping[str, float]
 
 
@@ -126,7 +123,7 @@ def figures(name: str, maps: Sequence[ProblemMap], scale: int = 1) -> Figures:
         rows += [replace(outcome.row, scale=1) for outcome in run_task(task)]
     summaries = summarise(rows)
 
-    def of(method: str) -> dict[str, VariantSummary]:
+    def of(method: str) -> Summaries:
         return {item.variant.source: item for item in summaries if item.variant.method == method}
 
     cpu = {called: 1000 * median(source.seconds) for called, source in timed.items()}
@@ -151,9 +148,7 @@ def kind_row(name: str, found: Figures) -> tuple[str, ...]:
 
 
 def joined(
-    of: Mapping[str, VariantSummary],
-    sources: Sequence[str],
-    figure: Callable[[VariantSummary], float],
+    of: Summaries, sources: Sequence[str], figure: Callable[[VariantSummary], float]
 ) -> str:
     """Join one figure in % for several sources; - if a source has none."""
     return ' / '.join(f'{100 * figure(of[item]):.1f}' if item in of else '-' for item in sources)

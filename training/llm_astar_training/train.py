@@ -29,14 +29,8 @@ from torch import Tensor
 from torch.nn import functional as fn
 from tqdm import tqdm
 
-from llm_astar_training.batches import (
-    MAX_MAPS,
-    Batch,
-    greedy_routes,
-    held_out,
-    step_batch,
-    valid_share,
-)
+from llm_astar_training import batches
+from llm_astar_training.batches import Batch
 from llm_astar_training.export import export
 from llm_astar_training.maps import RECIPE
 from llm_astar_training.network import Network, Shape
@@ -91,7 +85,7 @@ class Trainer:
         )
         self.step, self.maps, self.seconds = 0, 0, 0.0
         self.resume()
-        self.held_out = held_out(options.held_out)
+        self.held_out = batches.held_out(options.held_out)
 
     @property
     def progress(self) -> float:
@@ -131,12 +125,14 @@ class Trainer:
         """Yield the batches from the current step on, prefetched by a thread."""
         seed, most = self.options.seed, self.options.most_maps
         with ThreadPoolExecutor(1) as pool:
-            ahead = [pool.submit(step_batch, seed, self.step + n, most) for n in range(PREFETCH)]
+            ahead = [
+                pool.submit(batches.step_batch, seed, self.step + n, most) for n in range(PREFETCH)
+            ]
             step = self.step + PREFETCH
             try:
                 while True:
                     yield ahead.pop(0).result()
-                    ahead.append(pool.submit(step_batch, seed, step, most))
+                    ahead.append(pool.submit(batches.step_batch, seed, step, most))
                     step += 1
             finally:
                 for future in ahead:
@@ -222,16 +218,16 @@ def hop_logits(network: Network, batch: Batch, device: torch.device) -> Tensor:
 
 
 @torch.no_grad()
-def evaluate(network: Network, batches: list[Batch]) -> dict[str, float]:
+def evaluate(network: Network, problems: list[Batch]) -> dict[str, float]:
     """Return the loss and the share of valid greedy routes, on the recipe's and wider maps."""
     network.eval()
     device = torch.device('cpu')
     results: dict[str, list[tuple[float, float, int]]] = {'recipe': [], 'wide': []}
-    for batch in batches:
+    for batch in problems:
         loss = float(hop_loss(network, batch, device))
-        routes = greedy_routes(hop_logits(network, batch, device).numpy(), batch.usable)
+        routes = batches.greedy_routes(hop_logits(network, batch, device).numpy(), batch.usable)
         name = 'recipe' if batch.kind == RECIPE else 'wide'
-        results[name].append((loss, valid_share(routes, batch.distances), len(routes)))
+        results[name].append((loss, batches.valid_share(routes, batch.distances), len(routes)))
     found = {}
     for name, rows in results.items():
         losses, valid, counts = zip(*rows)
@@ -272,7 +268,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('--threads', type=int, default=os.cpu_count() or 1)
     parser.add_argument('--width', type=int, default=Shape.width)
     parser.add_argument('--layers', type=int, default=Shape.layers)
-    parser.add_argument('--most-maps', type=int, default=MAX_MAPS, help='maps per batch')
+    parser.add_argument('--most-maps', type=int, default=batches.MAX_MAPS, help='maps per batch')
     parser.add_argument('--held-out', type=int, default=1000, help='held-out maps of the recipe')
     parser.add_argument(
         '--save-every', type=float, default=420, help='seconds between evaluations'

@@ -1,1 +1,1 @@
-"""Grid search, numpy in and numpy out; knows neither maps' units nor ROS."""
+"""Grid search on numpy arrays, without units of maps and without ROS."""
