@@ -148,6 +148,13 @@ class Row:
 
 
 COLUMNS = {field.name: str(field.type) for field in dataclasses.fields(Row)}
+# The columns that a plan fills, by the names of `Plan.to_dict()` and of reports.
+PLAN_COLUMNS = (
+    'operation', 'storage', 'seconds_source', 'seconds_search', 'source_status', 'guided_by',
+    'ratio',
+)  # fmt: skip
+# The columns that it fills only if a path was found.
+PATH_COLUMNS = ('length', 'first_operation', 'clearance', 'turns', 'unknown_length')
 
 
 class ResultsFolder:
@@ -312,6 +319,28 @@ def run_differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[s
         for name in COMPARED_PARAMETERS
         if old.get(name) != now['parameters'].get(name)
     ]
+
+
+def plan_columns(
+    values: Mapping[str, Any], statuses: Iterable[str], path: NDArray[np.int32]
+) -> dict[str, Any]:
+    """Return the columns of a row that describe a plan.
+
+    `values` is `Plan.to_dict()` or the fields of a report with its length in cells; `statuses`
+    are those of the waypoints, `path` the cells [n, 2]. A number that is None is unknown, except
+    that a clearance of None is infinite.
+    """
+    names = PLAN_COLUMNS + (PATH_COLUMNS if values['code'] == 0 else ())
+    columns: dict[str, Any] = {
+        'code': values['code_name'],
+        'verdicts': ';'.join(statuses),
+        'path': format_points(turning_points(path)),
+    }
+    for name in names:
+        unknown = math.inf if name == 'clearance' else math.nan
+        value = unknown if values[name] is None else values[name]
+        columns[name] = float(value) if COLUMNS[name] == 'float' else value
+    return columns
 
 
 def format_row(row: Row) -> list[str]:

@@ -8,15 +8,25 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from itertools import groupby
+from types import TracebackType
 from typing import Any
 
+import numpy as np
 import rclpy
 from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMapError,
     load_barrier_maps,
     save_barrier_maps,
 )
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message
+from llm_astar_msgs_adapter.messages.path import path_from_message
+from nav_msgs.msg import OccupancyGrid
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -32,22 +42,30 @@ from llm_astar_planner.benchmark.results import (
     MAPS_FILE,
     ResultsError,
     ResultsFolder,
+    Row,
     RowKey,
+    Variant,
     describe_run,
+    format_points,
+    plan_columns,
 )
 from llm_astar_planner.benchmark.runner.config import open_folder
+from llm_astar_planner.benchmark.runner.engine import BASELINE
 from llm_astar_planner.benchmark.runner.progress import progress
+from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import leave
-from llm_astar_planner.nodes.live_benchmark import LiveRun
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.search.paper import METHODS
+from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS
 
+# Parameters of the planner that a run sets and restores; the paper's paths may cut corners.
+RULES = {'corner_cutting': True}
+TOUCHED = ('method', 'use_waypoints', *RULES)
 OK, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 2, 3, 130
 EPILOG = """\
 Start planner_node and llm_client_node first, but no map_node: this node publishes the maps. It
-sets the parameters `method`, `use_waypoints` and `corner_cutting` of the planner
-and restores them at the end.
+sets the planner's parameters `method`, `use_waypoints` and `corner_cutting` and restores them at
+the end.
 
 exit codes: 0 ok, 2 bad usage or input, 3 the graph stopped answering, 130 interrupted
 """
@@ -168,6 +186,111 @@ def report_error(message: str, code: int) -> int:
     """Write an error to stderr; return `code`."""
     sys.stderr.write(f'error: {message}\n')
     return code
+
+
+class LiveRun:
+    """Plans samples with the planner of a running graph. A context manager.
+
+    It publishes the maps and sets the planner's parameters; leaving the context restores them.
+    """
+
+    def __init__(self, caller: PlannerClient, planner: str, client: str) -> None:
+        """Use a running caller; `planner` and `client` are the names of the two nodes."""
+        self._caller = caller
+        self._planner = planner
+        self._client = client
+        self._maps = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        self._before: dict[str, Any] = {}
+
+    def __enter__(self) -> LiveRun:
+        self._before = self._get(self._planner, TOUCHED)
+        self._set(RULES)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._set(self._before)
+
+    def variants(self, methods: Sequence[str]) -> list[Variant]:
+        """Return A* and the methods without waypoints and with the source of the graph.
+
+        Raises PlannerClientError where the waypoint client does not have these parameters.
+        """
+        names = ('source', 'prompt', 'model')
+        source = tuple(self._get(self._client, names).values()) if self._client else ('none',)
+        variants = [BASELINE]
+        for method in methods:
+            variants.append(Variant(method))
+            if method in WAYPOINT_METHODS and source[0] != 'none':
+                variants.append(Variant(method, *source))
+        return list(dict.fromkeys(variants))
+
+    def rows(
+        self,
+        samples: Sequence[BenchmarkSample],
+        variants: Sequence[Variant],
+        done: frozenset[RowKey],
+    ) -> Iterator[Row]:
+        """Plan what is not `done`, map by map and variant by variant; yield each row."""
+        for _, group in groupby(samples, key=lambda sample: sample.barrier_map.id):
+            of_map = list(group)
+            left = [
+                (variant, sample)
+                for variant in variants
+                for sample in of_map
+                if (*sample.key, 1, variant) not in done
+            ]
+            if not left:
+                continue
+            grid_map = of_map[0].barrier_map.to_grid()
+            self._publish_map(grid_map)
+            for variant, of_variant in groupby(left, key=lambda pair: pair[0]):
+                self._set({'method': variant.method, 'use_waypoints': variant.source != 'none'})
+                for _, sample in of_variant:
+                    yield self._plan(sample, grid_map, variant)
+
+    def _publish_map(self, grid_map: GridMap) -> None:
+        """Publish a map and wait until planner and client have received it."""
+        self._maps.publish(grid_to_message(grid_map, self._caller.node.get_clock().now().to_msg()))
+        self._caller.wait_until_ready(grid_map.digest, client=self._client)
+
+    def _plan(self, sample: BenchmarkSample, grid_map: GridMap, variant: Variant) -> Row:
+        cells = [sample.barrier_map.to_cell(point) for point in sample.sample[:2]]
+        start, goal = (Pose2D(*pose) for pose in grid_map.grid_to_world(cells).tolist())
+        path, report, round_trip = self._caller.call(start, goal)
+        values = asdict(report)
+        if report.length is not None:
+            values['length'] = report.length / grid_map.resolution
+        points = grid_map.world_to_grid(path_from_message(path))
+        waypoints = grid_map.world_to_grid([(x, y) for x, y, _ in report.waypoints])
+        columns = plan_columns(
+            values,
+            [status for _, _, status in report.waypoints],
+            np.rint(points).astype(np.int32),
+        )
+        columns['waypoints'] = format_points(waypoints.round(6).tolist())
+        return Row(*sample.key, 1, *variant, seconds_round_trip=round_trip, **columns)
+
+    def _get(self, node: str, names: Sequence[str]) -> dict[str, Any]:
+        client = self._caller.node.create_client(GetParameters, f'{node}/get_parameters')
+        values = self._caller.ask(client, GetParameters.Request(names=list(names))).values
+        if len(values) != len(names):
+            raise PlannerClientError(f'{node} has no parameters {", ".join(names)}')
+        return {name: parameter_value_to_python(value) for name, value in zip(names, values)}
+
+    def _set(self, values: dict[str, Any]) -> None:
+        client = self._caller.node.create_client(SetParameters, f'{self._planner}/set_parameters')
+        messages = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+        ]
+        results = self._caller.ask(client, SetParameters.Request(parameters=messages)).results
+        for name, result in zip(values, results):
+            if not result.successful:
+                raise PlannerClientError(f'{self._planner} refused {name}: {result.reason}')
 
 
 if __name__ == '__main__':

@@ -29,7 +29,7 @@ from llm_astar_planner.benchmark.results import (
     Variant,
     format_points,
     parse_points,
-    turning_points,
+    plan_columns,
 )
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -204,9 +204,8 @@ def run_task(task: Task) -> list[Outcome]:
             )
             replies[index] = query_source(source, query)
         reply, seconds = replies.get(index, (NOT_ASKED, 0.0))
-        columns: dict[str, Any] = {**recorded, 'seconds_source': seconds}
         if variant.method == WAYPOINTS_ONLY:
-            columns |= waypoints_only_columns(planner, endpoints, reply)
+            columns = waypoints_only_columns(planner, endpoints, reply)
             plan = None
         else:
             known = None if reply is NOT_ASKED else AnsweredSource(variant.source, reply)
@@ -214,17 +213,17 @@ def run_task(task: Task) -> list[Outcome]:
                 endpoints, variant.method, known, task.settings, want_expanded=False, sample=key
             )
             plan = replace(planner.plan(request), expanded=NOTHING_EXPANDED)
-            columns |= plan_columns(plan)
-        row = Row(
-            *task.sample.key,
-            task.scale,
-            *variant,
-            source_status=reply.status.value,
-            prompt_tokens=reply.prompt_tokens,
-            completion_tokens=reply.completion_tokens,
-            waypoints=format_points(reply.waypoints),
-            **columns,
-        )
+            statuses = [point.status.value for point in plan.checked_waypoints]
+            columns = plan_columns(plan.to_dict(), statuses, plan.path)
+        columns |= {
+            'seconds_source': seconds,
+            'source_status': reply.status.value,
+            'prompt_tokens': reply.prompt_tokens,
+            'completion_tokens': reply.completion_tokens,
+            'waypoints': format_points(reply.waypoints),
+            **recorded,
+        }
+        row = Row(*task.sample.key, task.scale, *variant, **columns)
         outcomes.append(Outcome(row, plan))
     return outcomes
 
@@ -260,32 +259,6 @@ def make_request(
         start_tolerance=settings.start_tolerance,
         **options,
     )
-
-
-def plan_columns(plan: Plan) -> dict[str, Any]:
-    """Return the columns of a row that describe a plan; the only place that maps one to another.
-
-    Columns of a path are left at NaN where none was found.
-    """
-    columns: dict[str, Any] = {
-        'code': plan.code.name,
-        'operation': float(plan.expansions),
-        'storage': float(plan.storage),
-        'seconds_search': plan.seconds_search,
-        'guided_by': plan.guided_by,
-        'verdicts': ';'.join(point.status.value for point in plan.checked_waypoints),
-        'path': format_points(turning_points(plan.path)),
-        'ratio': plan.suboptimality_bound,
-    }
-    if plan.code is ResultCode.NONE:
-        columns |= {
-            'length': plan.length,
-            'first_operation': float(plan.first_expansions),
-            'clearance': plan.clearance,
-            'turns': float(plan.turns),
-            'unknown_length': plan.unknown_length,
-        }
-    return columns
 
 
 def waypoints_only_columns(
