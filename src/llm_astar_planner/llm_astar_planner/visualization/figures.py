@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.result import Cell
 
-# Told apart by shape too, not by hue alone.
-VERDICT_MARKERS = {
+# Colour and marker by waypoint status; the shapes differ too, for readers who see few colours.
+STATUS_MARKERS = {
     'accepted': ('#2ca02c', '*'),
     'out_of_order': ('#ff9f0e', 'P'),
     'unreachable': ('#9467bd', 'X'),
@@ -26,7 +26,7 @@ VERDICT_MARKERS = {
     'out_of_bounds': ('#7f7f7f', 'X'),
 }
 # Of a title in its font.
-CHARACTERS_AN_INCH = 10
+CHARACTERS_PER_INCH = 10
 EXPANDED, UNKNOWN, OBSTACLE, PATH = '#bcd7f0', '#e8e4da', '#222222', '#d62728'
 
 
@@ -34,7 +34,7 @@ EXPANDED, UNKNOWN, OBSTACLE, PATH = '#bcd7f0', '#e8e4da', '#222222', '#d62728'
 class Picture:
     """What to draw, in grid coordinates: `path` [n, 2], `expanded` bool [height, width].
 
-    `waypoints` are (x, y, verdict). `offset` is the map coordinate of cell (0, 0), for the axes.
+    `waypoints` are (x, y, status). `offset` is the map coordinate of cell (0, 0), for the axes.
     """
 
     grid_map: GridMap
@@ -50,26 +50,26 @@ class Picture:
 def picture_of(
     plan: Plan, grid_map: GridMap, start: Cell, goal: Cell, offset: Cell = (0, 0)
 ) -> Picture:
-    """Make the picture of a plan."""
+    """Return the picture of a plan."""
     waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
     if plan.code == 0:
         outcome = f'{plan.expansions} expansions, length {plan.length:.2f} cells'
-        title = f'{steered(plan.method, plan.guided_by)}: {outcome}'
+        title = f'{describe_guidance(plan.method, plan.guided_by)}: {outcome}'
     else:
         title = f'{plan.method}: {plan.code.name}, {plan.message}'
     return Picture(grid_map, start, goal, plan.path, plan.expanded, waypoints, title, offset)
 
 
-def steered(method: str, guided_by: str) -> str:
-    """Say by what method a plan was made and whose waypoints it followed, for a title."""
+def describe_guidance(method: str, guided_by: str) -> str:
+    """Name the method of a plan and the source whose waypoints it followed, for a title."""
     guide = 'no waypoints' if guided_by == 'none' else f'guided by {guided_by}'
     return f'{method}, {guide}'
 
 
 def save_picture(picture: Picture, path: str | Path) -> None:
-    """Draw to an image file, its folders made; the ending of its name chooses the format.
+    """Draw into an image file, whose ending chooses the format; missing folders are created.
 
-    Raises OSError where the file cannot be written, ValueError where its ending names no format.
+    Raises OSError where the file cannot be written, ValueError for an unknown ending.
     """
     aspect = picture.grid_map.width / picture.grid_map.height
     figure = Figure(figsize=(min(14.0, max(7.0, 5.2 * aspect)), 6.0), layout='constrained')
@@ -79,39 +79,40 @@ def save_picture(picture: Picture, path: str | Path) -> None:
 
 
 def write_figure(figure: Figure, path: str | Path) -> None:
-    """Write a figure to that very file, its folders made; raises as `save_picture` does."""
+    """Write a figure to a file of exactly this name; raises as `save_picture` does."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    # Without a format matplotlib would add an ending to a name that has none.
+    # Without a format matplotlib adds an ending to a name that has none.
     figure.savefig(path, dpi=120, format=path.suffix[1:] or 'png')
 
 
 def draw(axes: Axes, picture: Picture) -> None:
-    """Draw on axes in map coordinates, cell centres at whole numbers."""
-    _draw_cells(axes, picture)
+    """Draw on axes in map coordinates, with cell centres at whole numbers."""
+    draw_cells(axes, picture)
     if len(picture.path):
         x, y = (picture.path + picture.offset).T
         axes.plot(x, y, color=PATH, linewidth=2, label='path')
     labelled = set()
-    for number, (x, y, verdict) in enumerate(picture.waypoints, start=1):
-        label = None if verdict in labelled else f'waypoint, {verdict.replace("_", " ")}'
-        labelled.add(verdict)
-        _mark(axes, picture, (x, y), VERDICT_MARKERS[verdict], label, size=14)
-        place = (x + picture.offset[0], y + picture.offset[1])
-        axes.annotate(str(number), place, (7, 7), textcoords='offset points', zorder=5)
-    _mark(axes, picture, picture.start, ('#1f77b4', 's'), 'start', size=9)
-    _mark(axes, picture, picture.goal, ('#17becf', 'D'), 'goal', size=9)
-    axes.set_title(_fitted(picture.title, axes.figure.bbox.width / axes.figure.dpi))
+    for number, (x, y, status) in enumerate(picture.waypoints, start=1):
+        label = None if status in labelled else f'waypoint, {status.replace("_", " ")}'
+        labelled.add(status)
+        mark_point(axes, picture, (x, y), STATUS_MARKERS[status], label, size=14)
+        position = (x + picture.offset[0], y + picture.offset[1])
+        axes.annotate(str(number), position, (7, 7), textcoords='offset points', zorder=5)
+    mark_point(axes, picture, picture.start, ('#1f77b4', 's'), 'start', size=9)
+    mark_point(axes, picture, picture.goal, ('#17becf', 'D'), 'goal', size=9)
+    axes.set_title(wrap_title(picture.title, axes.figure.bbox.width / axes.figure.dpi))
 
 
-def _fitted(title: str, inches: float) -> str:
-    """Break a title that is too long, first behind its colon."""
-    width = int(CHARACTERS_AN_INCH * inches)
+def wrap_title(title: str, inches: float) -> str:
+    """Break a title that is wider than `inches`, first after its colon."""
+    width = int(CHARACTERS_PER_INCH * inches)
     parts = [title] if len(title) <= width else title.split(': ', 1)
     return '\n'.join(fill(part, width) for part in parts)
 
 
-def _draw_cells(axes: Axes, picture: Picture) -> None:
+def draw_cells(axes: Axes, picture: Picture) -> None:
+    """Draw obstacles, unknown cells and expanded cells."""
     grid_map = picture.grid_map
     image = np.ones((grid_map.height, grid_map.width, 3))
     image[grid_map.cells < 0] = mpl.colors.to_rgb(UNKNOWN)
@@ -124,7 +125,7 @@ def _draw_cells(axes: Axes, picture: Picture) -> None:
         axes.plot([], [], 's', color=colour, label=label)
 
 
-def _mark(
+def mark_point(
     axes: Axes,
     picture: Picture,
     point: tuple[float, float],
@@ -133,6 +134,7 @@ def _mark(
     *,
     size: int,
 ) -> None:
+    """Mark a point; `style` is colour and marker."""
     colour, marker = style
     axes.plot(
         point[0] + picture.offset[0],

@@ -24,7 +24,7 @@ from llm_astar_planner.nodes.tools.planner_client import (
     PlannerClient,
     PlannerClientError,
 )
-from llm_astar_planner.visualization.figures import Picture, save_picture, steered
+from llm_astar_planner.visualization.figures import Picture, describe_guidance, save_picture
 
 # Expanded cells are published only once the planner has discovered a subscriber, so the demo
 # asks again until they arrive.
@@ -141,5 +141,5 @@ def picture_of_plan(
         if expanded is None
         else expanded_from_message(expanded, grid_map),
         [(x, y, status) for (x, y), (_, _, status) in zip(places, report.waypoints)],
-        f'{steered(report.method, report.guided_by)}: {report.operation} expansions',
+        f'{describe_guidance(report.method, report.guided_by)}: {report.operation} expansions',
     )
