@@ -180,7 +180,9 @@ def benchmark_config(
         select_samples(maps, str(dataset), args.maps, args.limit, args.seed),
         args.methods,
         sources,
-        SearchSettings(args.heuristic, args.weight, args.time_limit, args.max_suboptimality),
+        SearchSettings(
+            args.heuristic, args.weight, args.max_planning_time, args.max_suboptimality
+        ),
         scales,
         args.scale_samples,
         args.seed,
@@ -192,10 +194,11 @@ def run_parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict
     """Return the parameters for the metadata of the run."""
     names = (
         'maps', 'limit', 'scales', 'scale_samples', 'seed', 'methods', 'source', 'prompt', 'model',
-        'base_url', 'repair_rounds', 'heuristic', 'weight', 'time_limit', 'max_suboptimality',
+        'base_url', 'repair_rounds', 'heuristic', 'weight', 'max_suboptimality',
         'price', 'jobs',
     )  # fmt: skip
     parameters = {name: getattr(args, name) for name in names}
+    parameters['time_limit'] = args.max_planning_time
     # The dataset file only names the grid, so its digest says nothing about the cells.
     grids = [item.digest for item in maps if isinstance(item, GridProblem)]
     return parameters | ({'grid': grids[0]} if grids else {})

@@ -51,6 +51,7 @@ from llm_astar_planner.cli.run_options import (
     INCOMPLETE,
     INTERRUPTED,
     OK,
+    SEARCH_PARAMETERS,
     add_running,
     add_variants,
     check_variants,
@@ -78,13 +79,6 @@ RULES = (
         if item.name in ('tolerance', 'start_tolerance', 'robot_base_frame')
     ),
 )
-# The parameters of the search in a file, and the options of this command that they set.
-SEARCH_OPTIONS = {
-    'heuristic': 'heuristic',
-    'weight': 'weight',
-    'max_suboptimality': 'max_suboptimality',
-    'max_planning_time': 'time_limit',
-}
 # The exchanges with models that were found in the bags, in the results folder.
 EXCHANGES = 'exchanges.jsonl'
 EPILOG = """\
@@ -120,7 +114,7 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     add_params_file_flag(rules)
     add_parameter_flags(rules, RULES)
     add_running(parser.add_argument_group('running'), 'out/evaluate')
-    names = ('methods', *SEARCH_OPTIONS.values())
+    names = ('methods', *(item.name for item in SEARCH_PARAMETERS))
     parser.set_defaults(unnamed={name: parser.get_default(name) for name in names})
 
 
@@ -230,9 +224,9 @@ def read_rules(args: argparse.Namespace) -> dict[str, Any]:
     if args.params_file:
         given = read_params_files(args).values['planner_node']
         search = defaults((*SEARCH, *REQUESTS)) | given
-        for name, own in SEARCH_OPTIONS.items():
-            if getattr(args, own) == args.unnamed[own]:
-                setattr(args, own, search[name] or None)
+        for item in SEARCH_PARAMETERS:
+            if getattr(args, item.name) == args.unnamed[item.name]:
+                setattr(args, item.name, search[item.name] or None)
         if args.methods == args.unnamed['methods']:
             args.methods = [search['method']]
     names = {item.name for item in RULES}
@@ -293,7 +287,7 @@ def make_config(
     settings = SearchSettings(
         args.heuristic,
         args.weight,
-        args.time_limit,
+        args.max_planning_time,
         args.max_suboptimality,
         costmap_config(rules),
         values['tolerance'],
@@ -319,12 +313,13 @@ def deciding_parameters(args: argparse.Namespace, config: EvaluationConfig) -> d
     """Return the parameters of a run for its metadata; --resume compares them."""
     names = (
         'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds', 'heuristic',
-        'weight', 'time_limit', 'max_suboptimality', 'price', 'jobs', 'requests', 'plan_window',
+        'weight', 'max_suboptimality', 'price', 'jobs', 'requests', 'plan_window',
     )  # fmt: skip
     settings = config.settings
     return {name: getattr(args, name) for name in names} | {
         'rules': None if settings.costmap is None else asdict(settings.costmap),
         'tolerance': settings.tolerance,
+        'time_limit': settings.time_limit,
         'start_tolerance': settings.start_tolerance,
         'paper_corners': settings.paper_corners,
         'topics': list(asdict(config.selection).values()),

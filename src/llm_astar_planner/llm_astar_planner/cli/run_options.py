@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +37,12 @@ from llm_astar_planner.benchmark.runner.sources import (
     SourceSpec,
     embedded_sources,
 )
-from llm_astar_planner.cli.parameter_flags import add_endpoint_arguments
-from llm_astar_planner.search.paper import HEURISTICS
+from llm_astar_planner.cli.parameter_flags import (
+    add_endpoint_arguments,
+    add_parameter_flags,
+    given_values,
+)
+from llm_astar_planner.planning.parameters import REQUESTS, SEARCH, defaults
 from llm_astar_planner.waypoints.baselines import ablation_sources
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceSettings
 from llm_astar_planner.waypoints.factory import SOURCES
@@ -46,6 +50,14 @@ from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_pat
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
 LIVE_JOBS = 8
+# The parameters of the search, with the defaults of the benchmark.
+SEARCH_PARAMETERS = tuple(
+    replace(item, cli_default=0.0, cli_reason='as the tables measure the first path')
+    if item.name == 'max_suboptimality'
+    else item
+    for item in (*SEARCH, *REQUESTS)
+    if item.name in ('heuristic', 'weight', 'max_suboptimality', 'max_planning_time')
+)
 OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 
 
@@ -76,17 +88,8 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
         '--model', type=names, default=[], metavar='NAMES', help='for endpoint and replay'
     )
     add_endpoint_arguments(group)
-    group.add_argument('--heuristic', default='euclidean', choices=tuple(HEURISTICS))
-    group.add_argument(
-        '--weight', type=float, default=2.0, metavar='W', help='weight of weighted A* (2)'
-    )
-    group.add_argument(
-        '--max-suboptimality',
-        type=bound,
-        metavar='W',
-        help='let guided search until its path is proven within W (1 or more) of the shortest; '
-        '0: take the first path (0)',
-    )
+    add_parameter_flags(group, SEARCH_PARAMETERS)
+    group.set_defaults(**defaults(SEARCH_PARAMETERS, cli=True))
     group.add_argument(
         '--price',
         type=float,
@@ -107,9 +110,6 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
         help='samples planned in parallel, and so also the number of simultaneous requests '
         '(default: 1, or 8 with a live source)',
     )
-    group.add_argument(
-        '--time-limit', type=float, default=60.0, metavar='SECONDS', help='per plan (60)'
-    )
     group.add_argument('--dask', metavar='ADDRESS', help='scheduler of a Dask cluster to run on')
     group.add_argument(
         '--fail-under',
@@ -123,19 +123,15 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
 
 
 def check_variants(args: argparse.Namespace) -> None:
-    """Raise ValueError on values that argparse cannot check."""
+    """Raise ValueError on values that argparse cannot check; 0 for no bound becomes None."""
     known = {'methods': ALL_METHODS, 'source': tuple(SOURCES)}
     for option, names in known.items():
         for name in getattr(args, option):
             if name not in names:
                 message = f'--{option} {name!r} is unknown; available are {", ".join(names)}'
                 raise ValueError(message)
-    if not args.weight >= 1.0:
-        message = f'--weight {args.weight} is not 1 or more'
-        raise ValueError(message)
-    if not args.time_limit > 0.0:
-        message = f'--time-limit {args.time_limit} is not above 0 seconds'
-        raise ValueError(message)
+    given_values(args, SEARCH_PARAMETERS)
+    args.max_suboptimality = args.max_suboptimality or None
 
 
 def live_settings(args: argparse.Namespace) -> SourceSettings:
@@ -144,7 +140,7 @@ def live_settings(args: argparse.Namespace) -> SourceSettings:
         base_url=args.base_url,
         api_key_env=args.api_key_env,
         transcript=args.transcript,
-        timeout_s=args.time_limit,
+        timeout_s=args.max_planning_time,
         repair_rounds=args.repair_rounds,
         max_concurrent=args.jobs or LIVE_JOBS,
         # The number of samples already bounds the calls.
@@ -250,17 +246,6 @@ def count(text: str) -> int:
 def seed(text: str) -> int:
     """Parse a whole number, 0 or more."""
     return whole_number(text, 0)
-
-
-def bound(text: str) -> float | None:
-    """Parse a factor, 1 or more; 0 gives None."""
-    try:
-        factor = float(text)
-    except ValueError:
-        factor = math.nan
-    if factor and not factor >= 1.0:
-        raise argparse.ArgumentTypeError(f'{text!r} is neither 0 nor a number of at least 1')
-    return factor or None
 
 
 def whole_number(text: str, least: int) -> int:

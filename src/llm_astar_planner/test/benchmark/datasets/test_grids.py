@@ -266,11 +266,11 @@ def test_map_node_publishes_a_map_server_map_too(tmp_path):
     map_node = pytest.importorskip('llm_astar_planner.nodes.map_node')
     path = write_map_server(tmp_path, [[254, 0], [254, 254]])
     values = {'map_file': str(path), 'map_id': 7, 'resolution': 3.0, 'frame_id': 'floor'}
-    grid_map = map_node._load(values)
+    grid_map = map_node.load_grid(values)
     assert (grid_map.resolution, grid_map.frame_id, grid_map.origin.x) == (0.5, 'floor', -1.0)
     assert grid_map.cells.tolist() == [[0, 0], [0, 100]]
     (tmp_path / 'x.pgm').unlink()
-    problem = map_node._problem(values)
+    problem = map_node.map_problem(values)
     assert 'x.yaml: image: ' in problem
     assert '\n' not in problem
 
