@@ -1,4 +1,4 @@
-"""Every cause of failure has its code and a sentence, alike in plans, reports and JSON."""
+"""Every cause of failure has its code and message, the same in plans, reports and JSON."""
 
 import json
 import math
@@ -75,7 +75,7 @@ def request_of(fields):
     return PlanRequest(**{'start': START, 'goal': GOAL, **fields})
 
 
-def assert_told_alike(plan, code, words):
+def assert_reported(plan, code, words):
     """The same code and sentence in the plan, its report over the wire, JSON and text."""
     assert plan.code is code
     assert words in plan.message
@@ -91,33 +91,33 @@ def assert_told_alike(plan, code, words):
 
 
 @pytest.mark.parametrize(('rules', 'fields', 'code', 'words'), CAUSES, ids=names)
-def test_every_cause_has_its_code_and_its_sentence(rules, fields, code, words):
-    assert_told_alike(Planner(GRID, rules).plan(request_of(fields)), code, words)
+def test_every_cause_has_its_code_and_its_message(rules, fields, code, words):
+    assert_reported(Planner(GRID, rules).plan(request_of(fields)), code, words)
 
 
 def test_a_cancel_is_a_timeout_that_says_so():
     stop = no_stop()
     stop[0] = 1
-    assert_told_alike(Planner(GRID).plan(request_of({}), stop), CODE.TIMEOUT, 'cancelled')
+    assert_reported(Planner(GRID).plan(request_of({}), stop), CODE.TIMEOUT, 'cancelled')
     assert stop[0] == 1
 
 
-def test_the_callers_flag_is_only_read():
+def test_the_callers_stop_flag_is_never_written():
     stop = no_stop()
     plan = Planner(GRID).plan(request_of({'time_limit': 0.0}), stop)
     assert plan.code is CODE.TIMEOUT
     assert stop[0] == 0
 
 
-def test_a_path_too_long_for_the_records_is_unknown(monkeypatch):
+def test_a_path_whose_cost_cannot_be_stored_is_unknown(monkeypatch):
     def too_long(segment):
         raise PathTooLongError('the cost of a path does not fit')
 
     monkeypatch.setattr(SegmentPlanner, 'search', too_long)
-    assert_told_alike(Planner(GRID).plan(request_of({})), CODE.UNKNOWN, 'does not fit')
+    assert_reported(Planner(GRID).plan(request_of({})), CODE.UNKNOWN, 'does not fit')
 
 
-def test_a_plan_comes_back_from_the_wire_with_all_that_a_robot_asks():
+def test_a_report_is_read_back_from_its_message_unchanged():
     request = PlanRequest(START, (24, 5), tolerance=0.5, via=((5, 15),))
     plan = Planner(GRID).plan(request)
     assert plan.code is CODE.NONE
@@ -137,7 +137,7 @@ def test_a_plan_comes_back_from_the_wire_with_all_that_a_robot_asks():
     assert plan.warnings[0] in plan_to_text(plan, (0, 0))
 
 
-def test_a_map_without_obstacles_has_no_clearance_to_tell():
+def test_a_plan_on_a_map_without_obstacles_has_no_clearance():
     grid_map = GridMap(np.zeros((5, 5), dtype=np.int8))
     plan = Planner(grid_map).plan(PlanRequest((0, 0), (4, 4)))
     assert math.isinf(plan.clearance)

@@ -1,4 +1,4 @@
-"""The layouts for RViz and Foxglove name what the nodes publish and hear, and can get it."""
+"""The layouts for RViz and Foxglove use topics, types and QoS of the nodes."""
 
 import json
 from typing import NamedTuple
@@ -55,7 +55,7 @@ class Wanted(NamedTuple):
 
 @pytest.fixture(scope='module')
 def nodes():
-    """The nodes of the graph in a namespace of their own; nobody needs to spin them."""
+    """The nodes of the graph in a namespace of their own; they need not be spun."""
     rclpy.init()
     made = [make(namespace=SPACE) for make in (MapNode, LlmClientNode, PlannerNode)]
     yield made
@@ -95,8 +95,8 @@ def panels(foxglove, kind):
     return [config for name, config in configs if name.split('!')[0] == kind]
 
 
-def ends_of(nodes, topic, end):
-    """Return who is at the other end of a topic; names from the root are those of our space."""
+def endpoints_of(nodes, topic, end):
+    """Return the publishers or subscriptions of a topic in the namespace of the nodes."""
     if topic != '/diagnostics':
         topic = f'{SPACE}/{topic.lstrip("/")}'
     found = getattr(nodes[0], f'get_{end}_info_by_topic')
@@ -105,7 +105,7 @@ def ends_of(nodes, topic, end):
 
 
 def gets(offered, requested):
-    """Whether a subscription of one quality of service hears a publisher of another."""
+    """Whether a subscription of one quality of service receives from a publisher of another."""
     reliable = (requested.reliability, offered.reliability)
     durable = (requested.durability, offered.durability)
     return reliable != (ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT) and durable != (
@@ -114,7 +114,7 @@ def gets(offered, requested):
     )
 
 
-def test_each_display_of_rviz_shows_a_topic_of_the_nodes_with_a_qos_that_gets_it(nodes, rviz):
+def test_each_display_of_rviz_shows_a_topic_of_the_nodes_with_a_compatible_qos(nodes, rviz):
     displays = [wanted(item['Topic'], DISPLAYS, item) for item in rviz['Displays']]
     assert {item.topic for item in displays} == {
         'map',
@@ -124,18 +124,18 @@ def test_each_display_of_rviz_shows_a_topic_of_the_nodes_with_a_qos_that_gets_it
         'planner_node/explored',
     }
     for item in displays:
-        for publisher in ends_of(nodes, item.topic, 'publishers'):
+        for publisher in endpoints_of(nodes, item.topic, 'publishers'):
             assert publisher.topic_type == item.kind
             assert gets(publisher.qos_profile, item.qos), item.topic
     assert displays[0].topic == 'map'
     assert displays[0].qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
 
-def test_the_buttons_of_rviz_publish_what_the_planner_hears(nodes, rviz):
+def test_the_buttons_of_rviz_publish_topics_that_the_planner_subscribes_to(nodes, rviz):
     tools = [wanted(item['Topic'], TOOLS, item) for item in rviz['Tools'] if 'Topic' in item]
     assert {item.topic for item in tools} == {'initialpose', 'goal_pose'}
     for item in tools:
-        for subscriber in ends_of(nodes, item.topic, 'subscriptions'):
+        for subscriber in endpoints_of(nodes, item.topic, 'subscriptions'):
             assert subscriber.node_name == 'planner_node'
             assert subscriber.topic_type == item.kind
             assert gets(item.qos, subscriber.qos_profile), item.topic
@@ -147,14 +147,14 @@ def test_rviz_looks_at_the_frame_of_the_map(rviz):
 
 
 def sees(centre, width, height):
-    """Whether a view from above, of a width and height in metres, takes in all of SIGHT."""
+    """Whether a view from above, of a width and height in metres, contains all of SIGHT."""
     left, right, low, high = SIGHT
     (x, y), half_width, half_height = centre, width / 2, height / 2
     wide = x - half_width <= left and right <= x + half_width
     return wide and y - half_height <= low and high <= y + half_height
 
 
-def test_rviz_shows_the_whole_demo_map_beside_its_displays(rviz, rviz_window):
+def test_rviz_shows_the_whole_demo_map_next_to_its_panels(rviz, rviz_window):
     window, view = rviz_window['Window Geometry'], rviz['Views']['Current']
     # RViz reads these two into variables it has not set.
     assert window['Hide Left Dock'] is False
@@ -181,7 +181,7 @@ def test_foxglove_draws_the_paths_over_the_map(foxglove):
         assert all(colour[7:] < 'ff' for colour in scene['topics'][topic]['gradient'])
 
 
-def test_what_foxglove_tells_of_a_plan_does_not_grow_stale(foxglove):
+def test_the_report_in_foxglove_does_not_become_stale(foxglove):
     for config in panels(foxglove, 'DiagnosticStatusPanel'):
         assert config['secondsUntilStale'] >= 3600
 
@@ -218,15 +218,16 @@ def test_each_panel_of_foxglove_shows_topics_the_nodes_publish(nodes, foxglove):
         '/diagnostics',
     }
     for kind, topic in shown:
-        assert {info.topic_type for info in ends_of(nodes, topic, 'publishers')} <= SHOWN[kind]
+        types = {info.topic_type for info in endpoints_of(nodes, topic, 'publishers')}
+        assert types <= SHOWN[kind]
 
 
-def test_foxglove_sends_wishes_and_poses_to_the_planner(nodes, foxglove):
+def test_foxglove_sends_instructions_and_poses_to_the_planner(nodes, foxglove):
     (scene,) = panels(foxglove, '3D')
     (panel,) = panels(foxglove, 'Publish')
     assert json.loads(panel['value']).keys() == {'data'}
-    (subscriber,) = ends_of(nodes, panel['topicName'], 'subscriptions')
+    (subscriber,) = endpoints_of(nodes, panel['topicName'], 'subscriptions')
     assert subscriber.topic_type == panel['datatype'] == 'std_msgs/msg/String'
     for field, name in (('poseTopic', 'SetGoal'), ('poseEstimateTopic', 'SetInitialPose')):
-        subscribers = ends_of(nodes, scene['publish'][field], 'subscriptions')
+        subscribers = endpoints_of(nodes, scene['publish'][field], 'subscriptions')
         assert [info.topic_type for info in subscribers] == [TOOLS[name]]

@@ -85,7 +85,7 @@ def watch(*arguments):
         process.stderr.close()
 
 
-def test_a_plan_an_exchange_and_the_states_are_seen_and_the_count_ends_it(graph):
+def test_plans_exchanges_and_states_are_printed_and_the_count_ends_the_watch(graph):
     graph.call(START, GOAL)
     with watch('--namespace', SPACE, '--json', '--count', '2') as (process, lines):
         for kind in ('"plan"', '"exchange"'):
@@ -102,7 +102,7 @@ def test_a_plan_an_exchange_and_the_states_are_seen_and_the_count_ends_it(graph)
     assert [(item['status'], len(item['waypoints'])) for item in exchanges] == [('OK', 5)]
 
 
-def test_ctrl_c_ends_a_watch_cleanly_and_a_silent_graph_is_told_of(graph):
+def test_ctrl_c_ends_a_watch_cleanly_and_silence_is_answered_with_advice(graph):
     with watch('--namespace', SPACE, '--node', 'nobody') as (process, _):
         advice = process.stderr.readline()
         process.send_signal(signal.SIGINT)
@@ -115,14 +115,14 @@ def test_ctrl_c_ends_a_watch_cleanly_and_a_silent_graph_is_told_of(graph):
 @pytest.mark.parametrize(
     'arguments', [('--count', '0'), ('--namespace', 'no/1bad'), ('--node', 'a b')]
 )
-def test_what_cannot_be_watched_is_refused_in_one_line(capsys, arguments):
+def test_invalid_options_are_refused_in_one_line(capsys, arguments):
     assert main(['watch', *arguments]) == 2
     error = capsys.readouterr().err
     assert error.startswith('llm-astar: error: ')
     assert error.count('\n') == 1
 
 
-def test_a_line_has_what_a_person_looks_for():
+def test_a_line_has_the_figures_of_the_plan():
     line = to_line(PLAN)
     for words in (
         'NONE',
@@ -155,7 +155,7 @@ def test_the_colour_says_how_well_it_went(change, code):
         assert f'! {warning}' in line
 
 
-def test_what_a_model_wrote_cannot_steer_the_terminal():
+def test_text_of_a_model_cannot_control_the_terminal():
     hostile = {**PLAN.values, 'code': 200, 'message': 'gone\n\033[2Jwrong\x07'}
     line = to_line(PLAN._replace(values=hostile))
     assert line.isprintable()

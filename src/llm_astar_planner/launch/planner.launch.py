@@ -1,4 +1,4 @@
-"""Start the planner and its waypoint client, and a map from maps/ unless told otherwise."""
+"""Start the planner and its waypoint client, and map_node unless `map:=false`."""
 
 from pathlib import Path
 
@@ -24,12 +24,14 @@ def generate_launch_description() -> LaunchDescription:
                 description='Parameters of all nodes',
             ),
             DeclareLaunchArgument(
-                'map', default_value='true', description='Start map_node; false: use your /map'
+                'map',
+                default_value='true',
+                description='Whether to start map_node; false: use the /map of another node',
             ),
             DeclareLaunchArgument(
                 'map_file',
                 default_value='demo.json',
-                description='Barrier map or map_server yaml of map_node',
+                description='Map of map_node: barrier-map JSON or map_server YAML',
             ),
             DeclareLaunchArgument(
                 'map_id', default_value='0', description='Which map of the file'

@@ -99,7 +99,7 @@ class DeprecatedParameter:
 
     @property
     def warning(self) -> str:
-        """What the user is told."""
+        """The sentence for the user."""
         return f'parameter {self.name} is deprecated: it {self.advice}'
 
     def translate(self, value: Any) -> dict[str, Scalar]:  # noqa: ANN401 - values come from files

@@ -48,7 +48,7 @@ def read_parameter_files(
 def read_sections(path: str | Path) -> list[tuple[str, Mapping[str, Any]]]:
     """Return the sections of a parameter file, wildcards first: node name and parameters.
 
-    Raises ParameterError where it is no such file.
+    Raises ParameterError if it is not a parameter file.
     """
     try:
         content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))

@@ -123,7 +123,7 @@ WAYPOINTS = (
     Parameter(
         'llm_client',
         'llm_client_node',
-        'Node to ask for waypoints; empty: none is asked',
+        'Node that provides waypoints; empty: plan without one',
         read_only=True,
         node_only=True,
     ),
@@ -185,7 +185,7 @@ CLIENT = (
     Parameter(
         'instruction',
         '',
-        'Instruction asked with; planner_node sets it before it asks',
+        'Instruction in plain language for the next queries; planner_node sets it',
         node_only=True,
     ),
     Parameter(

@@ -57,7 +57,7 @@ class SourceSettings:
         0.0, 'Sampling temperature sent to the endpoint', minimum=0.0, maximum=2.0
     )
     max_output_tokens: int = parameter(
-        1000, 'Longest reply asked for', unit='tokens', minimum=1, maximum=100000
+        1000, 'Longest reply to request', unit='tokens', minimum=1, maximum=100000
     )
     max_prompt_tokens: int = parameter(
         2000,
@@ -84,7 +84,7 @@ class SourceSettings:
     )
     repair_rounds: int = parameter(
         0,
-        'How often the model is shown which segments of its route collide and asked again',
+        'How often the model is asked again with the segments of its route that collide',
         minimum=0,
         maximum=10,
     )

@@ -76,7 +76,7 @@ def test_replayed_waypoints_guide_better_than_none_on_the_demo(capsys):
     assert figures == {'astar': 721, 'none': 439, 'replay': 49, 'guided': 38}
 
 
-def test_coordinates_are_the_maps_own(capsys, shifted):
+def test_coordinates_are_those_of_the_map(capsys, shifted):
     code, plan = run_json(
         capsys, 'plan', '--map', shifted, '--start', '-30', '105', '--goal', '-30', '120',
         '--reply', '[[-14, 110], [-14, 111]]',
@@ -87,14 +87,14 @@ def test_coordinates_are_the_maps_own(capsys, shifted):
     assert plan['waypoints'][0]['x'] == -14
 
 
-def test_guided_proves_its_bound_unless_told_to_take_the_first_path(capsys):
+def test_guided_proves_its_bound_unless_the_first_path_is_requested(capsys):
     bounded = run_json(capsys, 'plan', '--map-id', '1')[1]
     first = run_json(capsys, 'plan', '--map-id', '1', '--max-suboptimality', '0')[1]
     assert 1.0 <= bounded['ratio'] <= 1.1
     assert first['first_operation'] == first['operation'] <= bounded['operation']
 
 
-def test_a_reader_that_has_seen_enough_is_no_error():
+def test_a_closed_pipe_is_not_an_error():
     command = f'{sys.executable} -m llm_astar_planner.cli.main plan --any-angle | head -c 1'
     done = subprocess.run(command, shell=True, capture_output=True, text=True)  # noqa: S602
     assert done.stderr == ''
@@ -141,7 +141,7 @@ def test_a_robots_body_is_kept_off_the_walls_of_a_map_server_map(capsys, room):
     assert (code, stuck['code_name']) == (1, 'NO_VALID_PATH')
 
 
-def test_tolerances_and_via_cells_are_told_of(capsys, room):
+def test_shifts_by_tolerances_and_via_cells_are_reported(capsys, room):
     where = ['plan', '--map', room, '--start', '30', '35', '--goal', '66', '20']
     code, refused = run_json(capsys, *where, '--tolerance', '0')
     assert (code, refused['code_name']) == (1, 'GOAL_OUTSIDE_MAP')
@@ -231,7 +231,7 @@ def test_a_broken_map_names_file_map_and_field(capsys, tmp_path):
         assert word in err
 
 
-def test_doctor_finds_what_is_here(capsys):
+def test_doctor_finds_what_is_installed(capsys):
     code, report = run_json(capsys, 'doctor')
     findings = {finding['name']: finding for finding in report['findings']}
     assert code == (0 if report['ok'] else 1)
@@ -240,7 +240,7 @@ def test_doctor_finds_what_is_here(capsys):
     assert 'for ros2' in findings['ros2cli']['detail'] or findings['ros2cli']['found']
 
 
-def test_doctor_tells_how_to_get_what_is_missing(capsys, monkeypatch):
+def test_doctor_says_how_to_install_what_is_missing(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, 'rclpy.node', None)
     code, out, _ = run(capsys, 'doctor')
     assert code == 1
@@ -275,7 +275,7 @@ def test_doctor_runs_without_what_it_finds_missing(module):
     assert f'MISSING  {module} ' in done.stdout, done.stderr
 
 
-def test_a_command_that_misses_a_module_names_the_doctor():
+def test_a_command_without_its_libraries_refers_to_the_doctor():
     done = without('numba', 'plan')
     assert done.returncode == 1
     assert done.stderr.count('\n') == 1
@@ -347,7 +347,7 @@ def test_an_unknown_name_in_a_parameter_file_names_the_file_and_the_nearest_name
         assert words in err
 
 
-def test_every_rule_of_the_planner_node_has_a_flag_and_no_default_of_its_own(capsys):
+def test_every_parameter_that_decides_a_plan_has_a_flag(capsys):
     with pytest.raises(SystemExit):
         main(['plan', '--help'])
     text = capsys.readouterr().out

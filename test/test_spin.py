@@ -1,4 +1,4 @@
-"""Nodes spin on whatever happens beside them, and end on what is wrong."""
+"""Spinning survives what a shutdown causes, and ends on other failures."""
 
 import subprocess
 import sys
@@ -12,7 +12,7 @@ GONE = "Failed to add 'rcl_action_server_t' to wait set: action server pointer i
 
 
 class Executor:
-    """Fails as told, step by step, and ends the context at last."""
+    """Raises the given errors, one in each step, and then ends the context."""
 
     def __init__(self, *problems):
         self.problems = list(problems)
@@ -31,7 +31,7 @@ def test_an_action_server_that_leaves_the_graph_does_not_end_the_node():
     assert executor.steps == 3
 
 
-def test_another_failure_of_the_middleware_ends_it():
+def test_another_failure_of_the_middleware_ends_the_node():
     executor = Executor('out of memory', GONE)
     with pytest.raises(RCLError, match='memory'):
         spin(executor, executor.context)
@@ -39,16 +39,16 @@ def test_another_failure_of_the_middleware_ends_it():
 
 HANGS = """
 import ctypes
-from llm_astar_planner.nodes.common import spin as run
+from llm_astar_planner.nodes.common import spin
 class Node:
     def destroy_node(self):
         ctypes.PyDLL(None).sleep(60)  # and keeps Python's lock, as the middleware may
-run.LONGEST_LEAVE = 0.1
-run.leave(Node())
+spin.LONGEST_LEAVE = 0.1
+spin.leave(Node())
 """
 
 
-def test_a_process_that_cannot_leave_the_graph_ends_all_the_same_and_says_where_it_was():
+def test_a_process_that_cannot_leave_the_graph_is_ended_with_a_traceback():
     ended = subprocess.run(
         [sys.executable, '-c', HANGS], capture_output=True, text=True, timeout=50, check=False
     )
