@@ -105,7 +105,7 @@ def run_kernel(
     generation = workspace.next_generation()
     workspace.control[kernels.A_STARTED] = 0
     flag = no_stop() if stop is None else stop
-    every_move = every_move or grid.is_graded
+    every_move = every_move or grid.cell_surcharge.size > 0
     while True:
         ended: tuple[int, int, int, int] = kernels.solve(
             grid.moves, grid.cell_surcharge, grid.width, grid.straight, grid.diagonal,

@@ -113,11 +113,6 @@ class GridGraph:
         self._coarse: GridGraph | None = None
 
     @property
-    def is_graded(self) -> bool:
-        """Whether some cells cost more than others."""
-        return self.cell_surcharge.size > 0
-
-    @property
     def nbytes(self) -> int:
         """Bytes held by the grid and its idle workspaces; not `blocked`, which may be shared."""
         idle = list(self._spare) + ([] if self._coarse is None else list(self._coarse._spare))
@@ -180,7 +175,7 @@ def path_units(grid: GridGraph, path: NDArray[np.int32]) -> int:
     """Return the cost of a path [n, 2] of single moves, in the grid's units of length."""
     diagonal = np.abs(np.diff(path, axis=0)).sum(axis=1) == 2
     units = np.where(diagonal, grid.diagonal, grid.straight).astype(np.int64)
-    if grid.is_graded:
+    if grid.cell_surcharge.size:
         cells = path[:, 1].astype(np.int64) * grid.width + path[:, 0]
         surcharges = grid.cell_surcharge[cells].astype(np.int64)
         units += units * (surcharges[:-1] + surcharges[1:]) >> 9

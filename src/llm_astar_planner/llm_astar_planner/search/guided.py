@@ -8,7 +8,7 @@ both prove a lower bound on the cost of any path.
 from __future__ import annotations
 
 import math
-import threading
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -136,7 +136,7 @@ class GuidedSearch:
             points = points.reshape(0, 2)
         if points.ndim != 2 or points.shape[1] != 2:
             raise ValueError(f'waypoints: shape {points.shape} is not [n, 2]')
-        self._query.inbox.put(points)
+        self._query.inbox.append(points)
 
     def solutions(self, *, want_expanded: bool = False) -> Iterator[AnytimeSolution]:
         """Run the search to its end and yield each better path as it is found.
@@ -157,7 +157,8 @@ class GuidedSearch:
                     message = f'the cost of a path {query.start} to {query.goal} does not fit'
                     raise PathTooLongError(message) from None
                 grid, landmarks = grid.coarse(), None
-                self._query.inbox.put_back(run.waypoints)
+                if run.waypoints is not None:
+                    self._query.inbox.appendleft(run.waypoints)
             except GeneratorExit:
                 self._result = run.result(want_expanded=want_expanded)
                 raise
@@ -203,31 +204,6 @@ def guided(
     return search.result()
 
 
-class _WaypointInbox:
-    """The newest waypoints that a running search has not taken yet; thread-safe."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._points: NDArray[np.float64] | None = None
-
-    def put(self, points: NDArray[np.float64]) -> None:
-        """Leave waypoints; they replace those not taken yet."""
-        with self._lock:
-            self._points = points
-
-    def put_back(self, points: NDArray[np.float64] | None) -> None:
-        """Return waypoints that were taken, unless newer ones have arrived."""
-        with self._lock:
-            if self._points is None:
-                self._points = points
-
-    def take(self) -> NDArray[np.float64] | None:
-        """Take the waypoints, None if there are no new ones."""
-        with self._lock:
-            points, self._points = self._points, None
-        return points
-
-
 @dataclass(frozen=True, eq=False)
 class _Query:
     """What a search was asked for: the parameters of `GuidedSearch` and its waypoints."""
@@ -238,7 +214,8 @@ class _Query:
     stop: StopFlag
     weight: float
     work_factor: float
-    inbox: _WaypointInbox = field(default_factory=_WaypointInbox)
+    # Waypoints that the search has not taken yet, the newest last. Other threads append to it.
+    inbox: deque[NDArray[np.float64]] = field(default_factory=deque)
 
 
 class _Search:
@@ -281,7 +258,7 @@ class _Search:
         self._targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
         kernels.begin(
             self.workspace.records, self.workspace.pool, self._keys, self._heads,
-            grid.is_graded, landmark_distances, active, control,
+            grid.cell_surcharge.size > 0, landmark_distances, active, control,
         )  # fmt: skip
 
     @property
@@ -304,11 +281,6 @@ class _Search:
         """Whether the best path is proven to be within the requested bound."""
         return bool(kernels.is_met(self.control))
 
-    @property
-    def is_good_enough(self) -> bool:
-        """Whether the best path may be returned: proven, or no bound was requested."""
-        return self.control[kernels.G_SUBOPTIMALITY] == 0 or self.is_proven
-
     def learn(self, best: int, bound: int, plain_expansions: int = 0) -> None:
         """Take over what the other search knows: its best cost, its bound, its expansions."""
         control = self.control
@@ -330,32 +302,27 @@ class _Search:
         self._keys = np.concatenate((self._keys, np.empty_like(self._keys)))
         return plain_kernels.RUNNING
 
-    def follow(self, targets: NDArray[np.int64], weight: float) -> None:
-        """Follow new targets from here on: int64 [n, 3], see `make_targets`."""
-        self._targets = targets
-        # The window of the queue spans the keys from the bound to half as much again as the way
-        # along the targets; keys beyond it only take more time.
-        span = 1.5 * weight * float(targets[:, 2].max(initial=0)) + 64.0 * self._grid.straight
+    def rekey(self, targets: NDArray[np.int64] | None, span: float = 0.0) -> None:
+        """Follow new targets from here on; None: prove the best path, by g + h.
+
+        `targets` is int64 [n, 3], see `make_targets`. The window of the queue covers a `span` of
+        keys; keys beyond it only take more time.
+        """
         shift = plain_kernels.BUCKET_BITS
         while _BUCKETS << shift < span:
             shift += 1
-        self._rekey(shift, proving=False)
-
-    def start_proof(self) -> None:
-        """Continue as an A* by g + h on the same records, to prove the best path."""
-        self._rekey(plain_kernels.BUCKET_BITS, proving=True)
+        if targets is not None:
+            self._targets = targets
+        kernels.rekey(
+            self.workspace.records, self.workspace.pool, self._keys, self._heads, self._targets,
+            self._landmark_distances, self._active, targets is None, shift, self.control,
+        )  # fmt: skip
 
     def raise_bound(self) -> None:
         """Raise the lower bound to what the open cells prove."""
         kernels.raise_bound(
             self.workspace.records, self.workspace.pool, self._heads,
             self._landmark_distances, self._active, self.control,
-        )  # fmt: skip
-
-    def _rekey(self, shift: int, *, proving: bool) -> None:
-        kernels.rekey(
-            self.workspace.records, self.workspace.pool, self._keys, self._heads, self._targets,
-            self._landmark_distances, self._active, proving, shift, self.control,
         )  # fmt: skip
 
 
@@ -367,29 +334,23 @@ class _Run:
         self.grid = grid
         self.waypoints: NDArray[np.float64] | None = None
         self.status: SearchStatus | None = None
-        self.landmark_distances: NDArray[np.int32] = NO_DISTANCES
-        self.active: NDArray[np.int64] = NONE_ACTIVE
+        self.landmarks = NO_DISTANCES, NONE_ACTIVE
         if landmarks is not None:
             active = landmarks.active(grid, query.start, query.goal)
             if active is None:
                 self.status = SearchStatus.EXHAUSTED
             else:
-                self.landmark_distances, self.active = landmarks.distances, active
-        walled_in = query.start != query.goal and not grid.moves[grid.index(query.goal)]
-        if walled_in or any(grid.blocked[y, x] for x, y in (query.start, query.goal)):
+                self.landmarks = landmarks.distances, active
+        (x, y), (goal_x, goal_y) = query.start, query.goal
+        enclosed = query.start != query.goal and not grid.moves[grid.index(query.goal)]
+        if enclosed or grid.blocked[y, x] or grid.blocked[goal_y, goal_x]:
             self.status = SearchStatus.EXHAUSTED
-        self.waypoint_search = self.make_search(proving=False)
+        self.waypoint_search = _Search(query, grid, *self.landmarks, proving=False)
         self.plain_search: _Search | None = None
         self.best_search = self.waypoint_search
         self.best_path: NDArray[np.int32] | None = None
         self.first_expansions = 0
         self.first_cost = math.inf
-
-    def make_search(self, *, proving: bool) -> _Search:
-        """Make one of the two searches."""
-        return _Search(
-            self.query, self.grid, self.landmark_distances, self.active, proving=proving
-        )
 
     @property
     def expansions(self) -> int:
@@ -424,13 +385,16 @@ class _Run:
 
     def step(self) -> None:
         """Search one slice; set the status if that ends the search."""
-        points = self.query.inbox.take()
-        search = self.waypoint_search
+        search, points = self.waypoint_search, None
+        while self.query.inbox:
+            points = self.query.inbox.popleft()
         # Waypoints count for nothing once a path is known.
         if points is not None and len(points) and search.best == plain_kernels.NO_PATH:
             self.waypoints = points
             targets = make_targets(self.grid, points, self.query.start, self.query.goal)
-            search.follow(targets, self.query.weight)
+            # The keys of the queue: from the bound to half as much again as the way along these.
+            way = 1.5 * self.query.weight * float(targets[:, 2].max(initial=0))
+            search.rekey(targets, way + 64.0 * self.grid.straight)
         if self.waypoints is None:
             self.step_plain(EXPANSION_SLICE)
             return
@@ -440,10 +404,10 @@ class _Run:
             self.best_search = search
         if ended == plain_kernels.FOUND:
             search.raise_bound()
-            if search.is_good_enough:
+            if self.query.max_suboptimality is None or search.is_proven:
                 self.status = SearchStatus.FOUND
             else:
-                search.start_proof()
+                search.rekey(None)
         elif ended == kernels.WORK_LIMIT:
             self.step_plain(max(_MIN_PLAIN_STEP, self.plain_expansions // 8))
         else:
@@ -452,7 +416,7 @@ class _Run:
     def step_plain(self, quota: int) -> None:
         """Let the plain A* expand `quota` cells, which also raises the work limit."""
         if self.plain_search is None:
-            self.plain_search = self.make_search(proving=True)
+            self.plain_search = _Search(self.query, self.grid, *self.landmarks, proving=True)
         plain, search = self.plain_search, self.waypoint_search
         plain.learn(search.best, 0)  # prunes the plain A* too
         ended = plain.advance(quota, self.query.stop)

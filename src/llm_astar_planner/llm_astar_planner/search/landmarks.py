@@ -123,7 +123,9 @@ class Landmarks:
             return False
         if grid.cell_surcharge is self._cell_surcharge or self._cell_surcharge.size == 0:
             return True
-        return grid.is_graded and bool((grid.cell_surcharge >= self._cell_surcharge).all())
+        if grid.cell_surcharge.size == 0:
+            return False
+        return bool((grid.cell_surcharge >= self._cell_surcharge).all())
 
 
 class LandmarkManager:
