@@ -33,8 +33,9 @@ def test_a_parameter_file_fits(kind):
 
 
 def test_the_docs_name_every_parameter_and_file():
-    text = (ROOT / 'docs' / 'llm-client.md').read_text()
+    text = (ROOT / 'docs' / 'reference.md').read_text()
     for name, kind in TYPES.items():
         assert f'`{name}`' in text, (name, kind)
+    text = (ROOT / 'docs' / 'llm-client.md').read_text()
     for kind in KINDS:
         assert f'config/llm_{kind}.yaml' in text
