@@ -69,7 +69,7 @@ def recording(folder, *options, namespace=ALONE, ending=signal.SIGINT):
 
 
 def read(folder):
-    """Read a bag of whatever types as it defines them: (topic, time, message)."""
+    """Read a bag by the types it defines: (topic, time, message)."""
     with AnyReader([folder]) as reader:
         return [
             (connection.topic, stamp, reader.deserialize(data, connection.msgtype))
@@ -206,7 +206,7 @@ def test_a_later_publisher_with_a_weaker_qos_is_recorded_too(tmp_path):
         first.wait_for_all_acked()
         second = node.create_publisher(String, 'chatter', qos_profile_sensor_data)
         wait_for(lambda: recorder.printed('subscribed to /recorded/chatter again'), 'the second')
-        # Best effort is lost while ends find each other. The second of them begins a new file.
+        # Best-effort messages are lost until discovery. The second one begins a new file.
         wait_for(lambda: second.publish(words) or (bag / 'metadata.yaml').exists(), 'the words')
     node.destroy_node()
     texts = [message.data for topic, _, message in read(bag) if topic.endswith('chatter')]

@@ -49,7 +49,7 @@ def yaw_of(quaternion: Any, field: str) -> float:  # noqa: ANN401 - live or deco
 
 
 def path_from_message(message: Any) -> NDArray[np.float64]:  # noqa: ANN401 - live or decoded
-    """Read the points [n, 2] of a nav_msgs/Path in metres, whatever frame it is in."""
+    """Read the points [n, 2] of a nav_msgs/Path, in metres in the path's own frame."""
     points = [(pose.pose.position.x, pose.pose.position.y) for pose in message.poses]
     return np.array(points, dtype=np.float64).reshape(-1, 2)
 

@@ -192,17 +192,17 @@ def test_what_is_left_out_is_reported_and_the_rest_is_evaluated(drive, tmp_path,
     bags = (early, tmp_path / 'rubbish.mcap', tmp_path / 'cut.mcap', mapless,
             tmp_path / 'nowhere', drive)  # fmt: skip
     assert llm_astar('evaluate', *bags, *CASES, '--out', out) == 3
-    told = capsys.readouterr().err
+    errors = capsys.readouterr().err
     report = (out / 'report.md').read_text()
     left_out = json.loads((out / 'summary.json').read_text())['left_out']
     for sentence in (
         'a request before the first map', 'rubbish.mcap: does not begin as an mcap file does',
         'mapless: no map', 'nowhere: there is no such bag', 'cut.mcap: was cut off',
     ):  # fmt: skip
-        assert sentence in told
+        assert sentence in errors
         assert sentence in report
         assert any(sentence in line for line in left_out)
-    assert 'note: ' in told
+    assert 'note: ' in errors
     assert [row['bag'] for row in by_method(out, 'guided')] == ['early', 'drive', 'drive']
     assert 'Left out' in (out / 'report.html').read_text()
 

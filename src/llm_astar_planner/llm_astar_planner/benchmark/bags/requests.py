@@ -51,7 +51,7 @@ class ListedRequest(NamedTuple):
     goal: Pose2D
 
     def endpoints(self, map_frame: str) -> tuple[Pose2D, Pose2D]:
-        """Return start and goal; they are in the map's frame, whatever its name."""
+        """Return start and goal, which are in the map's frame already."""
         del map_frame
         return self.start, self.goal
 

@@ -11,6 +11,7 @@ import rclpy
 from builtin_interfaces.msg import Time
 from cachetools import LRUCache
 from diagnostic_msgs.msg import DiagnosticArray
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.messages.diagnostics import (
     ExchangeReport,
     ReportError,
@@ -44,7 +45,7 @@ KEPT_EXCHANGES = 64
 MAX_PENDING = 32
 
 
-class ClientFailure(Exception):  # noqa: N818 - of the outside world, not a bug
+class ClientFailure(LlmAstarError):  # noqa: N818 - of the outside world, not a bug
     """Why the client gave no answer."""
 
     def __init__(self, status: SourceStatus, detail: str) -> None:
