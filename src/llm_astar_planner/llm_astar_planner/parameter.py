@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, TypeVar
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -25,8 +25,9 @@ class Parameter:
     outside of that range; `check` returns what else is wrong with a value, None for nothing.
     A `read_only` parameter is set at start and never changed. A `node_only` one has no effect on
     a plan made without ROS, so `llm-astar plan` has no flag for it. Where the command line's
-    default has to differ, `cli_default` is that default and `cli_reason` says why. `aliases` are
-    more names of its flag.
+    default has to differ, `cli_default` is that default and `cli_reason` says why; `bench_default`
+    and `bench_reason` are the same for `bench` and `evaluate`. `aliases` are more names of its
+    flag.
     """
 
     name: str
@@ -42,6 +43,8 @@ class Parameter:
     check: Callable[[Any], str | None] | None = None
     cli_default: Scalar | None = None
     cli_reason: str = ''
+    bench_default: Scalar | None = None
+    bench_reason: str = ''
     aliases: tuple[str, ...] = ()
 
     @property
@@ -54,6 +57,12 @@ class Parameter:
         ends = (self.minimum, self.maximum)
         least, most = (int(end) if end == int(end) else end for end in ends)
         return f'{least} to {most}' + (', or 0' if self.zero else '')
+
+    def for_bench(self) -> Parameter:
+        """Return the parameter with the default that it has in `bench` and `evaluate`."""
+        if self.bench_default is None:
+            return self
+        return replace(self, cli_default=self.bench_default, cli_reason=self.bench_reason)
 
     def problem(self, value: Any) -> str | None:  # noqa: ANN401 - values come from files
         """Say why the parameter cannot have a value of its type; None where it can."""

@@ -38,7 +38,6 @@ from llm_astar_planner.cli.run_options import (
     OK,
     add_running,
     add_variants,
-    check_variants,
     close_run,
     complain,
     count,
@@ -46,6 +45,7 @@ from llm_astar_planner.cli.run_options import (
     live_settings,
     make_executor,
     seed,
+    settle_variants,
 )
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.paper import WAYPOINT_METHODS
@@ -116,7 +116,7 @@ def _add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
 
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark; return its exit code. Raises ValueError on bad input."""
-    check_variants(args)
+    settle_variants(args)
     dataset = find_file(args.dataset, 'maps')
     maps = load_maps(dataset, args.limit, args.seed)
     config = benchmark_config(args, dataset, maps)

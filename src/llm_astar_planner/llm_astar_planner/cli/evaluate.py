@@ -51,20 +51,18 @@ from llm_astar_planner.cli.run_options import (
     INCOMPLETE,
     INTERRUPTED,
     OK,
-    SEARCH_PARAMETERS,
     add_running,
     add_variants,
-    check_variants,
     close_run,
     complain,
     deciding_files,
     live_settings,
     make_executor,
+    settle_variants,
 )
 from llm_astar_planner.planning.parameters import (
     COSTMAP,
     REQUESTS,
-    SEARCH,
     costmap_config,
     defaults,
 )
@@ -114,8 +112,6 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     add_params_file_flag(rules)
     add_parameter_flags(rules, RULES)
     add_running(parser.add_argument_group('running'), 'out/evaluate')
-    names = ('methods', *(item.name for item in SEARCH_PARAMETERS))
-    parser.set_defaults(unnamed={name: parser.get_default(name) for name in names})
 
 
 def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -159,8 +155,10 @@ def run(args: argparse.Namespace) -> int:
     selection, listed = read_selection(args)
     if args.list:
         return list_contents(args, selection)
-    rules = read_rules(args)
-    check_variants(args)
+    file = read_params_files(args).values['planner_node'] if args.params_file else None
+    settle_variants(args, file)
+    in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
+    rules = in_file | given_values(args, RULES)
     results_bag = ResultsBag(args.results_bag) if args.results_bag else None
     folder = ResultsFolder(args.out)
     with open_bags(args.bags) as (bags, unopened):
@@ -212,26 +210,6 @@ def read_selection(
         requests,
     )
     return selection, listed
-
-
-def read_rules(args: argparse.Namespace) -> dict[str, Any]:
-    """Return the rules that flags or files set; put the files' search into `args`.
-
-    Flags override files. With a file, what it does not set has the node's default. A flag of the
-    search counts as given where its value is not its default.
-    """
-    given: dict[str, Any] = {}
-    if args.params_file:
-        given = read_params_files(args).values['planner_node']
-        search = defaults((*SEARCH, *REQUESTS)) | given
-        for item in SEARCH_PARAMETERS:
-            if getattr(args, item.name) == args.unnamed[item.name]:
-                setattr(args, item.name, search[item.name] or None)
-        if args.methods == args.unnamed['methods']:
-            args.methods = [search['method']]
-    names = {item.name for item in RULES}
-    rules = {name: value for name, value in given.items() if name in names}
-    return rules | given_values(args, RULES)
 
 
 def list_contents(args: argparse.Namespace, selection: TopicSelection) -> int:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +39,11 @@ from llm_astar_planner.benchmark.runner.sources import (
 from llm_astar_planner.cli.parameter_flags import (
     add_endpoint_arguments,
     add_parameter_flags,
-    given_values,
+    parameter_values,
 )
-from llm_astar_planner.planning.parameters import REQUESTS, SEARCH, defaults
+from llm_astar_planner.parameter import Scalar
+from llm_astar_planner.planning.parameters import REQUESTS, SEARCH
+from llm_astar_planner.search.paper import GUIDED
 from llm_astar_planner.waypoints.baselines import ablation_sources
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceSettings
 from llm_astar_planner.waypoints.factory import SOURCES
@@ -52,9 +53,7 @@ from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_pat
 LIVE_JOBS = 8
 # The parameters of the search, with the defaults of the benchmark.
 SEARCH_PARAMETERS = tuple(
-    replace(item, cli_default=0.0, cli_reason='as the tables measure the first path')
-    if item.name == 'max_suboptimality'
-    else item
+    item.for_bench()
     for item in (*SEARCH, *REQUESTS)
     if item.name in ('heuristic', 'weight', 'max_suboptimality', 'max_planning_time')
 )
@@ -66,7 +65,6 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
     group.add_argument(
         '--methods',
         type=method_names,
-        default=list(ALL_METHODS),
         metavar='NAMES',
         help=f'of {", ".join(ALL_METHODS)} (default: all)',
     )
@@ -89,7 +87,6 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
     )
     add_endpoint_arguments(group)
     add_parameter_flags(group, SEARCH_PARAMETERS)
-    group.set_defaults(**defaults(SEARCH_PARAMETERS, cli=True))
     group.add_argument(
         '--price',
         type=float,
@@ -122,15 +119,22 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
     group.add_argument('--json', action='store_true', help='print the summary as JSON')
 
 
-def check_variants(args: argparse.Namespace) -> None:
-    """Raise ValueError on values that argparse cannot check; 0 for no bound becomes None."""
+def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None = None) -> None:
+    """Put the values of methods and search that flags, parameter files and defaults lead to.
+
+    `file` is what parameter files set of planner_node, None without one. A bound of 0 becomes
+    None. Raises ValueError on values that argparse cannot check.
+    """
+    if args.methods is None:
+        method = (file or {}).get('method', GUIDED)
+        args.methods = list(ALL_METHODS) if file is None else [str(method)]
     known = {'methods': ALL_METHODS, 'source': tuple(SOURCES)}
     for option, names in known.items():
         for name in getattr(args, option):
             if name not in names:
                 message = f'--{option} {name!r} is unknown; available are {", ".join(names)}'
                 raise ValueError(message)
-    given_values(args, SEARCH_PARAMETERS)
+    vars(args).update(parameter_values(args, SEARCH_PARAMETERS, file))
     args.max_suboptimality = args.max_suboptimality or None
 
 

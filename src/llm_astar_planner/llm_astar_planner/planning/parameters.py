@@ -57,6 +57,8 @@ SEARCH = (
         minimum=1.0,
         maximum=1000.0,
         zero='the first path found',
+        bench_default=0.0,
+        bench_reason='as the tables measure the first path',
     ),
     Parameter(
         'search_while_waiting',
@@ -323,13 +325,17 @@ def _markdown_section(node: str) -> str:
         limits = f'`{"`, `".join(item.choices)}`' if item.choices else item.limits
         default = f'`{_literal(item.default)}`{unit}'
         lines.append(f'| `{item.name}` | {default} | {limits} | {sentence} |')
-    differing = [item for item in NODES[node] if item.cli_reason]
-    if differing:
-        lines += ['', 'The command line has other defaults for these:', '']
-        lines += [
-            f'- `{item.name}`: `{_literal(item.cli_default)}`, {item.cli_reason}.'
-            for item in differing
-        ]
+    other = [
+        f'- `{item.name}`: `{_literal(default)}`{where}, {reason}.'
+        for item in NODES[node]
+        for default, where, reason in (
+            (item.cli_default, '', item.cli_reason),
+            (item.bench_default, ' in `bench` and `evaluate`', item.bench_reason),
+        )
+        if reason
+    ]
+    if other:
+        lines += ['', 'The command line has other defaults for these:', '', *other]
     old = DEPRECATED.get(node, ())
     if old:
         lines += ['', 'Accepted for one more release, with a warning:', '']
