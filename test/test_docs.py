@@ -1,0 +1,108 @@
+"""The documentation is short, its links lead somewhere, and its commands exist."""
+
+import contextlib
+import functools
+import io
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from llm_astar_planner.cli.main import main
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = sorted([*ROOT.glob('*.md'), *(ROOT / 'docs').glob('*.md')])
+MAY_BE_LONGER = {'guided-search.md', 'reference.md'}
+LISTS_WHAT_IS_GONE = {'CHANGELOG.md'}
+GROUPS = {'dataset'}  # commands with commands of their own
+CODE_BLOCK = re.compile(r'^```.*?^```', re.MULTILINE | re.DOTALL)
+
+
+def identify(page):
+    return page.name
+
+
+def prose(page):
+    return CODE_BLOCK.sub('', page.read_text())
+
+
+def anchors(page):
+    """Return the anchors that GitHub gives to the headings of a page."""
+    headings = re.findall(r'^#+ (.*)$', prose(page), re.MULTILINE)
+    return {re.sub(r'[^\w\- ]', '', heading.lower()).replace(' ', '-') for heading in headings}
+
+
+def commands(page):
+    """Yield the words behind `llm-astar` of each command in a page's code."""
+    blocks = '\n'.join(CODE_BLOCK.findall(page.read_text())).replace('\\\n', ' ')
+    for line in [*blocks.splitlines(), *re.findall(r'`([^`\n]+)`', prose(page))]:
+        match = re.match(r'[^#]*\bllm-astar ([a-z-].*)', line)
+        if match:
+            yield shlex.split(re.split(r' [|&>]', match[1])[0], comments=True)
+
+
+@functools.cache
+def options(*command):
+    """Return the options in the help of a command, or None if there is no such command."""
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text), contextlib.redirect_stderr(io.StringIO()):
+        try:
+            code = main([*command, '--help'])
+        except SystemExit as end:
+            code = end.code
+    return set(re.findall(r'--[a-z][a-z-]*', text.getvalue())) if code == 0 else None
+
+
+def unknown(words):
+    """Return what the command line does not know of the words behind `llm-astar`."""
+    known = options(*words[: 2 if words[0] in GROUPS else 1])
+    if known is None:
+        return words[:2]
+    return [word for word in words if word.startswith('--') and word not in known]
+
+
+@pytest.mark.parametrize('page', PAGES, ids=identify)
+def test_a_page_has_at_most_1800_words(page):
+    words = len(page.read_text().split())
+    assert words <= 1800 or page.name in MAY_BE_LONGER, f'{words} words'
+
+
+@pytest.mark.parametrize('page', PAGES, ids=identify)
+def test_every_link_leads_to_a_file_and_a_heading(page):
+    for target in re.findall(r'\]\(([^)\s]+)\)', prose(page)):
+        if '://' not in target:
+            name, _, anchor = target.partition('#')
+            linked = page.parent / name if name else page
+            assert linked.exists(), target
+            assert not anchor or anchor in anchors(linked), target
+
+
+@pytest.mark.parametrize('page', [page for page in PAGES if page.name not in LISTS_WHAT_IS_GONE],
+                         ids=identify)  # fmt: skip
+def test_every_command_and_option_exists(page):
+    for words in commands(page):
+        assert not unknown(words), ' '.join(words)
+
+
+def test_an_unknown_command_or_option_is_noticed():
+    assert unknown(['no-such-command', '--port', '8080']) == ['no-such-command', '--port']
+    assert unknown(['dataset', 'no-such-action']) == ['dataset', 'no-such-action']
+    assert unknown(['plan', '--map', 'x.yaml', '--no-such-option']) == ['--no-such-option']
+
+
+def test_commands_are_found_in_blocks_and_in_sentences():
+    found = list(commands(ROOT / 'README.md'))
+    assert ['doctor'] in found
+    assert ['watch'] in found
+    assert any('--fail-under' in words for words in found), 'a line that continues'
+
+
+def test_the_readme_names_all_that_pip_has_to_install_for_colcon():
+    readme = (ROOT / 'README.md').read_text()
+    named = re.search(r'pip install --break-system-packages(.*?)colcon', readme, re.DOTALL)[1]
+    needed = set()
+    for setup in (ROOT / 'src').glob('*/setup.py'):
+        listed = re.search(r'install_requires=\[(.*?)\]', setup.read_text(), re.DOTALL)[1]
+        needed |= set(re.findall(r"'([a-z0-9_]+)", listed))
+    from_apt = {'setuptools', 'pillow', 'pyyaml', 'llm_astar_msgs_adapter'}
+    assert needed - from_apt <= set(re.findall(r'[a-z][a-z0-9]+', named))
