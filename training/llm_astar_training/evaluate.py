@@ -117,9 +117,8 @@ def figures(name: str, maps: Sequence[ProblemMap], scale: int = 1) -> Figures:
     variants = list_variants((WAYPOINTS_ONLY, 'llm_astar', 'guided'), sources)
     samples = [(sample, scale) for sample in select_samples(maps, name)]
     rows = []
-    for task in tqdm(
-        make_tasks(samples, variants, sources, SearchSettings()), desc=name, leave=False
-    ):
+    tasks = make_tasks(samples, variants, sources, SearchSettings())
+    for task in tqdm(tasks, desc=name, leave=False):
         rows += [replace(outcome.row, scale=1) for outcome in run_task(task)]
     summaries = summarise(rows)
 

@@ -12,19 +12,8 @@ import math
 
 import numpy as np
 
-from llm_astar_training.maps import (
-    MAX_SCALE,
-    RECIPE,
-    SCALED,
-    Flags,
-    Floats,
-    Ints,
-    draw_endpoints,
-    draw_map,
-    is_blocked,
-    jit,
-    scale_map,
-)
+from llm_astar_training import maps
+from llm_astar_training.maps import Flags, Floats, Ints, draw_endpoints, draw_map, is_blocked, jit
 
 # How much longer than the shortest a route may be and count as about as good: in cells, and as a
 # share of the map's longer side.
@@ -194,8 +183,8 @@ def is_worth_learning(kind: int, distances: Floats, length: float, direct: float
     if not np.isfinite(length) or direct < 1.5:
         return False
     if np.isfinite(distances[0, 1]):
-        return kind not in (RECIPE, SCALED) and np.random.random() < 0.04
-    if kind in (RECIPE, SCALED) and direct < MIN_DISTANCE:
+        return kind not in (maps.RECIPE, maps.SCALED) and np.random.random() < 0.04
+    if kind in (maps.RECIPE, maps.SCALED) and direct < MIN_DISTANCE:
         return False
     return length >= MIN_DETOUR * direct or np.random.random() < 0.5
 
@@ -209,8 +198,8 @@ def draw_problem(
     while True:
         if not (draw_map(kind, barriers, size) and draw_endpoints(barriers, size, endpoints)):
             continue
-        if kind == SCALED:
-            scale_map(barriers, size, endpoints, np.random.randint(2, MAX_SCALE + 1))
+        if kind == maps.SCALED:
+            maps.scale_map(barriers, size, endpoints, np.random.randint(2, maps.MAX_SCALE + 1))
             if np.random.random() < 0.5:
                 draw_endpoints(barriers, size, endpoints)
         nodes = place_nodes(barriers, endpoints)

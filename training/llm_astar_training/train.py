@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import argparse
 import csv
+import itertools
 import math
 import os
 import signal
 import threading
 import time
+from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -77,8 +79,8 @@ class Trainer:
         self.out.mkdir(parents=True, exist_ok=True)
         self.device = torch.device('cuda' if torch.cuda.is_available() else 'cpu')
         torch.manual_seed(options.seed)
-        self.network = Network(Shape(width=options.width, layers=options.layers))
-        self.network.to(self.device)
+        shape = Shape(width=options.width, layers=options.layers)
+        self.network = Network(shape).to(self.device)
         self.mean = {k: v.detach().clone() for k, v in self.network.state_dict().items()}
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), LEARNING_RATE, (0.9, 0.98), weight_decay=WEIGHT_DECAY
@@ -123,17 +125,18 @@ class Trainer:
 
     def batches(self) -> Iterator[Batch]:
         """Yield the batches from the current step on, prefetched by a thread."""
-        seed, most = self.options.seed, self.options.most_maps
+        steps = itertools.count(self.step)
         with ThreadPoolExecutor(1) as pool:
-            ahead = [
-                pool.submit(batches.step_batch, seed, self.step + n, most) for n in range(PREFETCH)
-            ]
-            step = self.step + PREFETCH
+
+            def submit() -> Future[Batch]:
+                seed, most = self.options.seed, self.options.most_maps
+                return pool.submit(batches.step_batch, seed, next(steps), most)
+
+            ahead = deque(submit() for _ in range(PREFETCH))
             try:
                 while True:
-                    yield ahead.pop(0).result()
-                    ahead.append(pool.submit(batches.step_batch, seed, step, most))
-                    step += 1
+                    yield ahead.popleft().result()
+                    ahead.append(submit())
             finally:
                 for future in ahead:
                     future.cancel()
@@ -160,11 +163,9 @@ class Trainer:
         network.load_state_dict({name: value.cpu() for name, value in self.mean.items()})
         row = {'step': self.step, 'maps': self.maps, 'minutes': round(self.seconds / 60, 2),
                'loss': round(loss, 4), **evaluate(network, self.held_out)}  # fmt: skip
-        curve = self.out / 'curve.csv'
-        is_new = not curve.exists()
-        with curve.open('a', newline='', encoding='utf-8') as file:
+        with (self.out / 'curve.csv').open('a', newline='', encoding='utf-8') as file:
             writer = csv.DictWriter(file, list(row))
-            if is_new:
+            if file.tell() == 0:
                 writer.writeheader()
             writer.writerow(row)
         state = {
@@ -191,9 +192,8 @@ class Trainer:
         expected = {'shape': asdict(self.network.shape), 'seed': self.options.seed}
         for name, value in expected.items():
             if state.get(name) != value:
-                raise CheckpointError(
-                    f'{path}: {name}: is {state.get(name)}, not {value}; name another --out'
-                )
+                found = f'{name}: is {state.get(name)}, not {value}'
+                raise CheckpointError(f'{path}: {found}; name another --out')
         self.network.load_state_dict(state['network'])
         self.mean = state['mean']
         self.optimiser.load_state_dict(state['optimiser'])
@@ -270,9 +270,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('--layers', type=int, default=Shape.layers)
     parser.add_argument('--most-maps', type=int, default=batches.MAX_MAPS, help='maps per batch')
     parser.add_argument('--held-out', type=int, default=1000, help='held-out maps of the recipe')
-    parser.add_argument(
-        '--save-every', type=float, default=420, help='seconds between evaluations'
-    )
+    parser.add_argument('--save-every', type=float, default=420, help='seconds between saves')
     return parser
 
 
