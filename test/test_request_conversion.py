@@ -24,15 +24,18 @@ from llm_astar_planner.nodes.planner.nav2_server import (
     fill_result,
     plan_goal,
 )
-from llm_astar_planner.nodes.planner.preemption import CancellationToken, PreemptingGoalSlot
 from llm_astar_planner.nodes.planner.request_conversion import (
     PlanGoal,
     RequestConverter,
     RequestError,
 )
-from llm_astar_planner.nodes.planner.request_handler import PlanResponse, RequestHandler
+from llm_astar_planner.nodes.planner.request_handler import (
+    CancellationToken,
+    PlanResponse,
+    PreemptingGoalSlot,
+    RequestHandler,
+)
 from llm_astar_planner.planning.parameters import PLANNER
-from llm_astar_planner.planning.plan_reuse import WaypointCache
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, ResultCode
 from nav_msgs.msg import Path
@@ -113,7 +116,6 @@ def answered(buffer, max_planning_time=LONG, token=None):
         settings,
         SimpleNamespace(planner=Planner(MAP)),
         RequestConverter(settings, Frames(buffer), None),
-        cache=WaypointCache(),
         publisher=Mock(wants_expanded=False),
         replans=PreemptingGoalSlot(),
     )
@@ -255,7 +257,7 @@ class ThroughPoses:
 def response(code, message='because', points=(), goals=1):
     plan = Plan(code, message, 'guided', (0, 0), (1, 1), np.zeros((0, 0), dtype=bool))
     goal = PlanGoal((pose(1.0, 1.0),) * goals)
-    return PlanResponse(goal, plan, path_to_message(points, 'map', STAMP), 1.25)
+    return PlanResponse(goal, plan, path_to_message(points, 'map', STAMP), seconds=1.25)
 
 
 def test_results_carry_each_actions_own_numbers():

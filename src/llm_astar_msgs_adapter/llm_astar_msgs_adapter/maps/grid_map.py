@@ -101,7 +101,8 @@ class GridMap:
 
     def contains(self, cell: tuple[int, int]) -> bool:
         """Tell whether the cell (x, y) lies on the map."""
-        return 0 <= cell[0] < self.width and 0 <= cell[1] < self.height
+        height, width = self.cells.shape
+        return bool(0 <= cell[0] < width and 0 <= cell[1] < height)
 
     def blocked(
         self, occupied_threshold: int = 65, *, allow_unknown: bool = True
@@ -135,6 +136,6 @@ class GridMap:
         """
         if not (math.isfinite(x) and math.isfinite(y)):
             raise GridMapError('point', f'({x}, {y}) is not finite')
-        x, y = (min(max(value, -FAR), FAR) for value in (x, y))
+        x, y = min(max(x, -FAR), FAR), min(max(y, -FAR), FAR)
         column, row = self.world_to_grid([[x, y]])[0] + 0.5 + BORDER_TOLERANCE
         return math.floor(column), math.floor(row)

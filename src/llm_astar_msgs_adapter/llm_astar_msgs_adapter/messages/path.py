@@ -28,10 +28,16 @@ def path_to_message(
     message = Path()
     message.header.frame_id = frame_id
     message.header.stamp = stamp
-    message.poses = [
-        pose_to_message(Pose2D(x, y, yaw), frame_id, stamp)
-        for (x, y), yaw in zip(points.tolist(), headings_along(points, goal_yaw))
-    ]
+    # A path may have thousands of poses, so they share their header and nothing is called here.
+    half_yaws = np.array(headings_along(points, goal_yaw)) / 2.0
+    values = zip(points.tolist(), np.sin(half_yaws).tolist(), np.cos(half_yaws).tolist())
+    poses = []
+    for (x, y), z, w in values:
+        pose = PoseStamped(header=message.header)
+        pose.pose.position.x, pose.pose.position.y = x, y
+        pose.pose.orientation.z, pose.pose.orientation.w = z, w
+        poses.append(pose)
+    message.poses = poses
     return message
 
 

@@ -39,7 +39,8 @@ def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
     """Return the cells to plan between. Raises PlanningFailure if start, goal or via cannot be."""
     start = resolve_start(costmap, request)
     goal = resolve_goal(costmap, request, start)
-    check_via(costmap, request.via, start)
+    if request.via:
+        check_via(costmap, request.via, start)
     if (start, goal) == (request.start, request.goal):
         return Endpoints(start, goal)
     resolution = costmap.grid_map.resolution

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
@@ -32,6 +32,18 @@ class BlockedCells(Protocol):
         """Tell which of the cells at `rows, columns` are blocked."""
 
 
+class PathMetrics(NamedTuple):
+    """Figures of a path that a robot's owner asks for, besides its length.
+
+    `clearance`: metres from its cells to the nearest lethal cell, inf without one;
+    `unknown_length`: metres through unknown cells; `turns`: changes of direction.
+    """
+
+    clearance: float
+    unknown_length: float
+    turns: int
+
+
 class CollisionChecker:
     """Independent collision checker for final paths: `checker[rows, columns]` is blocked cells.
 
@@ -43,16 +55,23 @@ class CollisionChecker:
         """Take a map and the rules of its costmap."""
         self._cells = grid_map.cells
         self._config = config
+        self._resolution = grid_map.resolution
         self._radius = config.robot_radius / grid_map.resolution
+        self.shape: tuple[int, ...] = grid_map.cells.shape
+
+    def measure(self, path: NDArray[np.int32]) -> PathMetrics:
+        """Measure a path of single moves [n, 2], n > 0."""
+        clearance = float(self.distances(path).min()) * self._resolution
+        steps = np.diff(path, axis=0)
+        turns = int((steps[1:] != steps[:-1]).any(axis=1).sum())
+        # Half of a move is in each of its two cells.
+        unknown = (self._cells[path[:, 1], path[:, 0]] < FREE).astype(np.float64)
+        length = float(np.hypot(*steps.T) @ ((unknown[1:] + unknown[:-1]) / 2.0))
+        return PathMetrics(clearance, length * self._resolution, turns)
 
     def prepare(self) -> None:
         """Build the tree now instead of when it is first needed."""
         _ = self._tree
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Height and width of the map in cells."""
-        return self._cells.shape
 
     def __getitem__(
         self, places: tuple[NDArray[np.int32], NDArray[np.int32]]

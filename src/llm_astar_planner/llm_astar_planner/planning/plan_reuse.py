@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -15,6 +17,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
 from llm_astar_planner.search.result import Cell
+from llm_astar_planner.waypoints.prompts.instruction import InstructionError, clean_instruction
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     Waypoint,
@@ -82,16 +85,46 @@ class CachedWaypoints:
             point for point in self.reply.waypoints if nearest_on_path(self.path, point)[0] > place
         )
 
+    def can_reach(self, waypoints: tuple[Waypoint, ...], query: WaypointQuery) -> bool:
+        """Tell whether every waypoint is still free and reachable from the query's start."""
+        components, grid_map = query.costmap.components, query.grid_map
+        if not (self.placement.matches(grid_map) and grid_map.contains(query.start)):
+            return False
+        here = components[query.start[1], query.start[0]]
+        cells = [(round(x), round(y)) for x, y in waypoints]
+        return all(
+            grid_map.contains(cell) and components[cell[1], cell[0]] == here for cell in cells
+        )
+
 
 class CachedWaypointSource:
-    """Answers with waypoints that a source gave earlier for the same goal."""
+    """Answers with the last good waypoints of the goal while they hold, else asks `inner`.
 
-    def __init__(
-        self, name: str, cached: CachedWaypoints, waypoints: tuple[Waypoint, ...]
-    ) -> None:
-        """Take the name of the source, what is cached, and the waypoints that lie ahead."""
-        self.name = name
-        self._reply = replace(
+    They hold if all were accepted, all are still free and reachable on the current map, and the
+    start lies along the path they led to; those that the robot has passed are left out. The very
+    same query on the very same map is left to `inner`. Thread-safe.
+    """
+
+    def __init__(self, inner: WaypointSource) -> None:
+        """Start with an empty cache."""
+        self.name = inner.name
+        self._inner = inner
+        self._lock = threading.Lock()
+        self._cached: LRUCache[tuple[Cell, str], CachedWaypoints] = LRUCache(CACHED_GOALS)
+        self._cleared = -math.inf
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return the cached waypoints at once if they hold, else what `inner` answers."""
+        with self._lock:
+            cached = self._cached.get((query.goal, query.instruction))
+        waypoints = None if cached is None else cached.ahead_of(query.start)
+        if cached is None or waypoints is None:
+            return self._inner.waypoints(query)
+        is_same_map = cached.placement.digest == query.grid_map.digest
+        is_same_query = is_same_map and waypoints == cached.reply.waypoints
+        if is_same_query or not cached.can_reach(waypoints, query):
+            return self._inner.waypoints(query)
+        return replace(
             cached.reply,
             waypoints=waypoints,
             detail=f'kept from the plan on map {cached.placement.digest}',
@@ -100,67 +133,31 @@ class CachedWaypointSource:
             seconds=0.0,
         )
 
-    def waypoints(self, query: WaypointQuery) -> WaypointReply:  # noqa: ARG002 - the protocol's
-        """Return them at once."""
-        return self._reply
-
-
-class WaypointCache:
-    """The last good waypoints of each goal, used again while they hold, so they are asked once.
-
-    They hold if all were accepted, all are still free and reachable on the current map, and the
-    start lies along the path they led to; those that the robot has passed are left out. The very
-    same query on the very same map is left to the source. Thread-safe.
-    """
-
-    def __init__(self) -> None:
-        """Make an empty cache."""
-        self._lock = threading.Lock()
-        self._cached: LRUCache[tuple[Cell, str], CachedWaypoints] = LRUCache(CACHED_GOALS)
-        self._generation = 0
-
-    @property
-    def generation(self) -> int:
-        """How often the cache was cleared."""
-        return self._generation
-
     def clear(self) -> None:
-        """Drop everything: the source may answer differently from now on."""
+        """Drop everything: `inner` may answer differently from now on."""
         with self._lock:
-            self._generation += 1
+            self._cleared = time.monotonic()
             self._cached.clear()
 
     def remember(
-        self, request: PlanRequest, plan: Plan, grid_map: GridMap, generation: int
+        self, request: PlanRequest, plan: Plan, grid_map: GridMap, started: float
     ) -> None:
         """Cache the waypoints of a plan if every one of them was accepted.
 
-        `generation` is the cache's when planning started: results that started before the cache
-        was cleared are discarded.
+        Results that started (monotonic seconds) before the cache was cleared are discarded.
         """
         good = plan.code is ResultCode.NONE and plan.source_status is SourceStatus.OK
         accepted = all(point.status is WaypointStatus.ACCEPTED for point in plan.checked_waypoints)
         if not (good and plan.checked_waypoints and accepted):
             return
+        try:
+            instruction = clean_instruction(request.instruction)
+        except InstructionError:
+            instruction = ''  # it was ignored, and the source was not given it
         cached = CachedWaypoints(MapPlacement.of(grid_map), plan.reply, plan.path)
         with self._lock:
-            if generation == self._generation:
-                self._cached[request.goal, request.instruction] = cached
-
-    def source_for(self, request: PlanRequest, planner: Planner) -> WaypointSource | None:
-        """Return a source of the cached waypoints if they hold, else the request's own source."""
-        with self._lock:
-            cached = self._cached.get((request.goal, request.instruction))
-        if request.source is None or cached is None:
-            return request.source
-        waypoints = cached.ahead_of(request.start)
-        is_same_map = cached.placement.digest == planner.grid_map.digest
-        is_same_query = is_same_map and waypoints == cached.reply.waypoints
-        if waypoints is None or is_same_query:
-            return request.source
-        if not can_be_reached(waypoints, cached.placement, planner, request.start):
-            return request.source
-        return CachedWaypointSource(request.source.name, cached, waypoints)
+            if started > self._cleared:
+                self._cached[plan.goal, instruction] = cached
 
 
 def nearest_on_path(path: NDArray[np.int32], point: tuple[float, float]) -> tuple[int, float]:
@@ -168,15 +165,3 @@ def nearest_on_path(path: NDArray[np.int32], point: tuple[float, float]) -> tupl
     distances = np.hypot(*(path - np.asarray(point)).T)
     index = int(np.argmin(distances))
     return index, float(distances[index])
-
-
-def can_be_reached(
-    waypoints: tuple[Waypoint, ...], placement: MapPlacement, planner: Planner, start: Cell
-) -> bool:
-    """Tell whether every waypoint is still free and reachable from `start`."""
-    components, grid_map = planner.costmap.components, planner.grid_map
-    if not (placement.matches(grid_map) and grid_map.contains(start)):
-        return False
-    cells = [(round(x), round(y)) for x, y in waypoints]
-    here = components[start[1], start[0]]
-    return all(grid_map.contains(cell) and components[cell[1], cell[0]] == here for cell in cells)

@@ -19,7 +19,6 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
 from llm_astar_planner.planning.instruction import plan_with_instruction
-from llm_astar_planner.planning.path_metrics import path_metrics
 from llm_astar_planner.planning.path_validator import (
     CollisionChecker,
     path_problem,
@@ -108,9 +107,8 @@ class Planner:
         stop = no_stop() if stop is None else stop
         if request.instruction:
             make = partial(self.direct_plan, stop=stop)
-            yield plan_with_instruction(request, make, self.costmap, stop)
-        else:
-            yield from self.direct_plans(request, stop, anytime=anytime)
+            return iter([plan_with_instruction(request, make, self.costmap, stop)])
+        return self.direct_plans(request, stop, anytime=anytime)
 
     def direct_plan(self, request: PlanRequest, stop: NDArray[np.uint8]) -> Plan:
         """Answer a request without honouring its instruction, which only its source sees."""
@@ -125,18 +123,22 @@ class Planner:
         endpoints = Endpoints(request.start, request.goal)
         segments: list[SegmentPlanner] = []
         try:
+            # 1. Can the request be served, and between which cells?
             check_request(request)
             endpoints = resolve_endpoints(self.costmap, request)
+            # 2. Search the segments between the via points, with the source's waypoints.
             for segment in self.segments(request, endpoints, deadline, stop):
                 segments.append(segment)
                 for solution in segment.search():
                     if not anytime or request.via:
                         continue
+                    # 3. A better path, while the search goes on.
                     if self.problem(request, endpoints, solution.path) is None:
                         better = solution.as_result()
                         yield self.build_plan(request, endpoints, segments, better)
                 check_found(request, segments)
-            result = concatenate_results(results_of(segments))
+            # 4. Only a path that passes the independent check leaves.
+            result = concatenate_results(segments)
             problem = self.problem(request, endpoints, result.path)
             if problem is not None:
                 message = f'the path found was withheld: {problem}'
@@ -162,14 +164,13 @@ class Planner:
         length. With via points no source is asked: they are the waypoints.
         """
         cells = [endpoints.start, *request.via, endpoints.goal]
-        lengths = [math.dist(start, goal) for start, goal in pairwise(cells)]
-        mean = sum(lengths) / len(lengths)
-        shares = [1.0 + length + mean for length in lengths]
+        lengths = list(map(math.dist, cells[:-1], cells[1:]))
+        shares = 1.0 + np.array(lengths) + np.mean(lengths)
         source = None if request.via else request.source
         graph = self.costmap.grid_graph
         for number, (start, goal) in enumerate(pairwise(cells)):
             now = time.monotonic()
-            time_left = (deadline - now) * shares[number] / sum(shares[number:])
+            time_left = (deadline - now) * float(shares[number] / shares[number:].sum())
             landmarks = self.landmarks.current(graph) if request.method == GUIDED else None
             part = replace(request, start=start, goal=goal, source=source)
             yield SegmentPlanner(self.costmap, part, now + time_left, stop, landmarks)
@@ -180,12 +181,19 @@ class Planner:
         """Say why a path does not answer the request, or None: the last check."""
         resolution = self.grid_map.resolution
         start, goal = endpoints.start, endpoints.goal
-        return (
-            shift_problem('start', request.start, start, request.start_tolerance / resolution)
-            or shift_problem('goal', request.goal, goal, request.tolerance / resolution)
-            or self.path_problem(path, start, goal)
-            or via_problem(path, request.via)
-        )
+        if start != request.start:
+            limit = request.start_tolerance / resolution
+            problem = shift_problem('start', request.start, start, limit)
+            if problem is not None:
+                return problem
+        if goal != request.goal:
+            problem = shift_problem('goal', request.goal, goal, request.tolerance / resolution)
+            if problem is not None:
+                return problem
+        problem = self.path_problem(path, start, goal)
+        if problem is None and request.via:
+            return via_problem(path, request.via)
+        return problem
 
     def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
         """Say what is wrong with a path of cells [n, 2] on this map, or None.
@@ -209,16 +217,21 @@ class Planner:
         failure: PlanningFailure | None = None,
     ) -> Plan:
         """Build every plan: from a valid result, a better path on the way, or a failure."""
-        reply = segments[0].reply if segments else NOT_ASKED
-        used = bool(segments) and bool(segments[0].guiding_waypoints)
+        first = segments[0] if segments else None
         fields: dict[str, Any] = {
             'expanded': np.zeros(self.grid_map.cells.shape, dtype=np.bool_),
-            'checked_waypoints': segments[0].checked_waypoints if segments else (),
-            'expansions': sum(found.expansions for found in results_of(segments)),
-            'storage': sum(found.storage for found in results_of(segments)),
+            'checked_waypoints': first.checked_waypoints if first else (),
         }
-        for segment_result in results_of(segments)[-1:]:
-            fields['expanded'] = segment_result.expanded
+        expansions = storage = 0
+        seconds_source = seconds_search = 0.0
+        for segment in segments:
+            seconds_source += segment.seconds_source
+            seconds_search += segment.seconds_search
+            if segment.result is not None:
+                expansions += segment.result.expansions
+                storage += segment.result.storage
+                fields['expanded'] = segment.result.expanded
+        fields |= {'expansions': expansions, 'storage': storage}
         if result is not None:
             fields |= self.path_fields(request, segments, result)
         return Plan(
@@ -227,11 +240,11 @@ class Planner:
             method=request.method,
             start=endpoints.start,
             goal=endpoints.goal,
-            guided_by=reply.label if used else 'none',
+            guided_by=first.reply.label if first and first.guiding_waypoints else 'none',
             source='none' if request.source is None else request.source.name,
-            reply=reply,
-            seconds_source=sum(segment.seconds_source for segment in segments),
-            seconds_search=sum(segment.seconds_search for segment in segments),
+            reply=first.reply if first else NOT_ASKED,
+            seconds_source=seconds_source,
+            seconds_search=seconds_search,
             start_shift=endpoints.start_shift,
             goal_shift=endpoints.goal_shift,
             warnings=endpoints.warnings,
@@ -244,7 +257,8 @@ class Planner:
     ) -> dict[str, Any]:
         """Return the fields of a plan that has a path, by name."""
         bounded = result if isinstance(result, BoundedResult) else None
-        is_final = len(results_of(segments)) == len(segments)
+        is_final = segments[-1].result is not None
+        metrics = self.checker.measure(result.path)
         return {
             'path': result.path,
             'length': result.length,
@@ -257,14 +271,15 @@ class Planner:
             'any_angle': self.any_angle_path(segments) if request.any_angle and is_final else None,
             'is_final': is_final,
             'checked_waypoints': mark_out_of_order(segments[0].checked_waypoints, result.path),
-            **path_metrics(result.path, self.grid_map, self.checker)._asdict(),
+            'clearance': metrics.clearance,
+            'unknown_length': metrics.unknown_length,
+            'turns': metrics.turns,
         }
 
     def any_angle_path(self, segments: Sequence[SegmentPlanner]) -> AnyAnglePath | None:
         """Shorten each segment's path at any angle; None if the check finds a problem."""
-        parts = [
-            string_pull(self.costmap.grid_graph, found.path) for found in results_of(segments)
-        ]
+        graph = self.costmap.grid_graph
+        parts = [string_pull(graph, segment.found.path) for segment in segments]
         points = np.concatenate([parts[0].points, *(part.points[1:] for part in parts[1:])])
         if self.segments_problem(points) is not None:
             return None
@@ -272,20 +287,15 @@ class Planner:
         return AnyAnglePath(points, length, cost)
 
 
-def results_of(segments: Sequence[SegmentPlanner]) -> list[SearchResult]:
-    """Return the results of the segments that were searched to an end."""
-    return [segment.result for segment in segments if segment.result is not None]
-
-
 def check_found(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> None:
     """Raise PlanningFailure if the last segment's search ended without a path."""
-    *_, result = results_of(segments)
+    result = segments[-1].found
     is_stopped = result.status is SearchStatus.STOPPED
     if result.status is SearchStatus.FOUND or (is_stopped and len(result.path)):
         return
     code, message = ResultCode.NO_VALID_PATH, 'every reachable cell was searched'
     if is_stopped:
-        expansions = sum(found.expansions for found in results_of(segments))
+        expansions = sum(segment.found.expansions for segment in segments)
         reason = 'cancelled' if segments[-1].stop[0] else 'out of time'
         code = ResultCode.TIMEOUT
         message = f'{reason} after {expansions} expansions, short of the goal'

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +29,7 @@ from llm_astar_planner.search.paper import (
     SearchOptions,
 )
 from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus
-from llm_astar_planner.search.stop import STOP_CANCELLED, deadline_guard
+from llm_astar_planner.search.stop import deadline_guard
 from llm_astar_planner.waypoints.async_query import WaypointQueryTask, query_source
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply, WaypointSource
 
@@ -71,6 +70,13 @@ class SegmentPlanner:
         self.seconds_search = 0.0
 
     @property
+    def found(self) -> SearchResult:
+        """The result of a search that has ended. Raises RuntimeError before that."""
+        if self.result is None:
+            raise RuntimeError('the segment has not been searched to an end')
+        return self.result
+
+    @property
     def guiding_waypoints(self) -> list[CheckedWaypoint]:
         """The waypoints that the search used."""
         if not self.waypoints_used:
@@ -89,11 +95,11 @@ class SegmentPlanner:
         if query is not None and not (is_guided and self.request.search_while_waiting):
             self.query_and_wait(query)
             query = None
+        if is_guided:
+            yield from self.search_guided(query)
+            return
+        begin = time.monotonic()
         with deadline_guard(self.stop, self.deadline) as stop:
-            if is_guided:
-                yield from self.search_guided(query, stop)
-                return
-            begin = time.monotonic()
             if self.request.method == EXACT:
                 self.result = self.search_exact(stop)
             else:
@@ -150,7 +156,7 @@ class SegmentPlanner:
         return method(costmap.blocked, request.start, request.goal, targets, options)
 
     def search_guided(
-        self, query: tuple[WaypointSource, WaypointQuery] | None, stop: NDArray[np.uint8]
+        self, query: tuple[WaypointSource, WaypointQuery] | None
     ) -> Iterator[AnytimeSolution]:
         """Search by `guided`; `query` is asked while it searches."""
         request = self.request
@@ -160,20 +166,18 @@ class SegmentPlanner:
             request.goal,
             max_suboptimality=request.max_suboptimality,
             landmarks=self.landmarks,
-            stop=stop,
+            stop=self.stop,
+            deadline=self.deadline,
         )
-        search.guide(guiding_points(self.checked_waypoints))
+        if self.checked_waypoints:
+            search.guide(guiding_points(self.checked_waypoints))
         task = self.query_meanwhile(search, query)
         begin = time.monotonic()
-        for solution in search.solutions(want_expanded=request.want_expanded):
-            yield solution
-            if self.stop[0]:
-                stop[0] = STOP_CANCELLED  # a caller that cancels on seeing a path means it at once
+        yield from search.solutions(want_expanded=request.want_expanded)
         self.seconds_search = time.monotonic() - begin
         self.result = result = search.result()
         if task is not None:
             self.reply, self.seconds_source = task.close()
-            self.checked_waypoints = self.check(self.reply)
         self.waypoints_used = result.guided_expansions > 0
 
     def query_meanwhile(
@@ -182,20 +186,26 @@ class SegmentPlanner:
         """Start the query; its waypoints guide the search as soon as they are there."""
         if query is None:
             return None
-        task = WaypointQueryTask(
-            *query, lambda reply: search.guide(guiding_points(self.check(reply)))
-        )
+
+        def on_reply(reply: WaypointReply) -> None:
+            self.checked_waypoints = self.check(reply)
+            search.guide(guiding_points(self.checked_waypoints))
+
+        task = WaypointQueryTask(*query, on_reply)
         task.wait(min(HEAD_START, query[1].time_limit), self.stop)
         return task
 
 
-def concatenate_results(results: Sequence[SearchResult]) -> SearchResult:
+def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
     """Return the searches of successive segments, each with a path, as one.
 
     Work, length, cost and lower bound add up: the cheapest path through the via points is made of
     the cheapest paths between them, so the bound of the sums is proven for the whole.
     """
-    return reduce(concatenate_two, results)
+    whole = segments[0].found
+    for segment in segments[1:]:
+        whole = concatenate_two(whole, segment.found)
+    return whole
 
 
 def concatenate_two(first: SearchResult, second: SearchResult) -> SearchResult:

@@ -101,9 +101,10 @@ class PlanRequest:
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""
-        for name, cells in (('start', [self.start]), ('goal', [self.goal]), ('via', self.via)):
-            taken = tuple(as_cell(name, cell) for cell in cells)
-            object.__setattr__(self, name, taken if name == 'via' else taken[0])
+        object.__setattr__(self, 'start', as_cell('start', self.start))
+        object.__setattr__(self, 'goal', as_cell('goal', self.goal))
+        if self.via:
+            object.__setattr__(self, 'via', tuple(as_cell('via', cell) for cell in self.via))
 
 
 def as_cell(name: str, cell: Sequence[SupportsIndex]) -> Cell:
@@ -117,19 +118,19 @@ def as_cell(name: str, cell: Sequence[SupportsIndex]) -> Cell:
 
 def check_request(request: PlanRequest) -> None:
     """Raise PlanningFailure (INVALID_PLANNER) for a name or number that no map could serve."""
-    problems = [
-        limits.problem(getattr(request, name))
-        for name, limits in LIMITS.items()
-        if getattr(request, name) is not None
-    ]
-    problems += [
-        f'{name}: not a number of seconds'
-        for name in ('time_limit', 'source_time_limit')
-        if math.isnan(getattr(request, name))
-    ]
+    problem = None
+    for name, limits in LIMITS.items():
+        value = getattr(request, name)
+        if value is None or value in limits.choices:
+            continue
+        if limits.choices or not limits.minimum <= value <= limits.maximum:
+            problem = problem or limits.problem(value)
+    for name in ('time_limit', 'source_time_limit'):
+        if math.isnan(getattr(request, name)):
+            problem = f'{name}: not a number of seconds'
     if len(request.via) > MAX_VIA:
-        problems.append(f'via: {len(request.via)} via points, over the {MAX_VIA} allowed')
-    for problem in filter(None, problems):
+        problem = f'via: {len(request.via)} via points, over the {MAX_VIA} allowed'
+    if problem:
         raise PlanningFailure(ResultCode.INVALID_PLANNER, problem)
 
 

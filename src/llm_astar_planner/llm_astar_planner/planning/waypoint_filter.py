@@ -104,11 +104,15 @@ def mark_out_of_order(
     Each is placed at its nearest cell of the path [n, 2]. Those outside the longest run of places
     that never goes back are out of order.
     """
-    accepted = [i for i, point in enumerate(waypoints) if point.status is WaypointStatus.ACCEPTED]
-    if len(path) == 0 or len(accepted) < 2:
+    if len(path) == 0 or len(waypoints) < 2:
         return tuple(waypoints)
-    points = np.array([(waypoints[i].x, waypoints[i].y) for i in accepted])
-    places = [int(np.argmin(np.hypot(*(path - point).T))) for point in points]
+    accepted, places = [], []
+    for i, point in enumerate(waypoints):
+        if point.status is WaypointStatus.ACCEPTED:
+            accepted.append(i)
+            places.append(int(np.argmin(np.hypot(*(path - (point.x, point.y)).T))))
+    if sorted(places) == places:
+        return tuple(waypoints)
     in_order = {accepted[i] for i in longest_rising_run(places)}
     return tuple(
         replace(point, status=WaypointStatus.OUT_OF_ORDER)

@@ -8,6 +8,7 @@ both prove a lower bound on the cost of any path.
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -21,7 +22,7 @@ from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.grid_graph import GridGraph, as_grid, path_length, path_units
 from llm_astar_planner.search.landmarks import NO_DISTANCES, NONE_ACTIVE, Landmarks
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
-from llm_astar_planner.search.stop import STOP_CANCELLED, StopFlag, no_stop
+from llm_astar_planner.search.stop import StopFlag, no_stop
 
 # How greedily waypoints are followed: the weight of the cost to go.
 WEIGHT = 1.2
@@ -85,7 +86,10 @@ class GuidedSearch:
     `guide(waypoints)` may be called before the run or during it, from any thread, and again;
     without waypoints the search is a plain exact A*. With `max_suboptimality` w >= 1 it ends
     when the path is proven to cost at most w times the optimum, without it at the first path.
-    `landmarks`, which must be admissible on the grid, make search and proof cheap. `weight` is
+    `landmarks`, which must be admissible on the grid, make search and proof cheap. It also ends
+    at `deadline` (monotonic seconds, looked at between slices of the search) and when another
+    thread sets `stop[0] = 1`; nobody looks at a cancelled search, so its expanded cells are not
+    drawn. `weight` is
     how greedily waypoints are followed; `work_factor` limits the expansions that they may cost,
     as a multiple of those surely needed without any.
     """
@@ -100,6 +104,7 @@ class GuidedSearch:
         max_suboptimality: float | None = None,
         landmarks: Landmarks | None = None,
         stop: StopFlag | None = None,
+        deadline: float = math.inf,
         weight: float = WEIGHT,
         work_factor: float = WORK_FACTOR,
     ) -> None:
@@ -120,7 +125,7 @@ class GuidedSearch:
             raise ValueError('landmarks: are of a map of another size')
         self._landmarks = landmarks
         stop = no_stop() if stop is None else stop
-        self._query = _Query(start, goal, max_suboptimality, stop, weight, work_factor)
+        self._query = _Query(start, goal, max_suboptimality, stop, deadline, weight, work_factor)
         self._result: GuidedResult | None = None
 
     def guide(self, waypoints: ArrayLike) -> None:
@@ -212,6 +217,7 @@ class _Query:
     goal: Cell
     max_suboptimality: float | None
     stop: StopFlag
+    deadline: float
     weight: float
     work_factor: float
     # Waypoints that the search has not taken yet, the newest last. Other threads append to it.
@@ -374,7 +380,7 @@ class _Run:
             if before == 0:  # the start is the goal
                 self.status = SearchStatus.FOUND
                 before = plain_kernels.NO_PATH
-            elif self.query.stop[0]:
+            elif self.query.stop[0] or time.monotonic() >= self.query.deadline:
                 self.status = SearchStatus.STOPPED
             else:
                 self.step()
@@ -468,7 +474,7 @@ class _Run:
         storage = 0
         for search in filter(None, (self.waypoint_search, self.plain_search)):
             storage += int(search.control[kernels.G_STORAGE])
-            if want_expanded and self.query.stop[0] != STOP_CANCELLED:
+            if want_expanded and not self.query.stop[0]:
                 workspace = search.workspace
                 plain_kernels.add_expanded(workspace.records, workspace.generation, expanded)
         path, length = self.best_path, math.nan

@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 
 # A uint8 array of one element, which the compiled loops poll: 0 to go on, anything else to stop.
 StopFlag = NDArray[np.uint8]
-# The value of a stop flag once the caller has cancelled: nobody will look at the result, so a
-# search need not draw which cells it expanded. At a deadline the value is 1.
-STOP_CANCELLED = 2
 # Seconds between two looks at a caller's stop flag, so a cancel takes effect within this time.
 POLL_PERIOD_S = 0.01
 
@@ -28,13 +25,13 @@ def no_stop() -> StopFlag:
 def deadline_guard(stop: StopFlag, deadline: float) -> Iterator[StopFlag]:
     """Yield a stop flag that is raised at the deadline or when the caller raises `stop`.
 
-    It becomes 1 at `deadline` (monotonic seconds) and STOP_CANCELLED once the caller's flag is
-    raised. The caller's flag is only read, so it may serve for several searches.
+    `deadline` is in monotonic seconds. The caller's flag is only read, so it may serve for several
+    searches.
     """
     flag, done = no_stop(), threading.Event()
 
     def update() -> None:
-        flag[0] = STOP_CANCELLED if stop[0] else time.monotonic() >= deadline
+        flag[0] = stop[0] or time.monotonic() >= deadline
 
     def poll() -> None:
         while not flag[0]:

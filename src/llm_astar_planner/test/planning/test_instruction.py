@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.planning.instruction import plan_with_instruction
-from llm_astar_planner.planning.plan_reuse import WaypointCache
+from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.stop import no_stop
@@ -199,13 +199,14 @@ def test_no_plan_stays_no_plan_and_says_so():
 
 
 def test_a_robot_on_its_way_keeps_to_the_instruction_without_asking_again():
-    source, cache = Follower(EAST), WaypointCache()
-    asked = request(source)
+    source = Follower(EAST)
+    cache = CachedWaypointSource(source)
+    asked = request(cache)
 
     def plan_with_cache(planner, asked):
-        generation = cache.generation
-        plan = planner.plan(replace(asked, source=cache.source_for(asked, planner)))
-        cache.remember(asked, plan, planner.grid_map, generation)
+        started = time.monotonic()
+        plan = planner.plan(asked)
+        cache.remember(asked, plan, planner.grid_map, started)
         return plan
 
     first = plan_with_cache(PLANNER, asked)

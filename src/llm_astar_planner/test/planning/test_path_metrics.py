@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning.path_metrics import count_turns, unknown_length
+from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
+
+
+def measure(path, grid_map):
+    return CollisionChecker(grid_map, CostmapConfig()).measure(path)
 
 
 def cells(*points):
@@ -24,7 +28,7 @@ def cells(*points):
     ],
 )
 def test_turns_are_changes_of_direction(path, count):
-    assert count_turns(path) == count
+    assert measure(path, GridMap(np.zeros((9, 9), dtype=np.int8))).turns == count
 
 
 def test_a_move_lies_half_in_each_of_its_cells():
@@ -32,10 +36,10 @@ def test_a_move_lies_half_in_each_of_its_cells():
     grid[:, 2:4] = -1
     grid_map = GridMap(grid, 0.5)
     straight = cells(*((x, 1) for x in range(6)))
-    assert unknown_length(straight, grid_map) == pytest.approx(1.0)
+    assert measure(straight, grid_map).unknown_length == pytest.approx(1.0)
     into = cells((1, 0), (2, 1))
-    assert unknown_length(into, grid_map) == pytest.approx(0.25 * math.sqrt(2))
-    assert unknown_length(cells((2, 1)), grid_map) == 0.0
+    assert measure(into, grid_map).unknown_length == pytest.approx(0.25 * math.sqrt(2))
+    assert measure(cells((2, 1)), grid_map).unknown_length == 0.0
 
 
 def test_clearance_is_from_the_paths_cells_to_the_nearest_obstacle():

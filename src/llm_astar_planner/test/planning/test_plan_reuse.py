@@ -1,5 +1,6 @@
 """What of an earlier plan holds on a changed map: its path, and the waypoints that led to it."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import plan_reuse
-from llm_astar_planner.planning.plan_reuse import WaypointCache, reuse_problem
+from llm_astar_planner.planning.plan_reuse import CachedWaypointSource, reuse_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
@@ -93,18 +94,18 @@ def test_a_path_does_not_stand_on_a_map_that_lies_elsewhere(plan, other):
 
 def asked(source, *steps):
     """Plan step by step with one cache; return how often the source was asked after each."""
-    cache, counts, plans = WaypointCache(), [], []
+    cache, counts, plans = CachedWaypointSource(source), [], []
     for planner, changes in steps:
-        plans.append(plan_with(cache, planner, replace(REQUEST, source=source, **changes)))
+        plans.append(plan_with(cache, planner, replace(REQUEST, **changes)))
         counts.append(source.asked)
     return counts, plans
 
 
 def plan_with(cache, planner, request):
-    """Plan as the node's request handler does."""
-    generation = cache.generation
-    plan = planner.plan(replace(request, source=cache.source_for(request, planner)))
-    cache.remember(request, plan, planner.grid_map, generation)
+    """Plan with a cache, as the planner node does."""
+    started = time.monotonic()
+    plan = planner.plan(replace(request, source=cache))
+    cache.remember(request, plan, planner.grid_map, started)
     return plan
 
 
@@ -184,7 +185,8 @@ def test_a_robot_that_has_passed_them_all_asks_for_no_more():
 
 
 def test_waypoints_asked_for_before_the_cache_was_cleared_are_asked_for_again():
-    cache, source = WaypointCache(), Source(*CORNER)
+    source = Source(*CORNER)
+    cache = CachedWaypointSource(source)
     answer = source.waypoints
 
     def answer_at_last(query):
@@ -193,14 +195,14 @@ def test_waypoints_asked_for_before_the_cache_was_cleared_are_asked_for_again():
 
     source.waypoints = answer_at_last
     for planner in (BEFORE, changed((2, 28))):
-        plan_with(cache, planner, replace(REQUEST, source=source))
+        plan_with(cache, planner, REQUEST)
     assert source.asked == 2
 
 
 def test_a_cleared_cache_asks_again():
-    cache, source = WaypointCache(), Source(*CORNER)
-    request = replace(REQUEST, source=source)
-    plan_with(cache, BEFORE, request)
+    source = Source(*CORNER)
+    cache = CachedWaypointSource(source)
+    plan_with(cache, BEFORE, REQUEST)
     cache.clear()
-    plan_with(cache, changed((2, 28)), request)
+    plan_with(cache, changed((2, 28)), REQUEST)
     assert source.asked == 2

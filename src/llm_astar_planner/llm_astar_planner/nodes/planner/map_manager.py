@@ -18,7 +18,7 @@ LONGEST_PREPARATION = 120.0
 
 
 class MapManager:
-    """Holds the planner for the newest good map; the previous one answers until it is ready.
+    """Holds the `planner` for the newest good map; the previous one answers until it is ready.
 
     Maps are prepared on a thread of their own, only the newest one: maps, updates and changes of
     rules that arrive meanwhile are prepared together in the next round.
@@ -31,7 +31,7 @@ class MapManager:
         on_planner: Callable[[Planner], None],
     ) -> None:
         """Start without a map; `on_planner` gets each new planner, on the preparing thread."""
-        self._planner: Planner | None = None
+        self.planner: Planner | None = None
         self._planner_arrived = 0.0
         self._logger = logger
         self._config = config
@@ -46,22 +46,17 @@ class MapManager:
         self._thread.start()
 
     @property
-    def planner(self) -> Planner | None:
-        """The planner for the newest map that is ready, None before the first."""
-        return self._planner
-
-    @property
     def name(self) -> str:
         """The map planned on, for a person."""
-        if self._planner is None:
+        if self.planner is None:
             return 'no map'
-        grid_map = self._planner.grid_map
+        grid_map = self.planner.grid_map
         return f'map {grid_map.digest} of {grid_map.width} x {grid_map.height} cells'
 
     @property
     def age(self) -> float | None:
         """Seconds since the map planned on arrived, None without one."""
-        return None if self._planner is None else time.monotonic() - self._planner_arrived
+        return None if self.planner is None else time.monotonic() - self._planner_arrived
 
     @property
     def landmark_bytes(self) -> int:
@@ -103,7 +98,7 @@ class MapManager:
                 number, grid_map, arrived = self._requested, self._grid_map, self._arrived
             planner = self.make_planner(grid_map)
             with self._changed:
-                self._planner, self._planner_arrived = planner or self._planner, arrived
+                self.planner, self._planner_arrived = planner or self.planner, arrived
                 self._prepared = number
                 self._changed.notify_all()
             if planner is not None:
@@ -111,7 +106,7 @@ class MapManager:
 
     def make_planner(self, grid_map: GridMap | None) -> Planner | None:
         """Return a planner that is ready, None if the current one serves already."""
-        current = self._planner
+        current = self.planner
         try:
             config = self._config()
             # The digest is computed here first, on this thread, so that no caller waits for it.

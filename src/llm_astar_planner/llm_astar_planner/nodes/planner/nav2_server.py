@@ -20,9 +20,12 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
-from llm_astar_planner.nodes.planner.preemption import CancellationToken, PreemptingGoalSlot
 from llm_astar_planner.nodes.planner.request_conversion import PlanGoal
-from llm_astar_planner.nodes.planner.request_handler import PlanResponse
+from llm_astar_planner.nodes.planner.request_handler import (
+    CancellationToken,
+    PlanResponse,
+    PreemptingGoalSlot,
+)
 from llm_astar_planner.planning.path_validator import invalid_poses, nearest_pose
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import ResultCode

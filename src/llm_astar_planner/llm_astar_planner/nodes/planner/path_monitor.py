@@ -9,9 +9,13 @@ from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.planner.map_manager import MapManager
-from llm_astar_planner.nodes.planner.preemption import CancellationToken, PreemptingGoalSlot
-from llm_astar_planner.nodes.planner.request_handler import PlanResponse, RequestHandler
-from llm_astar_planner.planning.plan_reuse import reuse_problem
+from llm_astar_planner.nodes.planner.request_handler import (
+    CancellationToken,
+    PlanResponse,
+    PreemptingGoalSlot,
+    RequestHandler,
+)
+from llm_astar_planner.planning.plan_reuse import CachedWaypointSource, reuse_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import ResultCode
 
@@ -28,15 +32,21 @@ class PathMonitor:
         settings: Parameters,
         maps: MapManager,
         handler: RequestHandler,
+        *,
         replans: PreemptingGoalSlot,
+        cache: CachedWaypointSource | None,
     ) -> None:
-        """Take who replans; `replans` is the slot in which it does."""
+        """Take who replans; `replans` is the slot in which it does.
+
+        `cache` is given the waypoints of the paths watched.
+        """
         self.state = 'no path yet'
         self._logger = node.get_logger()
         self._settings = settings
         self._maps = maps
         self._handler = handler
         self._replans = replans
+        self._cache = cache
         self._watched: PlanResponse | None = None
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='path_monitor')
 
@@ -45,6 +55,7 @@ class PathMonitor:
         if response.plan.code is not ResultCode.NONE:
             return
         self._watched = response
+        self._thread.submit(self.remember, response)
         newest = self._maps.planner
         if newest is not None and newest is not response.planner:
             self.check(newest)  # the map changed while the path was planned
@@ -80,10 +91,17 @@ class PathMonitor:
         self.state = f'replanned on map {digest}: {problem or "replan_on_map is set"}'
         response = self._handler.answer(watched.goal, token, replan_reason=self.state)
         if response.plan.code is ResultCode.NONE:
+            self.remember(response)
             self.update(watched, response)
         elif not token.reason:
             self.update(watched, None)
             self.state = response.plan.message
+
+    def remember(self, response: PlanResponse) -> None:
+        """Cache the waypoints that led to a path."""
+        planner, request = response.planner, response.request
+        if self._cache is not None and planner is not None and request is not None:
+            self._cache.remember(request, response.plan, planner.grid_map, response.started)
 
     def update(self, before: PlanResponse, after: PlanResponse | None) -> None:
         """Replace the watched path, unless a newer one was published meanwhile."""

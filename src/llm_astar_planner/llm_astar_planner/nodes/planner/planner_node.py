@@ -27,14 +27,18 @@ from llm_astar_planner.nodes.planner.diagnostics import DiagnosticsPublisher
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.nav2_server import PathValidityService, serve_nav2
 from llm_astar_planner.nodes.planner.path_monitor import QUIET_SECONDS, PathMonitor
-from llm_astar_planner.nodes.planner.preemption import CancellationToken, PreemptingGoalSlot
 from llm_astar_planner.nodes.planner.publishers import PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import PlanGoal, RequestConverter
-from llm_astar_planner.nodes.planner.request_handler import PlanResponse, RequestHandler
+from llm_astar_planner.nodes.planner.request_handler import (
+    CancellationToken,
+    PlanResponse,
+    PreemptingGoalSlot,
+    RequestHandler,
+)
 from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import costmap_config
-from llm_astar_planner.planning.plan_reuse import WaypointCache
+from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.search.paper import compile_kernels
 from llm_astar_planner.waypoints.prompts.instruction import clean_instruction
@@ -63,23 +67,26 @@ class PlannerServer:
         self._entities = entities = Entities(node)
         self._goals = PreemptingGoalSlot()
         self._initial_pose: PoseStamped | None = None
-        self._cache = WaypointCache()
-        self._source = self.make_source()
+        self._cache: CachedWaypointSource | None = None
+        self._client = self.make_client()
+        self._cache = CachedWaypointSource(self._client) if self._client else None
         frames = self.make_frames()
         self._maps = MapManager(
             node.get_logger(), lambda: costmap_config(settings.values()), self.on_planner
         )
         replans = PreemptingGoalSlot()
+        self._publisher = PlanPublisher(entities)
         self._handler = RequestHandler(
             node,
             settings,
             self._maps,
-            RequestConverter(settings, frames, self._source),
-            cache=self._cache,
-            publisher=PlanPublisher(entities),
+            RequestConverter(settings, frames, self._cache),
+            publisher=self._publisher,
             replans=replans,
         )
-        self._monitor = PathMonitor(node, settings, self._maps, self._handler, replans)
+        self._monitor = PathMonitor(
+            node, settings, self._maps, self._handler, replans=replans, cache=self._cache
+        )
         self._diagnostics = DiagnosticsPublisher(entities, self.state)
         # Last of all: the executor may call back at once.
         self.subscribe()
@@ -161,14 +168,19 @@ class PlannerServer:
         self._diagnostics.publish()
         self._monitor.check(planner)
 
-    def make_source(self) -> WaypointClient | None:
+    def make_client(self) -> WaypointClient | None:
         """Return the client of the waypoint node, None if no node is to be asked."""
-        client = self._settings['llm_client']
-        if not client:
+        name = self._settings['llm_client']
+        if not name:
             return None
-        source = WaypointClient(self._node, client, self._cache.clear)
-        self._entities.on_close(source.close)
-        return source
+        client = WaypointClient(self._node, name, self.on_client_change)
+        self._entities.on_close(client.close)
+        return client
+
+    def on_client_change(self) -> None:
+        """Drop the cached waypoints: the client may answer differently from now on."""
+        if self._cache is not None:
+            self._cache.clear()
 
     def make_frames(self) -> Frames:
         """Return the transforms, empty without tf2_ros."""
@@ -209,11 +221,11 @@ class PlannerServer:
             'active': self.is_active,
             'map_digest': planner.grid_map.digest if planner else None,
             'map_age': None if age is None else round(age, 3),
-            'llm_client_ready': self._source is not None and self._source.ready,
+            'llm_client_ready': self._client is not None and self._client.ready,
             'landmark_bytes': self._maps.landmark_bytes,
             'last_path': self._monitor.state,
             'instruction': self._settings['instruction'],
-            **self._handler.statistics.values(),
+            **self._publisher.statistics.values(),
         }
         is_well = planner is not None and self.is_active
         state = 'planning' if self.is_active else 'not active'

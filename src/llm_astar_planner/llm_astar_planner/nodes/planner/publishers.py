@@ -6,12 +6,13 @@ import threading
 import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.messages.diagnostics import PlanReport, report_to_message
+from llm_astar_msgs_adapter.messages.diagnostics import report_to_message
 from llm_astar_msgs_adapter.messages.markers import expanded_to_message, waypoints_to_markers
 from llm_astar_msgs_adapter.messages.path import path_to_message
 from nav_msgs.msg import GridCells, Path
@@ -20,6 +21,9 @@ from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.planner.diagnostics import PlanStatistics
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.any_angle import interpolate
 
@@ -68,6 +72,7 @@ class PlanPublisher:
 
     def __init__(self, entities: Entities) -> None:
         """Make the publishers."""
+        self.statistics = PlanStatistics()
         self._node = entities.node
         self._plan = entities.publisher(Path, 'plan', RELIABLE)
         self._raw_plan = entities.publisher(Path, '~/raw_plan', RELIABLE)
@@ -101,12 +106,14 @@ class PlanPublisher:
         """Publish a path as it was before it was shortened."""
         self._raw_plan.publish(path)
 
-    def publish_report(self, make_report: Callable[[], PlanReport], stamp: Time) -> None:
-        """Publish and log a report, made on the publisher's thread."""
-        self._thread.submit(self.logged, lambda: self.write_report(make_report(), stamp))
+    def publish_report(self, plan: Plan, planner: Planner | None, stamp: Time) -> None:
+        """Count, publish and log a plan; `planner` is None if it never came to planning."""
+        self._thread.submit(self.logged, self.write_report, plan, planner, stamp)
 
-    def write_report(self, report: PlanReport, stamp: Time) -> None:
-        """Publish and log a report now."""
+    def write_report(self, plan: Plan, planner: Planner | None, stamp: Time) -> None:
+        """Count, publish and log a plan now."""
+        self.statistics.count(plan)
+        report = plan_report(plan, planner.grid_map if planner else None)
         self._report.publish(report_to_message(report, self._node.get_name(), stamp))
         logger = self._node.get_logger()
         if report.code:
@@ -141,9 +148,9 @@ class PlanPublisher:
         if self.wants_expanded and plan.expanded.size:
             self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
 
-    def logged(self, publish: Callable[[], None]) -> None:
-        """Run something on the publisher's thread; an exception is logged."""
+    def logged(self, publish: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401
+        """Call something on the publisher's thread; an exception is logged."""
         try:
-            publish()
+            publish(*arguments)
         except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
             self._node.get_logger().error(traceback.format_exc())

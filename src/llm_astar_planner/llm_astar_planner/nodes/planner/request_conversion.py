@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.messages.fields import pose_from_message
 
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
@@ -55,6 +57,14 @@ class RequestConverter:
         self._settings = settings
         self._frames = frames
         self._source = source
+        self._used: Mapping[str, Any] = {}
+        self._fields: dict[str, Any] = {}
+
+    def refresh(self) -> None:
+        """Follow changed parameters."""
+        self._used = settings = self._settings.current
+        self._fields = request_fields(settings)
+        self._fields['source'] = self._source if settings['use_waypoints'] else None
 
     def poses(self, goal: PlanGoal, grid_map: GridMap, may_wait: MayWait = never) -> GoalPoses:
         """Return a goal's poses in the map's frame; a transform is awaited while `may_wait()`.
@@ -64,18 +74,24 @@ class RequestConverter:
         frame_id = grid_map.frame_id
         if not goal.goals:
             raise RequestError(ResultCode.UNKNOWN, 'no goal is given')
+        goals = []
         try:
             start = self.start_pose(goal, frame_id, may_wait)
-            locate = self._frames.locate
-            goals = tuple([locate(pose, frame_id, 'goal', may_wait) for pose in goal.goals])
+            for pose in goal.goals:
+                if pose.header.frame_id in ('', frame_id):
+                    goals.append(pose_from_message(pose.pose, 'goal'))
+                else:
+                    goals.append(self._frames.locate(pose, frame_id, 'goal', may_wait))
         except FrameError as error:
             raise RequestError(ResultCode.TF_ERROR, str(error)) from None
         except GridMapError as error:
             raise RequestError(ResultCode.UNKNOWN, str(error)) from None
-        return GoalPoses(start, goals)
+        return GoalPoses(start, tuple(goals))
 
     def start_pose(self, goal: PlanGoal, frame_id: str, may_wait: MayWait) -> Pose2D:
         """Return the goal's start, else the robot's pose, else its fallback start."""
+        if goal.start is not None and goal.start.header.frame_id in ('', frame_id):
+            return pose_from_message(goal.start.pose, 'start')
         if goal.start is not None:
             return self._frames.locate(goal.start, frame_id, 'start', may_wait)
         base, fallback = self._settings['robot_base_frame'], goal.fallback_start
@@ -96,24 +112,18 @@ class RequestConverter:
         want_expanded: bool,
     ) -> PlanRequest:
         """Return the request to the planner; `time_limit` in seconds. Raises RequestError."""
-        settings = self._settings.current
-        *via, last = [grid_map.world_to_cell(pose.x, pose.y) for pose in poses.goals]
-        method = settings['method']
+        if self._settings.current is not self._used:
+            self.refresh()
+        cells = [grid_map.world_to_cell(pose.x, pose.y) for pose in poses.goals]
+        fields = self._fields | {'time_limit': time_limit, 'want_expanded': want_expanded}
         if goal.planner_id not in OWN_IDS:
-            method = goal.planner_id
-        if method not in METHODS:
+            fields['method'] = goal.planner_id
+        if fields['method'] not in METHODS:
             names = ', '.join([*OWN_IDS[1:], *METHODS])
-            message = f'no planner {method!r}; there is {names}'
+            message = f'no planner {goal.planner_id!r}; there is {names}'
             raise RequestError(ResultCode.INVALID_PLANNER, message)
-        fields = request_fields(settings) | {'method': method, 'time_limit': time_limit}
         # A NaN is for the planner to refuse.
         if not goal.tolerance <= 0.0:
             fields['tolerance'] = goal.tolerance
-        return PlanRequest(
-            start=grid_map.world_to_cell(poses.start.x, poses.start.y),
-            goal=last,
-            via=tuple(via),
-            source=self._source if settings['use_waypoints'] else None,
-            want_expanded=want_expanded,
-            **fields,
-        )
+        start = grid_map.world_to_cell(poses.start.x, poses.start.y)
+        return PlanRequest(start, cells[-1], via=tuple(cells[:-1]), **fields)

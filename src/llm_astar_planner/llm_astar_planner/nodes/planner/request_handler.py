@@ -16,19 +16,15 @@ from nav_msgs.msg import Path
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.planner.diagnostics import PlanStatistics
 from llm_astar_planner.nodes.planner.map_manager import MapManager
-from llm_astar_planner.nodes.planner.preemption import CancellationToken, PreemptingGoalSlot
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import (
     PlanGoal,
     RequestConverter,
     RequestError,
 )
-from llm_astar_planner.planning.plan_reuse import WaypointCache
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.report import plan_report
-from llm_astar_planner.planning.types import Plan, PlanningFailure, ResultCode
+from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, ResultCode
 
 # The part of the planning time that is kept for checking and writing the path: seconds or a share.
 FINISH_SECONDS, FINISH_SHARE = 0.1, 0.1
@@ -39,18 +35,56 @@ INACTIVE = 'the node is not active: configure and activate it (lifecycle)'
 NEWER_PATH = 'a newer path was published'
 
 
+class CancellationToken:
+    """Cancellation of one plan: the search polls `stop`; `reason` says why, '' while it runs."""
+
+    def __init__(self) -> None:
+        """Make a token that is not cancelled."""
+        self.stop = np.zeros(1, dtype=np.uint8)
+        self.reason = ''
+
+    def cancel(self, reason: str) -> None:
+        """Cancel, once and for all; the first reason counts."""
+        self.reason = self.reason or reason
+        self.stop[0] = 1
+
+
+class PreemptingGoalSlot:
+    """A new goal preempts the previous one."""
+
+    def __init__(self) -> None:
+        """Make an empty slot."""
+        self._lock = threading.Lock()
+        self._current = CancellationToken()
+
+    def begin(self, reason: str, token: CancellationToken | None = None) -> CancellationToken:
+        """Cancel the previous goal for this reason; return the token of the new one."""
+        with self._lock:
+            previous, self._current = self._current, token or CancellationToken()
+            previous.cancel(reason)
+            return self._current
+
+    def cancel(self, reason: str) -> None:
+        """Cancel the current goal, if there is one."""
+        with self._lock:
+            self._current.cancel(reason)
+
+
 @dataclass(frozen=True, eq=False)
 class PlanResponse:
     """What a caller gets: the goal, the plan, its path as a message (empty on failure).
 
-    `planner` is the one that planned, None if it never came to planning; `seconds` is wall time.
+    `planner` is the one that planned and `request` what it was asked, None if it never came to
+    planning. `started` is in monotonic seconds, `seconds` wall time.
     """
 
     goal: PlanGoal
     plan: Plan
     path: Path
-    seconds: float
+    started: float = 0.0
+    seconds: float = 0.0
     planner: Planner | None = None
+    request: PlanRequest | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +107,6 @@ class Job:
         self.raise_if_cancelled()
         return time.monotonic() < self.begin + self.limit
 
-    def search_time(self) -> float:
-        """Return the seconds left for the planner."""
-        finish = min(FINISH_SECONDS, FINISH_SHARE * self.limit)
-        return max(LEAST_SECONDS, self.begin + self.limit - finish - time.monotonic())
-
 
 class RequestHandler:
     """Answers any number of goals at a time, from any thread."""
@@ -89,7 +118,6 @@ class RequestHandler:
         maps: MapManager,
         converter: RequestConverter,
         *,
-        cache: WaypointCache,
         publisher: PlanPublisher,
         replans: PreemptingGoalSlot,
     ) -> None:
@@ -98,7 +126,6 @@ class RequestHandler:
         `replans` is the slot of plans that nobody has just asked for: publishing a path that
         somebody has asked for preempts them.
         """
-        self.statistics = PlanStatistics()
         self._is_active = False
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
@@ -106,7 +133,6 @@ class RequestHandler:
         self._settings = settings
         self._maps = maps
         self._converter = converter
-        self._cache = cache
         self._publisher = publisher
         self._replans = replans
 
@@ -146,19 +172,18 @@ class RequestHandler:
         planner = self._maps.planner
         with self.running(job.token):
             try:
-                plan, path = self.plan(job, planner, on_better, replan_reason)
+                response = self.plan(job, planner, on_better, replan_reason)
             except PlanningFailure as failure:
-                plan, path = self.failed(job, planner, failure.code, str(failure))
+                response = self.failed(job, planner, failure.code, str(failure))
             except Exception as error:  # noqa: BLE001 - a robot waits for its answer
                 self._node.get_logger().error(traceback.format_exc())
                 message = f'{type(error).__name__} while planning: see the log'
-                plan, path = self.failed(job, planner, ResultCode.UNKNOWN, message)
+                response = self.failed(job, planner, ResultCode.UNKNOWN, message)
             if replan_reason:
-                plan = replace(plan, message=f'{replan_reason}; {plan.message}')
-            self.statistics.count(plan)
-            grid_map = planner.grid_map if planner and plan.method else None
-            self._publisher.publish_report(lambda: plan_report(plan, grid_map), stamp)
-        return PlanResponse(goal, plan, path, time.monotonic() - job.begin, planner)
+                message = f'{replan_reason}; {response.plan.message}'
+                response = replace(response, plan=replace(response.plan, message=message))
+            self._publisher.publish_report(response.plan, response.planner, stamp)
+        return replace(response, seconds=time.monotonic() - job.begin)
 
     def plan(
         self,
@@ -166,25 +191,24 @@ class RequestHandler:
         planner: Planner | None,
         on_better: Callable[[], None] | None,
         replan_reason: str,
-    ) -> tuple[Plan, Path]:
+    ) -> PlanResponse:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         if not self._is_active:
             raise RequestError(ResultCode.UNKNOWN, INACTIVE)
         if planner is None:
             raise RequestError(ResultCode.UNKNOWN, 'no map has arrived yet')
         poses = self._converter.poses(job.goal, planner.grid_map, job.may_wait)
-        keeps_arrival_yaw = self._settings.current['use_final_approach_orientation']
-        goal_yaw = None if keeps_arrival_yaw else poses.goals[-1].yaw
+        ends_as_it_arrives = self._settings.current['use_final_approach_orientation']
+        goal_yaw = None if ends_as_it_arrives else poses.goals[-1].yaw
         writer = PathWriter(planner.grid_map, job.stamp, poses.start.yaw, goal_yaw)
-        own = self._converter.to_request(
+        finish = min(FINISH_SECONDS, FINISH_SHARE * job.limit)
+        request = self._converter.to_request(
             job.goal,
             poses,
             planner.grid_map,
-            job.search_time(),
+            max(LEAST_SECONDS, job.begin + job.limit - finish - time.monotonic()),
             want_expanded=self._publisher.wants_expanded,
         )
-        generation = self._cache.generation
-        request = replace(own, source=self._cache.source_for(own, planner))
         for plan in planner.plans(request, job.token.stop):
             if not plan.is_final:
                 path = writer.write(plan.path)
@@ -193,7 +217,6 @@ class RequestHandler:
                     if on_better is not None:
                         on_better()
         job.raise_if_cancelled()
-        self._cache.remember(request, plan, planner.grid_map, generation)
         path = writer.write_plan(plan)
         # Writing a long path takes time; a path that was cancelled meanwhile is not published.
         job.raise_if_cancelled()
@@ -202,7 +225,7 @@ class RequestHandler:
             if self._publisher.wants_raw:
                 self._publisher.publish_raw(writer.write(plan.path))
         self._publisher.publish_markers(plan, planner.grid_map, job.stamp)
-        return plan, path
+        return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request)
 
     def publish(self, path: Path, replan_reason: str) -> None:
         """Publish a path; one that somebody has just asked for preempts a replan."""
@@ -212,12 +235,12 @@ class RequestHandler:
 
     def failed(
         self, job: Job, planner: Planner | None, code: ResultCode, message: str
-    ) -> tuple[Plan, Path]:
-        """Return the plan of a goal that never came to planning, and an empty path."""
+    ) -> PlanResponse:
+        """Return the response to a goal that never came to planning, with an empty path."""
         frame_id = planner.grid_map.frame_id if planner else ''
         not_drawn = np.zeros((0, 0), dtype=np.bool_)
         plan = Plan(code, message, '', (0, 0), (0, 0), not_drawn)
-        return plan, path_to_message([], frame_id, job.stamp)
+        return PlanResponse(job.goal, plan, path_to_message([], frame_id, job.stamp), job.begin)
 
     @contextmanager
     def running(self, token: CancellationToken) -> Iterator[None]:
