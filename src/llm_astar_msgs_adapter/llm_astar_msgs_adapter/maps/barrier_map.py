@@ -7,6 +7,7 @@ vertical_barriers [x, y0, y1], start_goal [[start, goal, query], ...]}` (LLM-A* 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -109,19 +110,17 @@ class BarrierMap:
             raise BarrierMapError(f'scale: {factor} is not 1 or more')
         if factor == 1:
             return self
-        return replace(
-            self,
-            range_x=scale_pair(self.range_x, factor),
-            range_y=scale_pair(self.range_y, factor),
-            horizontal_barriers=tuple(
-                Barrier(*(value * factor for value in barrier))
-                for barrier in self.horizontal_barriers
-            ),
-            vertical_barriers=tuple(
-                Barrier(*(value * factor for value in barrier))
-                for barrier in self.vertical_barriers
-            ),
-            samples=tuple(
+
+        def scaled(barriers: tuple[Barrier, ...]) -> tuple[Barrier, ...]:
+            return tuple(Barrier(*(value * factor for value in barrier)) for barrier in barriers)
+
+        return BarrierMap(
+            self.id,
+            scale_pair(self.range_x, factor),
+            scale_pair(self.range_y, factor),
+            scaled(self.horizontal_barriers),
+            scaled(self.vertical_barriers),
+            tuple(
                 Sample(scale_pair(sample.start, factor), scale_pair(sample.goal, factor))
                 for sample in self.samples
             ),
@@ -197,29 +196,23 @@ def parse_barrier_map(entry: object, where: str = 'barrier map') -> BarrierMap:
     if (range_x[1] - range_x[0]) * (range_y[1] - range_y[0]) > MAX_CELLS:
         raise BarrierMapError(f'{where}: range_x, range_y: over {MAX_CELLS} cells')
 
-    def items(field: str) -> list[tuple[Any, str]]:
+    def parse_list(field: str, parse: Callable[..., Any], *ranges: Point) -> tuple[Any, ...]:
         values = entry.get(field, [])
         if not isinstance(values, list):
-            raise BarrierMapError(
-                f'{where}: {field}: a list is expected, not {short_repr(values)}'
-            )
-        return [(value, f'{where}: {field}[{index}]') for index, value in enumerate(values)]
+            shown = short_repr(values)
+            raise BarrierMapError(f'{where}: {field}: a list is expected, not {shown}')
+        return tuple(
+            parse(value, f'{where}: {field}[{index}]', *ranges)
+            for index, value in enumerate(values)
+        )
 
     return BarrierMap(
-        id=map_id,
-        range_x=range_x,
-        range_y=range_y,
-        horizontal_barriers=tuple(
-            parse_barrier(value, name, range_y, range_x)
-            for value, name in items('horizontal_barriers')
-        ),
-        vertical_barriers=tuple(
-            parse_barrier(value, name, range_x, range_y)
-            for value, name in items('vertical_barriers')
-        ),
-        samples=tuple(
-            parse_sample(value, name, range_x, range_y) for value, name in items('start_goal')
-        ),
+        map_id,
+        range_x,
+        range_y,
+        parse_list('horizontal_barriers', parse_barrier, range_y, range_x),
+        parse_list('vertical_barriers', parse_barrier, range_x, range_y),
+        parse_list('start_goal', parse_sample, range_x, range_y),
     )
 
 

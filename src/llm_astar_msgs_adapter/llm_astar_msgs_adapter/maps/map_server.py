@@ -69,12 +69,7 @@ def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
 
 
 def pixels_to_cells(
-    pixels: NDArray[np.float64],
-    mode: str,
-    *,
-    negate: bool,
-    occupied: float,
-    free: float,
+    pixels: NDArray[np.float64], mode: str, *, negate: bool, occupied: float, free: float
 ) -> NDArray[np.int8]:
     """Return the occupancy of pixels [height, width, 3 or 4], 0 to 255, in the same order."""
     channels = pixels if mode == 'trinary' else pixels[:, :, :3]
@@ -82,11 +77,12 @@ def pixels_to_cells(
     if mode == 'raw':
         value = np.rint(shade * 255.0)
         return np.where(value <= OCCUPIED, value, UNKNOWN).astype(np.int8)
-    share = shade if negate else 1.0 - shade
-    between = np.full(share.shape, float(UNKNOWN))
+    occupancy = shade if negate else 1.0 - shade
+    between = np.full(occupancy.shape, float(UNKNOWN))
     if mode == 'scale':
-        between = np.rint((share - free) / (occupied - free) * 100.0)
-    cells = np.where(share > occupied, OCCUPIED, np.where(share < free, FREE, between))
+        between = np.rint((occupancy - free) / (occupied - free) * 100.0)
+    cells = np.where(occupancy < free, FREE, between)
+    cells[occupancy > occupied] = OCCUPIED
     if mode == 'scale' and pixels.shape[2] == 4:
         cells[pixels[:, :, 3] != 255.0] = UNKNOWN
     return cells.astype(np.int8)

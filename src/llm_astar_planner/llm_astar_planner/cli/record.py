@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import argparse
 import math
+from functools import partial
 from typing import Any
+
+from llm_astar_msgs_adapter.bags.writing import BagWriter
 
 MEGABYTE = 1_000_000
 EPILOG = """\
@@ -30,10 +33,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     parser.set_defaults(run=run)
     parser.add_argument('--out', required=True, metavar='DIR', help='the bag, a new folder')
     parser.add_argument(
-        '--namespace',
-        default='',
-        metavar='NS',
-        help="the robot's, such as /robot1",
+        '--namespace', default='', metavar='NS', help="the robot's, such as /robot1"
     )
     parser.add_argument(
         '--topics', nargs='+', default=[], metavar='NAME', help='further topics to record'
@@ -60,18 +60,14 @@ def run(arguments: argparse.Namespace) -> int:
             'are expected'
         )
         raise ValueError(message)
-    from llm_astar_planner.nodes.tools.recorder import TOPICS, RecordingOptions, record  # noqa: PLC0415
+    # Not at the top, so that `--help` works without ROS.
+    from llm_astar_planner.nodes.tools.recorder import TOPICS, record  # noqa: PLC0415
 
-    options = RecordingOptions(
-        arguments.out,
-        arguments.storage,
-        round(arguments.max_size * MEGABYTE),
-        arguments.duration,
-        (*TOPICS, *arguments.topics),
-        arguments.namespace,
-    )
-    counts = record(options, lambda line: print(line, flush=True))
-    for topic, count in counts.items():
+    bag = BagWriter(arguments.out, arguments.storage, round(arguments.max_size * MEGABYTE))
+    topics = (*TOPICS, *arguments.topics)
+    report = partial(print, flush=True)
+    record(bag, topics, arguments.namespace, arguments.duration, report)
+    for topic, count in bag.counts.items():
         print(f'{count:8d} {topic}')
-    print(f'{arguments.out}: {sum(counts.values())} messages')
-    return 0 if any(counts.values()) else 1
+    print(f'{arguments.out}: {bag.total} messages')
+    return 0 if bag.total else 1

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import asdict, replace
 from itertools import groupby
 from pathlib import Path
-from types import TracebackType
 
 from llm_astar_msgs_adapter.bags import messages as bag_messages
 from llm_astar_msgs_adapter.bags.messages import (
@@ -98,12 +97,7 @@ class ResultsBag:
         self._bag.add_topic(OfferedTopic(MAP, define(GRID), (LATCHED,)))
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self._bag.__exit__(kind, error, trace)
 
     def add(

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import importlib
-import math
 import os
 import signal
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -148,43 +146,35 @@ class Recorder(Node):
         return [name for name in self.wanted if name in self._waiting]
 
 
-@dataclass(frozen=True)
-class RecordingOptions:
-    """What to record, and the bag; see BagWriter. `duration` is in seconds."""
-
-    folder: str
-    storage: str = 'mcap'
-    max_bytes: int = 0
-    duration: float = math.inf
-    topics: tuple[str, ...] = TOPICS
-    namespace: str = ''
-
-
-def record(options: RecordingOptions, report: PrintLine) -> dict[str, int]:
-    """Record until SIGINT, SIGTERM or the end of `duration`; return the messages by topic.
+def record(
+    writer: BagWriter,
+    topics: Sequence[str],
+    namespace: str,
+    duration: float,
+    report: PrintLine,
+) -> None:
+    """Record topics into a bag until SIGINT, SIGTERM or the end of `duration` (s).
 
     `report` gets a line for every topic found, and regularly one on the number of messages. Raises
-    BagWriteError where the folder exists or the disk is full, OSError where the folder cannot be
-    made, ValueError for invalid names.
+    BagWriteError where the disk is full or fails, OSError where the bag's folder cannot be made,
+    ValueError for invalid names.
     """
-    namespace = '/' + options.namespace.strip('/')
-    topics = full_names(options.topics, namespace)
+    namespace = '/' + namespace.strip('/')
+    topics = full_names(topics, namespace)
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
-    writer = BagWriter(options.folder, options.storage, options.max_bytes)
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         with writer as bag:
             recorder = Recorder(bag, topics, namespace, report)
-            spin_until(stopped, recorder, bag, options.duration)
+            spin_until(stopped, recorder, bag, duration)
             if recorder.missing:
                 report(f'never there: {", ".join(recorder.missing)}')
         # After the bag is closed, since this may end the process.
         leave(recorder)
     finally:
         rclpy.try_shutdown()
-    return writer.counts
 
 
 def spin_until(
