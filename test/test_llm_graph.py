@@ -9,17 +9,20 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from graph_tools import ALONE, GOAL, START, calling, process, set_parameter, wait_for
+from graph_tools import ALONE, GOAL, START, calling, process, set_parameter, spinning, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.diagnostics import ExchangeReport, report_from_message
+from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message
 from llm_astar_msgs_adapter.messages.path import pose_to_message
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode, NoMapError
+from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.planning.parameters import SOURCE
 from llm_astar_planner.waypoints.transcript import read_transcript
 from local_llm import LocalLlm, needs_llm
+from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import Log, ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
@@ -119,6 +122,12 @@ def test_client_and_planner_with_a_real_model(monkeypatch):
     assert (refused.code, refused.guided_by, refused.source_status) == (0, 'none', 'AUTH')
 
 
+# A wall whose only gap, three cells wide, costs 80.
+GAP_OF_COST_80 = np.zeros((41, 61), dtype=np.int8)
+GAP_OF_COST_80[:, 30] = 100
+GAP_OF_COST_80[19:22, 30] = 80
+
+
 @pytest.fixture
 def client_node():
     """An llm_client_node in this process, whose callbacks the tests call."""
@@ -148,19 +157,42 @@ def set_on(node, **values):
 
 def test_the_costmap_rules_of_the_client_decide_which_cells_its_waypoints_use(client_node):
     """A wall's only gap costs 80 and is three cells wide: open at 99, closed for a wide robot."""
-    cells = np.zeros((41, 61), dtype=np.int8)
-    cells[:, 30] = 100
-    cells[19:22, 30] = 80
-    client_node.on_map(GridMap(cells))
+    client_node.on_map(GridMap(GAP_OF_COST_80))
     assert ask_node(client_node) == []
     assert set_on(client_node, occupied_threshold=99) == []
     (corner,) = ask_node(client_node)
-    assert Costmap(GridMap(cells), CostmapConfig(99)).line_of_sight.clear_along(
+    assert Costmap(GridMap(GAP_OF_COST_80), CostmapConfig(99)).line_of_sight.clear_along(
         [(10, 10), corner, (50, 38)]
     )
     assert set_on(client_node, robot_radius=2.0) == []
     assert ask_node(client_node) == []
     assert 'occupied_threshold out of range' in set_on(client_node, occupied_threshold=0)[0]
+
+
+def test_planner_and_client_use_the_same_cells_through_the_graph():
+    """The planner gives the client its rules, so that the client's waypoints lead to the gap."""
+    space = '/gap'
+    given = {'source': 'oracle', 'transcript': '', 'dataset': ''}
+    client = LlmClientNode(
+        namespace=space,
+        parameter_overrides=[Parameter(name, value=value) for name, value in given.items()],
+    )
+    rules = {'occupied_threshold': 99, 'search_while_waiting': False}
+    planner = PlannerNode(
+        namespace=space,
+        parameter_overrides=[Parameter(name, value=value) for name, value in rules.items()],
+    )
+    start, goal = Pose2D(10.5, 10.5), Pose2D(50.5, 38.5)
+    with spinning(client, planner), calling(space) as caller:
+        maps = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        maps.publish(grid_to_message(GridMap(GAP_OF_COST_80), Time()))
+        caller.wait_until_ready(client='llm_client_node')
+        through = caller.call(start, goal)[1]
+        assert set_parameter(caller, 'planner_node', 'occupied_threshold', 65).successful
+        barred = caller.call(start, goal)[1]
+    assert (through.code, through.source_status, through.guided_by) == (0, 'OK', 'oracle')
+    assert [status for *_, status in through.waypoints] == ['accepted']
+    assert (barred.code, barred.waypoints) == (208, ())
 
 
 def test_other_costmap_rules_are_no_reason_for_a_new_source(client_node, chat_server):
