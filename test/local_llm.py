@@ -83,7 +83,7 @@ def serve(api_key_env, context):
     sys.stdout.write(f'{READY}{server.listening_address}/v1\n')
     sys.stdout.flush()
     sys.stdin.buffer.read()
-    # An orderly shutdown would wait for requests in progress, possibly for ever.
+    # An orderly shutdown would wait for requests in progress.
     os._exit(0)
 
 

@@ -242,7 +242,7 @@ def test_the_embedded_model_is_the_default_and_says_it_is_no_llm():
     assert default.default == 'embedded'
 
 
-def test_an_endpoint_guides_and_is_asked_once_for_one_question(chat_server, monkeypatch):
+def test_an_endpoint_guides_and_gets_one_request_for_equal_queries(chat_server, monkeypatch):
     monkeypatch.setenv(KEY_ENV, KEY)
     chat_server.script = [chat_server.completion(GOOD)]
     map_node, client, planner, caller = graph(endpoint(chat_server.base_url))
@@ -260,7 +260,7 @@ def test_an_endpoint_guides_and_is_asked_once_for_one_question(chat_server, monk
 
 
 def failures(server):
-    """Return what an endpoint does, and the status the plan must tell."""
+    """Return what an endpoint does, and the status that the plan must report."""
     return {
         'refused': ([server.error(429, 'insufficient_quota', 'insufficient_quota')], 'REFUSED'),
         'wrong key': ([server.error(401, f'bad key {KEY}')], 'AUTH'),
@@ -273,7 +273,7 @@ def failures(server):
     }
 
 
-def test_no_failure_of_the_endpoint_stops_a_plan_and_each_is_told(chat_server, monkeypatch):
+def test_no_failure_of_the_endpoint_stops_a_plan_and_each_is_reported(chat_server, monkeypatch):
     monkeypatch.setenv(KEY_ENV, KEY)
     arguments = endpoint(chat_server.base_url, timeout_s=0.8, max_retries=0)
     map_node, client, planner, caller = graph(
@@ -325,11 +325,11 @@ def dump_parameters(caller, node):
     return f'{names} {values}'
 
 
-def test_a_key_is_nowhere_to_be_found(chat_server, monkeypatch, tmp_path):
-    """The endpoint repeats the key in its errors and its replies, and nothing passes it on."""
+def test_a_key_appears_in_no_topic_parameter_log_or_file(chat_server, monkeypatch, tmp_path):
+    """The endpoint repeats the key in its errors and replies, and no output contains it."""
     monkeypatch.setenv(KEY_ENV, KEY)
     transcript = tmp_path / 'record.jsonl'
-    # While the first question fails the second is another, so that none comes from the cache.
+    # The second query differs from the first, which fails, so neither is answered from the cache.
     chat_server.script = [
         chat_server.error(500, f'{KEY} is no good'),
         chat_server.completion(f'Your key is {KEY}. {GOOD}'),

@@ -1,4 +1,4 @@
-"""Every setting of a waypoint source, in one place for nodes and command line alike."""
+"""The settings of a waypoint source, the same for nodes and command line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""No source can hold up a plan: not one that hangs, dies, lies, or comes late."""
+"""No source can delay or break a plan: not one that hangs, raises, is wrong, or is late."""
 
 import threading
 import time
@@ -20,7 +20,7 @@ PLANNER = Planner(GridMap(CELLS)).prepare()
 
 
 class Source:
-    """Does what it is told to; hangs until the test ends where that is to hang."""
+    """Answers by the given function; a function that hangs is released at the end of the test."""
 
     name = 'fake'
 
@@ -85,7 +85,7 @@ def test_whatever_a_source_does_there_is_a_path_in_time(source, method, waiting)
 
 
 @pytest.mark.parametrize('source', [hang], indirect=True)
-def test_a_source_that_hangs_is_left_behind_at_its_time_limit(source):
+def test_a_source_that_hangs_is_a_timeout_at_its_time_limit(source):
     reply, seconds = query_source(source, WaypointQuery(PLANNER.costmap, (1, 1), (2, 2), 0.05))
     assert reply.status is SourceStatus.TIMEOUT
     assert 'fake' in reply.detail
@@ -94,7 +94,7 @@ def test_a_source_that_hangs_is_left_behind_at_its_time_limit(source):
 
 @pytest.mark.parametrize('source', [hang], indirect=True)
 @pytest.mark.parametrize('method', ['guided', 'llm_astar'])
-def test_a_cancel_ends_the_waiting_for_waypoints(source, method):
+def test_a_cancelled_plan_stops_waiting_for_waypoints(source, method):
     stop, plans = no_stop(), []
     request = PlanRequest((2, 2), (55, 3), method=method, source=source, time_limit=LONG)
     began = time.monotonic()
@@ -107,7 +107,7 @@ def test_a_cancel_ends_the_waiting_for_waypoints(source, method):
     assert plans[0].guided_by == 'none'
 
 
-def test_of_any_number_of_waypoints_only_the_first_thousand_are_taken():
+def test_only_the_first_thousand_waypoints_are_taken():
     query = WaypointQuery(Costmap(GridMap(CELLS)), (2, 2), (55, 3), LONG)
     reply, _ = query_source(Source(babble), query)
     assert reply.waypoints == babble(None, query).waypoints[:1000]

@@ -1,4 +1,4 @@
-"""Ablation sources: each does to the map's best waypoints what its name says."""
+"""Baseline sources: each gives or degrades the best waypoints as its name says."""
 
 import gzip
 import json
@@ -24,13 +24,13 @@ HALL = Costmap(BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 25),)).to_grid())
 ROUND = WaypointQuery(HALL, (5, 5), (5, 15))
 
 
-def test_straight_points_lie_on_the_line_blind_to_barriers():
+def test_straight_points_lie_on_the_line_whatever_is_there():
     reply = ablation_sources()['straight'].waypoints(ROUND)
     assert reply.waypoints == ((5.0, 8.0), (5.0, 10.0), (5.0, 12.0))
     assert (reply.label, reply.status) == ('straight', SourceStatus.OK)
 
 
-def test_the_oracle_turns_at_the_free_cell_beside_the_barrier_s_end():
+def test_the_oracle_turns_at_the_free_cell_next_to_the_barriers_end():
     assert ablation_sources()['oracle'].waypoints(ROUND).waypoints == ((26.0, 10.0),)
     assert any_angle_length(HALL, (5, 5), (5, 15)) == pytest.approx(2 * np.hypot(21, 5))
 
@@ -48,7 +48,7 @@ def test_a_start_on_a_corner_cell_is_no_obstacle():
     assert shortest_corners(HALL, (26, 9), (5, 15)) == ((26.0, 10.0),)
 
 
-def test_every_leg_of_the_oracle_is_a_line_of_sight_also_at_scale_ten():
+def test_every_segment_of_the_oracle_is_a_line_of_sight_also_at_scale_ten():
     for barrier_map in generate(seed=5, maps=3):
         for scale in (1, 10):
             scaled = barrier_map.scale(scale)
@@ -82,7 +82,7 @@ def test_reversed_is_the_oracle_backwards():
         assert sources['reversed'].waypoints(query).waypoints == oracle[::-1]
 
 
-def test_answers_depend_on_the_question_and_the_seed_alone():
+def test_answers_depend_only_on_the_query_and_the_seed():
     twin = WaypointQuery(
         Costmap(GridMap(HALL.grid_map.cells, HALL.grid_map.resolution, HALL.grid_map.origin)),
         (5, 5),

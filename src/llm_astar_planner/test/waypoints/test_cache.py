@@ -1,4 +1,4 @@
-"""The cache: asked once, bounded, and never left waiting."""
+"""The cache: one call for equal queries, a bounded size, and no caller left waiting."""
 
 import threading
 import time
@@ -21,7 +21,7 @@ QUERY = WaypointQuery(Costmap(GridMap(np.zeros((30, 50), dtype=np.int8))), (5, 5
 
 
 class Scripted:
-    """Counts its queries and answers as told, when told."""
+    """Counts its queries; answers with the given status once its gate is open."""
 
     name = 'scripted'
 
@@ -40,7 +40,7 @@ class Scripted:
         return WaypointReply(((1.0, 2.0),), 'scripted', self.status, prompt_tokens=7)
 
 
-def test_a_planner_asked_again_and_again_makes_one_call():
+def test_a_repeated_query_makes_one_call():
     inner = Scripted()
     source = CachedSource(inner, model='tiny')
     replies = [source.waypoints(QUERY) for _ in range(100)]
@@ -50,7 +50,7 @@ def test_a_planner_asked_again_and_again_makes_one_call():
     assert source.name == 'scripted'
 
 
-def test_another_question_is_another_call():
+def test_a_query_that_differs_makes_another_call():
     inner = Scripted()
     source = CachedSource(inner)
     other_map = GridMap(np.full((30, 50), 100, dtype=np.int8))
@@ -92,7 +92,7 @@ def test_the_oldest_answer_is_dropped():
     assert len(inner.queries) == 4
 
 
-def test_identical_questions_are_asked_once_and_a_late_answer_is_kept():
+def test_identical_queries_are_sent_once_and_a_late_answer_is_kept():
     inner = Scripted(opened=False)
     source = CachedSource(inner, timeout_s=20.0)
     replies = []
@@ -113,7 +113,7 @@ def test_identical_questions_are_asked_once_and_a_late_answer_is_kept():
     assert source.waypoints(replace(QUERY, time_limit=0.0)).status is SourceStatus.OK
 
 
-def test_questions_under_way_are_bounded(monkeypatch):
+def test_running_queries_are_bounded(monkeypatch):
     monkeypatch.setattr(cache, 'MAX_PENDING', 2)
     inner = Scripted(opened=False)
     source = CachedSource(inner)
@@ -127,7 +127,7 @@ def test_questions_under_way_are_bounded(monkeypatch):
         time.sleep(0.01)
 
 
-def test_a_bug_in_the_source_leaves_nobody_waiting(caplog):
+def test_a_bug_in_the_source_is_an_error_reply(caplog):
     inner = Scripted(status=None)
     reply = CachedSource(inner).waypoints(QUERY)
     assert reply.status is SourceStatus.ERROR

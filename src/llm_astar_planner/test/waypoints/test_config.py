@@ -1,12 +1,16 @@
-"""The shipped parameter files fit the settings, and the docs name them all."""
+"""Settings are checked by name; the shipped parameter files fit them, and the docs name them."""
 
-from dataclasses import fields
+import math
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
 import yaml
-from llm_astar_planner.waypoints.config import SourceSettings
+from llm_astar_planner.waypoints.config import SettingsError, SourceSettings
 from llm_astar_planner.waypoints.factory import client_of, make_source
+from llm_astar_planner.waypoints.replay import ReplayError
+from llm_astar_planner.waypoints.source import WaypointReply
+from llm_astar_planner.waypoints.transcript import TranscriptError
 
 ROOT = Path(__file__).parents[4]
 KINDS = ('openai', 'ollama', 'vllm', 'llamacpp', 'replay')
@@ -39,3 +43,50 @@ def test_the_docs_name_every_parameter_and_file():
     text = (ROOT / 'docs' / 'llm-client.md').read_text()
     for kind in KINDS:
         assert f'config/llm_{kind}.yaml' in text
+
+
+def test_settings_are_checked_by_name():
+    good = SourceSettings(source='endpoint', base_url='http://localhost:1/v1')
+    assert make_source(good).name == 'endpoint'
+    assert make_source(SourceSettings(source='none')).name == 'none'
+    for change, words in (
+        (
+            {'source': 'magic'},
+            "source: 'magic' is not one of none, embedded, replay",
+        ),
+        ({'temperature': 3.0}, 'temperature: 3.0 is not in 0 to 2'),
+        ({'timeout_s': math.nan}, 'timeout_s: nan is not'),
+        ({'timeout_s': 0.0}, 'timeout_s: 0.0 is not'),
+        ({'max_retries': 99}, 'max_retries: 99 is not in 0 to 10'),
+        ({'max_concurrent': 0}, 'max_concurrent: 0'),
+        ({'max_output_tokens': 0}, 'max_output_tokens: 0'),
+        ({'max_prompt_tokens': 1}, 'max_prompt_tokens: 1'),
+        ({'repair_rounds': -1}, 'repair_rounds: -1'),
+        ({'candidates': 0}, 'candidates: 0 is not in 1 to 64'),
+        ({'max_calls_per_hour': -1}, 'max_calls_per_hour: -1'),
+        ({'max_tokens_per_day': -1}, 'max_tokens_per_day: -1'),
+        ({'cache_size': 0}, 'cache_size: 0'),
+        ({'response_format': 'xml'}, "'xml' is not one of text, json_object, json_schema"),
+        ({'prompt': 'mine'}, "prompt: 'mine' is none of few_shot, cot, repe"),
+        ({'base_url': 'nowhere'}, 'base_url: '),
+        ({'source': 'replay'}, 'transcript: '),
+    ):
+        with pytest.raises(SettingsError, match=words):
+            make_source(replace(good, **change))
+
+
+def test_wrong_files_are_named(tmp_path):
+    replay = SourceSettings(source='replay', transcript=str(tmp_path / 'none.jsonl'))
+    with pytest.raises(TranscriptError, match=r'none\.jsonl'):
+        make_source(replay)
+    (tmp_path / 'none.jsonl').touch()
+    with pytest.raises(ReplayError, match='it holds: nothing'):
+        make_source(replay)
+
+
+def test_settings_hold_the_parameters_of_the_design():
+    names = {field.name for field in fields(SourceSettings)}
+    assert names >= {'source', 'base_url', 'model', 'prompt', 'timeout_s', 'max_retries'}
+    assert names >= {'max_output_tokens', 'temperature', 'response_format', 'api_key_env'}
+    assert names >= {'repair_rounds', 'max_calls_per_hour', 'max_tokens_per_day'}
+    assert WaypointReply().messages == ()

@@ -1,4 +1,4 @@
-"""Replay: the recorded words, found by sample, by the dataset's cells, or by the live key."""
+"""Replay: recorded answers, found by sample, by the dataset's cells, or by the live key."""
 
 from dataclasses import replace
 
@@ -143,6 +143,6 @@ def test_several_models_need_a_choice(tmp_path):
         ReplaySource(write(tmp_path / 'empty.jsonl'))
 
 
-def test_no_source():
+def test_the_source_none_returns_no_waypoints():
     reply = NoSource().waypoints(ask())
     assert (reply.status, reply.label, reply.waypoints) == (SourceStatus.NONE, 'none', ())

@@ -109,7 +109,7 @@ def test_a_missing_field_is_named(tmp_path, field):
         read_transcript(path)
 
 
-def test_what_is_no_transcript(tmp_path):
+def test_a_file_that_is_not_a_transcript_is_named(tmp_path):
     path = tmp_path / 'transcript.jsonl'
     with pytest.raises(TranscriptError, match='No such file'):
         read_transcript(path)
@@ -123,7 +123,7 @@ def test_what_is_no_transcript(tmp_path):
         TranscriptWriter(tmp_path)
 
 
-def test_an_exchange_that_no_longer_fits_the_disk_harms_no_other(tmp_path):
+def test_a_full_disk_damages_no_earlier_exchange(tmp_path):
     path = tmp_path / 'transcript.jsonl'
     writer = TranscriptWriter(path)
     writer.write(EXCHANGE)
@@ -152,14 +152,14 @@ def test_lines_from_many_threads_stay_whole(tmp_path):
     assert read_transcript(path) == [big] * 80
 
 
-def test_where_nobody_was_asked_nothing_is_recorded(tmp_path):
+def test_a_source_that_asks_no_model_is_not_recorded(tmp_path):
     path = tmp_path / 'transcript.jsonl'
     query = WaypointQuery(Costmap(GridMap(np.zeros((3, 3), dtype=np.int8))), (0, 0), (2, 2))
     assert RecordingSource(NoSource(), TranscriptWriter(path)).waypoints(query).waypoints == ()
     assert path.read_text() == ''
 
 
-def test_a_disk_that_refuses_costs_no_answer(tmp_path, caplog):
+def test_a_failed_write_does_not_cost_the_answer(tmp_path, caplog):
     class Answers:
         name = 'answers'
 

@@ -124,25 +124,25 @@ def edge_features(weights: Weights, features: Features) -> Floats:
     pairs = features.pairs
     n, nodes, each, _ = features.barriers.shape
     forms, rank = weights.shape['forms'], weights.shape['rank']
-    seen = np.concatenate(
+    views = np.concatenate(
         [relu(weights.linear('edges.view', features.barriers)), features.barriers], axis=-1
     )
     left, right = (
-        weights.linear(f'edges.{side}', seen).reshape(n, nodes, each, forms, rank)
+        weights.linear(f'edges.{side}', views).reshape(n, nodes, each, forms, rank)
         for side in ('left', 'right')
     )
     left, right = left.transpose(0, 2, 3, 1, 4), right.transpose(0, 2, 3, 4, 1)
     near = pairs[:, None, -1]
     total = np.zeros((n, weights.shape['meet'], nodes * nodes), np.float32)
-    met, said = np.empty((n, forms, nodes, nodes), np.float32), np.empty_like(total)
+    products, formed = np.empty((n, forms, nodes, nodes), np.float32), np.empty_like(total)
     zeros = np.zeros(total.shape[1:], np.float32)
     bias = zeros + weights.arrays['edges.meet.bias'][:, None]
     # One barrier at a time and in place: the forms of all 30 would not fit into the CPU cache.
     for k in range(each):
-        np.matmul(left[:, k], right[:, k], out=met)
-        np.multiply(met, near, out=met)
-        np.matmul(weights.arrays['edges.meet.weight'], met.reshape(n, forms, -1), out=said)
-        total += np.maximum(np.add(said, bias, out=said), zeros, out=said)
+        np.matmul(left[:, k], right[:, k], out=products)
+        np.multiply(products, near, out=products)
+        np.matmul(weights.arrays['edges.meet.weight'], products.reshape(n, forms, -1), out=formed)
+        total += np.maximum(np.add(formed, bias, out=formed), zeros, out=formed)
     edge = np.concatenate([total, pairs.reshape(n, -1, nodes * nodes)], axis=1)
     edge = weights.channels('edges.out', relu(weights.channels('edges.mix', edge)))
     return edge.reshape(n, -1, nodes, nodes)
@@ -157,10 +157,10 @@ def apply_layer(weights: Weights, name: str, x: Floats, edge: Floats) -> Floats:
     bias = weights.channels(f'{name}.bias', edge.reshape(n, -1, nodes * nodes))
     scores = q @ k.swapaxes(-1, -2) * np.float32(q.shape[-1] ** -0.5)
     attention = softmax(scores + bias.reshape(n, heads, nodes, nodes))
-    heard = (attention @ v).swapaxes(1, 2).reshape(n, nodes, width)
+    mixed = (attention @ v).swapaxes(1, 2).reshape(n, nodes, width)
     along = attention.swapaxes(1, 2) @ edge.transpose(0, 2, 3, 1)
     x = x + weights.linear(
-        f'{name}.out', np.concatenate([heard, along.reshape(n, nodes, -1)], axis=-1)
+        f'{name}.out', np.concatenate([mixed, along.reshape(n, nodes, -1)], axis=-1)
     )
     inner = relu(weights.linear(f'{name}.up', weights.norm(f'{name}.second', x)))
     return x + weights.linear(f'{name}.down', inner)

@@ -1,4 +1,4 @@
-"""One HTTP request with a deadline that holds whatever the server does.
+"""One HTTP request that ends by its deadline in every case.
 
 The timeouts of HTTP libraries start again at every byte, and name look-ups have none. So the
 request runs as a task that is cancelled when its time is up.

@@ -1,4 +1,4 @@
-"""The embedded waypoint model: what it is told, how it answers, and that its weights are good."""
+"""The embedded waypoint model: its inputs, its answers, and the quality of its weights."""
 
 import gc
 import os
@@ -117,14 +117,14 @@ def test_the_order_of_the_barriers_does_not_matter():
     assert np.allclose(logits[np.ix_(nodes, nodes)], shuffled, atol=1e-3)
 
 
-def test_nodes_are_the_cells_straight_beyond_barrier_ends():
+def test_nodes_are_the_cells_just_beyond_barrier_ends():
     barriers = np.array([[[1, 10, 3, 30], [0, 25, 12, 12]]], np.int32)
     ends = np.array([[[5, 20], [40, 5]]], np.int32)
     cells = [[5, 20], [40, 5], [2, 10], [31, 10], [25, 11], [25, 13]]
     assert place_nodes(barriers, ends)[0].tolist() == cells
 
 
-def test_what_is_blocked_off_the_map_or_there_twice_is_no_node_but_the_goal_always_is():
+def test_nodes_are_free_cells_on_the_map_without_duplicates_but_the_goal_is_always_one():
     blocked = np.zeros((10, 10), dtype=bool)
     blocked[2, 3] = blocked[9, 9] = True
     cells = np.array([[1, 1], [9, 9], [3, 2], [5, 5], [5, 5], [-1, 4], [4, 10], [1, 1]], np.int32)
@@ -152,7 +152,7 @@ def test_of_several_routes_the_shortest_in_sight_is_best():
     assert shortest_in_sight([(0, 1), (0, 4, 1)], cells, sight) is None
 
 
-def test_several_routes_of_which_none_is_in_sight_are_no_waypoints():
+def test_without_a_route_in_sight_there_are_no_waypoints():
     shut = WaypointQuery(Costmap(barrier_grid([(10, 0, 25), (10, 26, 50)])), (5, 5), (40, 20))
     reply = EmbeddedSource(8).waypoints(shut)
     assert (reply.status, reply.waypoints) == (SourceStatus.NO_WAYPOINTS, ())
@@ -182,8 +182,8 @@ def test_odd_maps_get_an_answer(grid, start, goal):
         assert not any(blocked[int(y), int(x)] for x, y in reply.waypoints)
 
 
-def test_maps_of_the_past_are_let_go():
-    """A robot that maps sends ever new ones."""
+def test_old_maps_are_released_from_memory():
+    """A robot that maps its surroundings publishes a new map again and again."""
     past = []
     for _ in range(MAPS_KEPT + 3):
         grid = barrier_grid([(10, 0, 25)])
@@ -199,7 +199,7 @@ def test_an_empty_map_needs_no_waypoints():
     assert (reply.status, reply.waypoints) == (SourceStatus.NO_WAYPOINTS, ())
 
 
-def test_it_says_what_it_is_and_which_weights():
+def test_its_label_says_that_it_is_no_llm_and_names_its_weights():
     source = make_source(SourceSettings(source='embedded', candidates=3))
     assert source == EmbeddedSource(3)
     planner = Planner(barrier_grid([(10, 0, 25)]))

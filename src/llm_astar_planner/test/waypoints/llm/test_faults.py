@@ -22,7 +22,7 @@ MAP = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 25), Barrier(15, 30, 50)))
 QUERY = WaypointQuery(Costmap(MAP.to_grid()), (5, 5), (20, 20))
 GOOD = 'Generated Path: [[5, 5], [26, 9], [20, 20]]'
 PATH = ((5.0, 5.0), (26.0, 9.0), (20.0, 20.0))
-# A deadline of half a second may take this long on a busy machine; a hang takes for ever.
+# A deadline of half a second may take this long on a busy machine; a hang never ends.
 GENEROUS = 5.0
 
 
@@ -163,7 +163,7 @@ ROWS = {
 
 
 @pytest.mark.parametrize('name', ROWS)
-def test_row(chat_server, name):
+def test_each_row_of_the_failure_table(chat_server, name):
     script, status, word, requests = ROWS[name]
     chat_server.script = script(chat_server)
     started = time.monotonic()
@@ -216,13 +216,13 @@ def test_retries_end_at_the_deadline(chat_server, monkeypatch):
     assert len(chat_server.requests) <= 3
 
 
-def test_nothing_is_asked_again_that_could_not_come_in_time(chat_server):
+def test_no_follow_up_is_sent_whose_answer_would_come_too_late(chat_server):
     chat_server.script = [chat_server.wait(0.4, chat_server.completion('Go east.'))]
     source_for(chat_server, timeout_s=0.6).waypoints(QUERY)
     assert len(chat_server.requests) == 1
 
 
-def test_refused_and_tls_then_the_breaker(chat_server):
+def test_refused_connections_and_tls_errors_open_the_breaker(chat_server):
     refused = source_for(chat_server, base_url=f'http://127.0.0.1:{closed_port()}/v1')
     tls = source_for(chat_server, base_url=chat_server.base_url.replace('http:', 'https:'))
     for source in (refused, tls):
@@ -344,7 +344,7 @@ def test_without_its_own_key_nothing_is_asked(
     assert client_of(source).budget.total_calls == 0
 
 
-def test_what_an_endpoint_does_not_take_is_remembered(chat_server):
+def test_fields_that_an_endpoint_rejects_are_remembered(chat_server):
     chat_server.script = [
         chat_server.error(400, "Unsupported parameter: 'max_tokens'"),
         chat_server.error(400, "Unsupported value: 'temperature'"),
@@ -365,7 +365,7 @@ def test_what_an_endpoint_does_not_take_is_remembered(chat_server):
     assert all(body['max_completion_tokens'] == 1000 for body in chat_server.requests[1:])
 
 
-def test_a_prompt_too_long_is_made_coarser(chat_server):
+def test_a_prompt_that_is_too_long_is_sent_again_with_a_coarser_map(chat_server):
     barriers = tuple(Barrier(y, 3, 3 + y) for y in range(2, 29, 2))
     query = replace(QUERY, costmap=Costmap(BarrierMap(0, (0, 51), (0, 31), barriers).to_grid()))
     chat_server.script = [
@@ -389,7 +389,7 @@ def test_a_late_reply_goes_to_the_cache(chat_server):
     assert len(chat_server.requests) == 1
 
 
-def test_requests_at_a_time_are_bounded(chat_server):
+def test_concurrent_requests_are_bounded(chat_server):
     running, most = [], []
 
     def responder(handler):
@@ -419,7 +419,7 @@ def test_requests_at_a_time_are_bounded(chat_server):
 @pytest.mark.parametrize(
     ('limit', 'value', 'answered'), [('max_calls_per_hour', 2, 2), ('max_tokens_per_day', 200, 2)]
 )
-def test_limits_refuse_politely(chat_server, limit, value, answered):
+def test_a_reached_limit_is_a_refused_reply(chat_server, limit, value, answered):
     source = source_for(chat_server, **{limit: value})
     replies = [source.waypoints(replace(QUERY, goal=(20, 17 + i))) for i in range(4)]
     assert [reply.status for reply in replies] == [SourceStatus.OK] * answered + [
@@ -432,7 +432,7 @@ def test_limits_refuse_politely(chat_server, limit, value, answered):
 KEY = 'planted-secret-key-0123456789'
 
 
-def test_a_key_shows_up_nowhere(chat_server, monkeypatch, tmp_path, caplog, capfd):
+def test_a_key_appears_in_no_output(chat_server, monkeypatch, tmp_path, caplog, capfd):
     """The server echoes what it was sent, in replies and errors, whole and near every cut."""
     caplog.set_level(logging.DEBUG)
     monkeypatch.setenv('ROBOT_KEY', KEY)
@@ -475,7 +475,9 @@ def test_a_key_shows_up_nowhere(chat_server, monkeypatch, tmp_path, caplog, capf
     'before',
     ['', 'HTTP/1.1 200 OK\r\n', 'HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n'],
 )
-def test_a_key_in_what_is_no_http_shows_up_nowhere(chat_server, monkeypatch, before):
+def test_a_key_in_a_response_that_is_not_http_appears_in_no_output(
+    chat_server, monkeypatch, before
+):
     monkeypatch.setenv('ROBOT_KEY', KEY)
     chat_server.script = [
         lambda handler: handler.wfile.write(
@@ -490,7 +492,7 @@ def test_a_key_in_what_is_no_http_shows_up_nowhere(chat_server, monkeypatch, bef
 
 
 @pytest.mark.parametrize('field', ['content', 'refusal'])
-def test_a_key_spelt_in_json_shows_up_nowhere(chat_server, monkeypatch, field):
+def test_a_key_escaped_in_json_appears_in_no_output(chat_server, monkeypatch, field):
     monkeypatch.setenv('ROBOT_KEY', KEY)
     spelt = ''.join(f'\\u{ord(letter):04x}' for letter in KEY)
     body = json.dumps(chat_server.completion('', **{field: 'I hold KEY'})[2])
@@ -500,7 +502,7 @@ def test_a_key_spelt_in_json_shows_up_nowhere(chat_server, monkeypatch, field):
     assert KEY[:12] not in repr(reply)
 
 
-def test_what_is_kept_and_counted_of_an_answer_is_bounded(chat_server):
+def test_the_text_and_the_token_counts_of_an_answer_are_bounded(chat_server):
     status, headers, body = chat_server.completion('x' * 2 * MAX_REPLY_CHARS + GOOD)
     body['usage'] = {'prompt_tokens': -5, 'completion_tokens': 10**30}
     chat_server.script = [(status, headers, body)]

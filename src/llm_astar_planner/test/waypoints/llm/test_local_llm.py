@@ -57,7 +57,7 @@ def test_a_real_model_keeps_to_the_schema(server, monkeypatch):
 
 
 @needs_llm
-def test_a_real_server_wants_its_key(server, monkeypatch):
+def test_a_real_server_rejects_a_wrong_key(server, monkeypatch):
     _, reply = ask(server, api_key_env='')
     assert reply.status is SourceStatus.AUTH
     monkeypatch.setenv('LOCAL_LLM_KEY', 'another-key')
@@ -65,7 +65,7 @@ def test_a_real_server_wants_its_key(server, monkeypatch):
 
 
 @needs_llm
-def test_a_real_server_is_left_at_the_deadline(server, monkeypatch):
+def test_the_client_returns_at_the_deadline_of_a_slow_real_server(server, monkeypatch):
     monkeypatch.setenv('LOCAL_LLM_KEY', KEY)
     started = time.monotonic()
     source, reply = ask(server, replace(QUERY, time_limit=0.05), timeout_s=0.3)
@@ -75,7 +75,7 @@ def test_a_real_server_is_left_at_the_deadline(server, monkeypatch):
 
 
 @needs_llm
-def test_a_real_context_that_is_too_short_is_recognised():
+def test_the_error_of_a_real_context_that_is_too_short_is_recognised():
     with LocalLlm(context=256) as small:
         source, reply = ask(small, api_key_env='')
     assert reply.status is SourceStatus.ERROR

@@ -1,4 +1,4 @@
-"""The endpoint source when all is well: what is sent, what comes back, what is learnt."""
+"""The endpoint source without failures: requests, answers, recordings and repairs."""
 
 import json
 from dataclasses import replace
@@ -35,7 +35,7 @@ def source_for(server, dataset=None, **settings):
     )
 
 
-def test_one_question(chat_server):
+def test_one_query(chat_server):
     source = source_for(chat_server)
     reply = source.waypoints(QUERY)
     assert reply.waypoints == PATH
@@ -70,7 +70,7 @@ def test_structured_output(chat_server, prompt, response_format):
         assert schema['required'] == [*thoughts, 'path']
 
 
-def test_the_second_question_comes_from_the_cache(chat_server):
+def test_the_second_query_is_answered_from_the_cache(chat_server):
     source = source_for(chat_server)
     first = source.waypoints(QUERY)
     second = source.waypoints(QUERY)
@@ -119,7 +119,7 @@ def test_exchanges_are_recorded_and_replayed(chat_server, tmp_path):
     assert replay.waypoints(other).status is SourceStatus.MALFORMED
 
 
-def test_a_dataset_keys_the_record(chat_server, tmp_path):
+def test_a_recording_is_keyed_by_the_dataset(chat_server, tmp_path):
     record = tmp_path / 't.jsonl'
     source = source_for(chat_server, [MAP], record=str(record))
     source.waypoints(replace(QUERY, costmap=Costmap(MAP.to_grid(0.05))))
@@ -144,7 +144,7 @@ def test_a_coarse_map_is_replayed_as_it_was_answered(chat_server, tmp_path):
     assert replay.waypoints(query).waypoints == reply.waypoints
 
 
-def test_repair_tells_what_collides(chat_server):
+def test_a_repair_tells_the_model_what_collides(chat_server):
     chat_server.script = [
         chat_server.completion('Generated Path: [[5, 5], [25, 15], [70, 9], [20, 20]]'),
         chat_server.completion('Sorry. Generated Path: [[5, 5], [26, 8], [26, 24], [20, 20]]'),
@@ -154,10 +154,10 @@ def test_repair_tells_what_collides(chat_server):
     assert reply.waypoints == ((5.0, 5.0), (26.0, 8.0), (26.0, 24.0), (20.0, 20.0))
     assert (reply.prompt_tokens, reply.completion_tokens) == (200, 40)
     assert len(chat_server.requests) == 2
-    told = chat_server.requests[1]['messages'][-1]['content']
-    assert 'The point [25, 15] lies on a barrier.' in told
-    assert 'The point [70, 9] lies off the map.' in told
-    assert 'The straight way from [5, 5] to [20, 20] meets a barrier at [10, 10].' in told
+    message = chat_server.requests[1]['messages'][-1]['content']
+    assert 'The point [25, 15] lies on a barrier.' in message
+    assert 'The point [70, 9] lies off the map.' in message
+    assert 'The straight way from [5, 5] to [20, 20] meets a barrier at [10, 10].' in message
 
 
 def test_a_repair_that_makes_it_worse_is_not_used(chat_server):
@@ -182,7 +182,7 @@ def test_a_follow_up_that_fails_leaves_the_first_exchange(chat_server):
     assert len(chat_server.requests) == 2
 
 
-def test_no_time_is_no_request(chat_server):
+def test_without_time_no_request_is_made(chat_server):
     reply = source_for(chat_server).waypoints(replace(QUERY, time_limit=0.0))
     assert reply.status is SourceStatus.TIMEOUT
     assert chat_server.requests == []
@@ -194,7 +194,7 @@ def test_without_repair_rounds_the_first_answer_stands(chat_server):
     assert len(chat_server.requests) == 1
 
 
-def test_state_and_counts(chat_server):
+def test_the_client_reports_its_problem_and_counts(chat_server):
     source = source_for(chat_server)
     source.waypoints(QUERY)
     client = client_of(source)

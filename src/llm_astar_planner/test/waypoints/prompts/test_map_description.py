@@ -113,7 +113,7 @@ def test_a_prompt_states_the_whole_question(name):
     question = message.content[message.content.rindex('Start Point') :]
     assert question.startswith('Start Point: [39, 22]\nGoal Point: [3, 14]\n')
     listed = re.findall(r'Barriers: (.*)', question)
-    # The outermost cells are walls anyway, so a barrier may be told without its end there.
+    # The outermost cells are walls anyway, so a barrier may be listed without its end there.
     assert triples(listed[0]) in ([(10, 0, 25), (15, 30, 50)], [(10, 1, 25), (15, 30, 49)])
     assert triples(listed[1]) == [(25, 10, 22)]
     assert 'x from 2 to 48 and y from 2 to 28' in message.content

@@ -31,7 +31,7 @@ def check(query):
     assert query.barrier_map.vertical_barriers == (Barrier(25, 10, 22),)
 
 
-def test_a_sentence_of_the_dataset_needs_no_model():
+def test_a_sentence_in_the_form_of_the_dataset_needs_no_model():
     check(parse_query(SENTENCE))
     check(parse_query('  ' + SENTENCE.upper().replace(', ', ',').replace(' ', '\n ')))
     bare = parse_query(
@@ -90,7 +90,7 @@ def test_free_wording_by_a_model(wrap):
         ({**ANSWER, 'vertical_barriers': [{'y': 1}]}, r'vertical_barriers\[0\]'),
     ],
 )
-def test_what_a_model_may_get_wrong(answer, words):
+def test_wrong_answers_of_a_model_are_named(answer, words):
     text = answer if isinstance(answer, str) else json.dumps(answer)
     with pytest.raises(QueryError, match=words):
         parse_query('free', lambda *_: text)

@@ -88,7 +88,7 @@ def test_every_shape_of_the_same_path(text):
         ('Generated Path: [26, 9]', ((26.0, 9.0),)),
     ],
 )
-def test_what_is_cut_off_or_no_number_is_left_out(text, waypoints):
+def test_points_that_are_cut_off_or_not_numbers_are_left_out(text, waypoints):
     assert parse_reply(text) == waypoints
 
 
@@ -116,11 +116,11 @@ def test_an_empty_list_is_an_answer(text):
         '[true, false]',
     ],
 )
-def test_no_list(text):
+def test_text_without_a_list_of_points(text):
     assert parse_reply(text) is None
 
 
-def test_bounds():
+def test_the_number_of_points_and_the_length_of_text_are_bounded():
     many = 'Generated Path: [' + ', '.join(f'[{i}, {i}]' for i in range(500)) + ']'
     assert parse_reply(many) == tuple((float(i), float(i)) for i in range(MAX_WAYPOINTS))
     long = 'Generated Path: [[1, 1], [2, 2]]' + ' ' * MAX_REPLY_CHARS
