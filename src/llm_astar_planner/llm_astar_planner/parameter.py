@@ -116,31 +116,17 @@ class DeprecatedParameter:
         return {self.replacement: self.convert(value)} if self.replacement else {}
 
 
-def parameter(default: _T, sentence: str, *, name: str = '', **facts: Any) -> _T:  # noqa: ANN401 - see Parameter
-    """Declare a dataclass field that is a parameter; `facts` are more fields of Parameter.
-
-    `name` is the parameter's name where it differs from the field's.
-    """
-    declared: Any = field(
-        default=default, metadata={'parameter': {'name': name, 'sentence': sentence, **facts}}
-    )
+def parameter(default: _T, sentence: str, **facts: Any) -> _T:  # noqa: ANN401 - see Parameter
+    """Declare a dataclass field that is a parameter; `facts` are more fields of Parameter."""
+    declared: Any = field(default=default, metadata={'sentence': sentence, **facts})
     value: _T = declared
     return value
 
 
 def parameters_of(config: type) -> dict[str, Parameter]:
-    """Return the parameters that the fields of a dataclass declare, by field name."""
-    return {
-        item.name: Parameter(
-            **{
-                **item.metadata['parameter'],
-                'name': item.metadata['parameter']['name'] or item.name,
-                'default': item.default,
-            }
-        )
-        for item in fields(config)
-        if 'parameter' in item.metadata
-    }
+    """Return the parameters that the fields of a dataclass declare, by name."""
+    declared: list[Any] = [item for item in fields(config) if 'sentence' in item.metadata]
+    return {item.name: Parameter(item.name, item.default, **item.metadata) for item in declared}
 
 
 def nearest_name(name: str, known: Iterable[str]) -> str:

@@ -217,6 +217,8 @@ MAP = (
     ),
     Parameter('frame_id', 'map', 'Frame of the map', node_only=True),
 )
+# The client's parameters that planner_node sets, and that no file needs to.
+SET_BY_PLANNER = ('instruction', *costmap.COSTMAP)
 PLANNER = (*SEARCH, *COSTMAP, *REQUESTS, *WAYPOINTS, *NODE)
 
 # The nodes with parameters of their own; benchmark_node has options only.
@@ -274,20 +276,13 @@ def check_names(node: str, names: Iterable[str], *, shared: bool = False) -> Non
 
 
 def costmap_config(values: Mapping[str, Any]) -> CostmapConfig:
-    """Return the costmap's rules by parameter name; those not named are at their defaults."""
-    return CostmapConfig(
-        **{
-            field: values[item.name]
-            for field, item in costmap.COSTMAP.items()
-            if item.name in values
-        }
-    )
+    """Return the costmap's rules by parameter name; other values are ignored."""
+    return CostmapConfig(**{name: values[name] for name in costmap.COSTMAP if name in values})
 
 
 def source_config(values: Mapping[str, Any]) -> SourceSettings:
-    """Return the settings of a source by parameter name; others are ignored."""
-    names = [item.name for item in SOURCE if item.name in values]
-    return SourceSettings(**{name: values[name] for name in names})
+    """Return the settings of a source by parameter name; other values are ignored."""
+    return SourceSettings(**{name: values[name] for name in waypoints.SOURCE if name in values})
 
 
 def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -309,25 +304,32 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def markdown() -> str:
     """Return the tables of docs/reference.md: a section for each node."""
-    return '\n\n'.join(_markdown_section(node) for node in NODES) + '\n'
+    return '\n\n'.join(markdown_section(node) for node in NODES) + '\n'
 
 
-def _markdown_section(node: str) -> str:
+def documented(node: str) -> list[Parameter]:
+    """Return the parameters of a node that a user sets."""
+    hidden = SET_BY_PLANNER if node == 'llm_client_node' else ()
+    return [item for item in NODES[node] if item.name not in hidden]
+
+
+def markdown_section(node: str) -> str:
+    """Return the heading and the table of one node, with what differs on the command line."""
     lines = [
         f'### `{node}`',
         '',
         '| parameter | default | values | |',
         '|---|---|---|---|',
     ]
-    for item in NODES[node]:
+    for item in documented(node):
         sentence = item.sentence + (' (fixed at start)' if item.read_only else '')
         unit = f' {item.unit}' if item.unit else ''
         limits = f'`{"`, `".join(item.choices)}`' if item.choices else item.limits
-        default = f'`{_literal(item.default)}`{unit}'
+        default = f'`{yaml_literal(item.default)}`{unit}'
         lines.append(f'| `{item.name}` | {default} | {limits} | {sentence} |')
     other = [
-        f'- `{item.name}`: `{_literal(default)}`{where}, {reason}.'
-        for item in NODES[node]
+        f'- `{item.name}`: `{yaml_literal(default)}`{where}, {reason}.'
+        for item in documented(node)
         for default, where, reason in (
             (item.cli_default, '', item.cli_reason),
             (item.bench_default, ' in `bench` and `evaluate`', item.bench_reason),
@@ -336,6 +338,9 @@ def _markdown_section(node: str) -> str:
     ]
     if other:
         lines += ['', 'The command line has other defaults for these:', '', *other]
+    if node == 'llm_client_node':
+        names = ', '.join(f'`{name}`' for name in SET_BY_PLANNER)
+        lines += ['', f'Before it asks, `planner_node` also sets its own values of {names}.']
     old = DEPRECATED.get(node, ())
     if old:
         lines += ['', 'Accepted for one more release, with a warning:', '']
@@ -351,24 +356,25 @@ def yaml_text() -> str:
         '# /** covers any namespace. Made by `python -m llm_astar_planner.planning.parameters '
         'yaml`.'
     ]
-    for node, parameters in NODES.items():
+    for node in NODES:
         lines = [f'/**/{node}:', '  ros__parameters:']
-        for item in parameters:
-            lines += _yaml_entry(item)
+        for item in documented(node):
+            lines += yaml_entry(item)
         blocks.append('\n'.join(lines))
     return '\n\n'.join(blocks) + '\n'
 
 
-def _yaml_entry(item: Parameter) -> Iterator[str]:
+def yaml_entry(item: Parameter) -> Iterator[str]:
+    """Return the lines of a parameter: what it means, and its default."""
     facts = [fact for fact in (item.unit, item.limits) if fact]
     text = item.sentence.replace('`', '') + (f' [{"; ".join(facts)}]' if facts else '')
     yield from (f'    # {line}' for line in textwrap.wrap(text, 92))
     # rcl takes an empty string for a missing value.
     comment = '# ' if item.default == '' else ''
-    yield f'    {comment}{item.name}: {_literal(item.default)}'
+    yield f'    {comment}{item.name}: {yaml_literal(item.default)}'
 
 
-def _literal(value: Scalar | None) -> str:
+def yaml_literal(value: Scalar | None) -> str:
     """Return a value as YAML has it."""
     return value or "''" if isinstance(value, str) else json.dumps(value)
 

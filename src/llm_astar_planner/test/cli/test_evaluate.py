@@ -140,6 +140,25 @@ def test_the_rules_come_from_options_and_from_parameter_files_of_the_node(drive,
     assert 'planner.yaml: robot_radius: float is expected' in capsys.readouterr().err
 
 
+def test_a_flag_overrides_a_parameter_file_even_with_the_default_of_the_flag(drive, tmp_path):
+    file = tmp_path / 'planner.yaml'
+    file.write_text(
+        'planner_node: {ros__parameters: {weight: 5.0, max_suboptimality: 1.5, method: guided}}'
+    )
+
+    def parameters(name, *options):
+        out = tmp_path / name
+        assert llm_astar('evaluate', drive, '--out', out, '--params-file', file, *options) == 0
+        return json.loads((out / 'metadata.json').read_text())['parameters']
+
+    by_file = parameters('file')
+    assert (by_file['weight'], by_file['max_suboptimality']) == (5.0, 1.5)
+    assert (by_file['methods'], by_file['time_limit']) == (['guided'], 5.0)
+    by_flags = parameters('flags', '--max-suboptimality', '0', '--max-planning-time', '60')
+    assert (by_flags['weight'], by_flags['max_suboptimality']) == (5.0, None)
+    assert by_flags['time_limit'] == 60.0
+
+
 def test_source_none_asks_no_source(drive, out):
     cases = ('--methods', 'guided', '--source', 'none')
     assert llm_astar('evaluate', drive, *cases, '--out', out) == 0

@@ -13,6 +13,7 @@ from llm_astar_planner.planning.parameters import (
     NODES,
     costmap_config,
     defaults,
+    documented,
     markdown,
     request_fields,
     yaml_text,
@@ -83,7 +84,7 @@ def test_the_shipped_parameter_file_is_made_of_the_table():
     assert text == yaml_text()
     for node, sections in yaml.safe_load(text).items():
         stated = sections['ros__parameters']
-        known = defaults(NODES[node.removeprefix('/**/')])
+        known = defaults(documented(node.removeprefix('/**/')))
         assert stated == {name: value for name, value in known.items() if value != ''}
 
 
