@@ -31,7 +31,7 @@ from llm_astar_planner.planning.types import Plan, PlanRequest, check_request
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.paper import compile_kernels
 from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_asker, make_source
+from llm_astar_planner.waypoints.factory import make_model_call, make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
@@ -182,7 +182,7 @@ def choose_problem(
 ) -> tuple[list[ProblemMap], tuple[ProblemMap, Point, Point]]:
     """Return all maps, and the map, start and goal to plan: from a sentence or from numbers."""
     if arguments.query is not None:
-        ask = make_asker(settings) if settings.source == 'endpoint' else None
+        ask = make_model_call(settings) if settings.source == 'endpoint' else None
         question = parse_query(arguments.query, ask)
         return [question.barrier_map], question
     maps = load_maps(find_file(arguments.map, 'maps'))

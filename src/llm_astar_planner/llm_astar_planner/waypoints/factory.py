@@ -24,7 +24,7 @@ from llm_astar_planner.waypoints.llm.credentials import Endpoint
 from llm_astar_planner.waypoints.llm.protocol import Dialect
 from llm_astar_planner.waypoints.llm.resilience import CallBudget, EndpointFailure, RetryPolicy
 from llm_astar_planner.waypoints.llm.source import EndpointSource
-from llm_astar_planner.waypoints.prompts.query_parser import Asker, QueryError
+from llm_astar_planner.waypoints.prompts.query_parser import ModelCall, QueryError
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.replay import ReplaySource
 from llm_astar_planner.waypoints.source import Message, WaypointSource
@@ -57,7 +57,7 @@ def make_client(settings: SourceSettings) -> ChatClient:
     )
 
 
-def make_asker(settings: SourceSettings) -> Asker:
+def make_model_call(settings: SourceSettings) -> ModelCall:
     """Make the function by which `parse_query` asks a model. Raises SettingsError.
 
     The function raises QueryError with the status and the detail of a failure.

@@ -11,6 +11,8 @@ import re
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
+from llm_astar_msgs_adapter.errors import LlmAstarError
+
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.source import SourceStatus
 
@@ -34,12 +36,16 @@ MASK = '***'
 MIN_SECRET = 6
 
 
+class EndpointError(LlmAstarError, ValueError):
+    """An endpoint's URL, or the name of its key's variable, cannot be used."""
+
+
 @dataclass(frozen=True)
 class Endpoint:
     """An OpenAI-compatible server: its base URL, and the NAME of the variable with its key.
 
     An empty name means OPENAI_API_KEY at OpenAI itself and no key elsewhere.
-    Raises ValueError for a URL that is not plain http(s)://host[:port][/path].
+    Raises EndpointError for a URL that is not plain http(s)://host[:port][/path].
     """
 
     base_url: str
@@ -49,16 +55,16 @@ class Endpoint:
         """Check both; messages do not repeat the values, which may be secret."""
         if self.api_key_env and not _VARIABLE.fullmatch(self.api_key_env):
             # The value may be a pasted key.
-            raise ValueError('api_key_env: the NAME of a variable, in capitals, is expected')
+            raise EndpointError('api_key_env: the NAME of a variable, in capitals, is expected')
         parts = urlsplit(self.base_url)
         try:
             whole = parts.scheme in ('http', 'https') and parts.hostname and parts.port != 0
         except ValueError:
             whole = False
         if not whole:
-            raise ValueError('base_url: http://host[:port]/path or https://... is expected')
+            raise EndpointError('base_url: http://host[:port]/path or https://... is expected')
         if parts.username is not None or parts.query or parts.fragment:
-            raise ValueError(
+            raise EndpointError(
                 'base_url: must not hold a user, query or fragment; api_key_env names the key'
             )
 

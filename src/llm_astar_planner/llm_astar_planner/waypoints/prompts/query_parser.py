@@ -19,7 +19,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
 from llm_astar_planner.waypoints.source import Message
 
 # Sends messages and the JSON schema of the answer to a model, and returns the answer's text.
-Asker = Callable[[tuple[Message, ...], dict[str, Any]], str]
+ModelCall = Callable[[tuple[Message, ...], dict[str, Any]], str]
 
 MAX_QUERY_CHARS = 20000
 _NUMBER = r'\s*-?\d{1,6}\s*'
@@ -62,7 +62,7 @@ class PathQuery(NamedTuple):
     goal: Point
 
 
-def parse_query(text: str, ask: Asker | None = None) -> PathQuery:
+def parse_query(text: str, ask: ModelCall | None = None) -> PathQuery:
     """Return the map, start and goal that a sentence describes.
 
     A sentence in the dataset's own form needs no model; any other goes to `ask`.

@@ -1,7 +1,7 @@
 """Endpoints: which URLs and names of keys are accepted, and which hosts are loopback."""
 
 import pytest
-from llm_astar_planner.waypoints.llm.credentials import Endpoint
+from llm_astar_planner.waypoints.llm.credentials import Endpoint, EndpointError
 
 
 @pytest.mark.parametrize(
@@ -12,14 +12,14 @@ from llm_astar_planner.waypoints.llm.credentials import Endpoint
     ],
 )  # fmt: skip
 def test_a_wrong_url_or_one_with_a_secret_is_rejected_without_repeating_it(url):
-    with pytest.raises(ValueError, match='base_url: ') as error:
+    with pytest.raises(EndpointError, match='base_url: ') as error:
         Endpoint(url)
     assert 'secret' not in str(error.value)
 
 
 @pytest.mark.parametrize('name', ['sk-pasted-secret', 'gsk_PastedSecret', 'with space', 'A' * 65])
 def test_a_key_pasted_instead_of_its_name_is_not_repeated(name):
-    with pytest.raises(ValueError, match='api_key_env: the NAME') as error:
+    with pytest.raises(EndpointError, match='api_key_env: the NAME') as error:
         Endpoint('http://localhost:1/v1', name)
     assert name not in str(error.value)
 

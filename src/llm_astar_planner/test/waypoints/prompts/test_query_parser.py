@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, load_barrier_maps
 from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_asker
+from llm_astar_planner.waypoints.factory import make_model_call
 from llm_astar_planner.waypoints.prompts.query_parser import QueryError, parse_query, query_schema
 
 SENTENCE = (
@@ -102,7 +102,7 @@ def test_free_wording_through_an_endpoint(chat_server):
         chat_server.completion(json.dumps(ANSWER)),
     ]
     settings = SourceSettings(source='endpoint', base_url=chat_server.base_url, max_retries=0)
-    ask = make_asker(settings)
+    ask = make_model_call(settings)
     check(parse_query('free', ask))
     formats = [body['response_format']['type'] for body in chat_server.requests]
     assert formats == ['json_schema', 'json_object']
