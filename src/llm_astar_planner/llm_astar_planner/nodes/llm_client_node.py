@@ -30,7 +30,7 @@ from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import run_node
-from llm_astar_planner.planning.parameters import COSTMAP, costmap_config, source_config
+from llm_astar_planner.planning.parameters import SET_BY_PLANNER, costmap_config, source_config
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.async_query import query_source
@@ -47,8 +47,6 @@ from llm_astar_planner.waypoints.source import (
 THREADS = 16
 # Characters of a text in an exchange message; a transcript holds the whole text.
 MAX_TEXT = 16000
-# planner_node sets these before each query; the source and its cache do not depend on them.
-QUERY_PARAMETERS = frozenset({'instruction', *(parameter.name for parameter in COSTMAP)})
 
 
 class NoMapError(LlmAstarError, RuntimeError):
@@ -82,7 +80,7 @@ class LlmClientNode(Node):
     def parameter_problem(self, values: dict[str, Any]) -> str | None:
         """Return why parameters do not make a source; else make the source and return None."""
         source_values = {
-            name: value for name, value in values.items() if name not in QUERY_PARAMETERS
+            name: value for name, value in values.items() if name not in SET_BY_PLANNER
         }
         try:
             clean_instruction(values['instruction'])

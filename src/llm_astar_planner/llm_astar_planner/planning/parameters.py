@@ -217,7 +217,8 @@ MAP = (
     ),
     Parameter('frame_id', 'map', 'Frame of the map', node_only=True),
 )
-# The client's parameters that planner_node sets, and that no file needs to.
+# The client's parameters that planner_node sets before each query. Neither the source nor its
+# cache depends on them, and no file needs to set them.
 SET_BY_PLANNER = ('instruction', *costmap.COSTMAP)
 PLANNER = (*SEARCH, *COSTMAP, *REQUESTS, *WAYPOINTS, *NODE)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 from llm_astar_msgs_adapter.messages.report import ExchangeReport
@@ -12,19 +13,11 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from llm_astar_planner.costmap.config import COSTMAP, CostmapConfig
+from llm_astar_planner.costmap.config import CostmapConfig
 
 INSTRUCTION = 'instruction'
 # The client's services are discovered one after the other.
 DISCOVERY_SECONDS = 1.0
-
-
-def costmap_parameters(config: CostmapConfig) -> dict[str, Any]:
-    """Return the parameters that state the rules of a costmap, by name."""
-    return {item.name: getattr(config, field) for field, item in COSTMAP.items()}
-
-
-SET_BY_PLANNER = frozenset({INSTRUCTION, *costmap_parameters(CostmapConfig())})
 
 
 class RemoteParameters:
@@ -55,7 +48,7 @@ class RemoteParameters:
         """
         with self._lock:
             if config != self._config:
-                self.set(costmap_parameters(config), deadline)
+                self.set(asdict(config), deadline)
                 self._config = config  # once: a client without these parameters has no use of them
             if instruction == self._instruction:
                 return None

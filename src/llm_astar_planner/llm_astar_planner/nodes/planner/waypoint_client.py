@@ -25,7 +25,8 @@ from rclpy.qos import qos_profile_parameter_events
 
 from llm_astar_planner.nodes.common.qos import REPORTS
 from llm_astar_planner.nodes.common.spin import SpinThread
-from llm_astar_planner.nodes.planner.remote_parameters import SET_BY_PLANNER, RemoteParameters
+from llm_astar_planner.nodes.planner.remote_parameters import RemoteParameters
+from llm_astar_planner.planning.parameters import SET_BY_PLANNER
 from llm_astar_planner.planning.waypoint_filter import snap
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
@@ -190,7 +191,7 @@ class WaypointClient:
         """Tell when the client may answer differently."""
         changed = {one.name for one in (*event.new_parameters, *event.changed_parameters)}
         # What the planner sets itself belongs to the query.
-        if event.node == self._full_name and not changed <= SET_BY_PLANNER:
+        if event.node == self._full_name and not changed <= set(SET_BY_PLANNER):
             if event.new_parameters:
                 self._parameters.reset()
             self._on_change()
