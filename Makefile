@@ -35,7 +35,7 @@ install: $(VENV)/.installed ## Make .venv with everything in it
 demo: install ## Start the graph, plan once, draw it to out/demo.png
 	$(BIN)/llm-astar demo
 
-bench: install ## Every method and ablation over 1000 samples, no key: out/bench/report.html
+bench: install ## Every method and baseline source over 1000 samples, no key: out/bench/report.html
 	rm -rf out/bench
 	$(BIN)/llm-astar bench --out out/bench
 

@@ -26,9 +26,9 @@ from llm_astar_planner.benchmark.runner.engine import (
     make_tasks,
     run_task,
 )
-from llm_astar_planner.benchmark.runner.sources import GRID_ABLATIONS, SourceSpec, embedded_sources
+from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, SourceSpec, embedded_sources
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.waypoints.baselines import ablation_sources
+from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply, WaypointSource
 from tqdm import tqdm
 
@@ -109,9 +109,9 @@ class Figures:
 
 def figures(name: str, maps: Sequence[ProblemMap], scale: int = 1) -> Figures:
     """Run every source on one kind of map."""
-    ablations = ablation_sources()
-    chosen = ('straight', 'oracle') if isinstance(maps[0], BarrierMap) else GRID_ABLATIONS
-    others = [*embedded_sources(), *(SourceSpec(ablations[item], item) for item in chosen)]
+    baselines = baseline_sources()
+    chosen = ('straight', 'oracle') if isinstance(maps[0], BarrierMap) else GRID_BASELINES
+    others = [*embedded_sources(), *(SourceSpec(baselines[item], item) for item in chosen)]
     timed = {item.name: TimedSource(item.source) for item in others if item.source}
     sources = [SourceSpec(), *(SourceSpec(source, called) for called, source in timed.items())]
     variants = list_variants((WAYPOINTS_ONLY, 'llm_astar', 'guided'), sources)

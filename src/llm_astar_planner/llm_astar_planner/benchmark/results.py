@@ -67,6 +67,8 @@ class Variant(NamedTuple):
         return '/'.join(part for part in self if part)
 
 
+# The paper's A*, to which every ratio refers.
+PAPER_ASTAR = Variant('astar')
 # Map id, pair index, scale and variant: unique within a run.
 RowKey = tuple[int, int, int, Variant]
 

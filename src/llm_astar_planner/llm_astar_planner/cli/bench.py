@@ -27,7 +27,7 @@ from llm_astar_planner.benchmark.runner.config import BenchmarkConfig, run_into_
 from llm_astar_planner.benchmark.runner.engine import SearchSettings
 from llm_astar_planner.benchmark.runner.progress import progress
 from llm_astar_planner.benchmark.runner.sources import (
-    GRID_ABLATIONS,
+    GRID_BASELINES,
     check_grid_options,
     make_source_specs,
 )
@@ -49,7 +49,7 @@ from llm_astar_planner.cli.run_options import (
 )
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.paper import WAYPOINT_METHODS
-from llm_astar_planner.waypoints.baselines import ablation_sources
+from llm_astar_planner.waypoints.baselines import baseline_sources
 
 EPILOG = """\
 examples:
@@ -121,7 +121,7 @@ def run(args: argparse.Namespace) -> int:
     maps = load_maps(dataset, args.limit, args.seed)
     config = benchmark_config(args, dataset, maps)
     if omits_baselines(args, maps):
-        names = ' and '.join(GRID_ABLATIONS)
+        names = ' and '.join(GRID_BASELINES)
         message = f'on a grid only the baselines {names} are run; name others with --source'
         complain(args, message, OK)
     folder = ResultsFolder(args.out)
@@ -151,7 +151,7 @@ def run(args: argparse.Namespace) -> int:
 def omits_baselines(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> bool:
     """Tell whether a grid is run without the baselines that are slow there."""
     uses_waypoints = bool(set(args.methods) & {*WAYPOINT_METHODS, WAYPOINTS_ONLY})
-    named = set(args.source) & ablation_sources().keys()
+    named = set(args.source) & baseline_sources().keys()
     return isinstance(maps[0], GridProblem) and uses_waypoints and not named
 
 
@@ -173,7 +173,7 @@ def benchmark_config(
         settings=live_settings(args),
         dataset=[item for item in maps if isinstance(item, BarrierMap)],
         seed=args.seed,
-        default=GRID_ABLATIONS if grids else None,
+        default=GRID_BASELINES if grids else None,
     )
     return BenchmarkConfig(
         dataset,

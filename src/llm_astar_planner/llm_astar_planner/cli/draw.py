@@ -14,9 +14,8 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
 )
 
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample
-from llm_astar_planner.benchmark.results import Row, Variant, parse_points
+from llm_astar_planner.benchmark.results import PAPER_ASTAR, Row, Variant, parse_points
 from llm_astar_planner.benchmark.runner.engine import (
-    BASELINE,
     SearchSettings,
     make_tasks,
     plan_again,
@@ -83,7 +82,7 @@ def plan_sample(
         dataset=maps,
     )
     spec = next((item for item in specs if item.name == args.source), SourceSpec())
-    variants = [(BASELINE, 0), (Variant('llm_astar', spec.name, spec.prompt, spec.model), 1)]
+    variants = [(PAPER_ASTAR, 0), (Variant('llm_astar', spec.name, spec.prompt, spec.model), 1)]
     (task,) = make_tasks([(sample, 1)], variants, [SourceSpec(), spec], SearchSettings())
     plain, guided = (outcome.row for outcome in run_task(task))
     if not (plain.found and guided.found):

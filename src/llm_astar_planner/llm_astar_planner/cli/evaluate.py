@@ -36,7 +36,7 @@ from llm_astar_planner.benchmark.runner.config import open_folder, run_into_fold
 from llm_astar_planner.benchmark.runner.engine import Outcome, SearchSettings, Task
 from llm_astar_planner.benchmark.runner.progress import progress
 from llm_astar_planner.benchmark.runner.sources import (
-    GRID_ABLATIONS,
+    GRID_BASELINES,
     SourceSpec,
     make_source_specs,
 )
@@ -279,7 +279,7 @@ def make_config(
         settings=live_settings(args),
         dataset=(),
         seed=args.seed,
-        default=None if all(BARRIER_MAP in bag.topics for bag in bags) else GRID_ABLATIONS,
+        default=None if all(BARRIER_MAP in bag.topics for bag in bags) else GRID_BASELINES,
     )
     selection = replace(selection, base_frame=values['robot_base_frame'])
     return EvaluationConfig(

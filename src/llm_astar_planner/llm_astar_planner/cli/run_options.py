@@ -32,7 +32,7 @@ from llm_astar_planner.benchmark.runner.cluster import connect
 from llm_astar_planner.benchmark.runner.config import describe_unanswered
 from llm_astar_planner.benchmark.runner.engine import ALL_METHODS
 from llm_astar_planner.benchmark.runner.sources import (
-    GRID_ABLATIONS,
+    GRID_BASELINES,
     SourceSpec,
     embedded_sources,
 )
@@ -44,7 +44,7 @@ from llm_astar_planner.cli.parameter_flags import (
 from llm_astar_planner.parameter import Scalar
 from llm_astar_planner.planning.parameters import REQUESTS, SEARCH
 from llm_astar_planner.search.paper import GUIDED
-from llm_astar_planner.waypoints.baselines import ablation_sources
+from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceSettings
 from llm_astar_planner.waypoints.factory import SOURCES
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
@@ -74,7 +74,7 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
         default=[],
         metavar='NAMES',
         help=f'of {", ".join(SOURCES)} (default: embedded and all baselines; the baselines are '
-        f'also added to every other source; on a grid only {" and ".join(GRID_ABLATIONS)}, '
+        f'also added to every other source; on a grid only {" and ".join(GRID_BASELINES)}, '
         'because the others need a visibility graph, which is slow there and refused on large '
         'maps)',
     )
@@ -171,7 +171,7 @@ def make_executor(
         with connect(args.dask, sources) as cluster:
             yield cluster
         return
-    local = {'none', 'replay', *ablation_sources(), *(spec.name for spec in embedded_sources())}
+    local = {'none', 'replay', *baseline_sources(), *(spec.name for spec in embedded_sources())}
     jobs = args.jobs or (1 if all(spec.name in local for spec in sources) else LIVE_JOBS)
     executor = ThreadPoolExecutor(jobs)
     try:

@@ -40,6 +40,7 @@ from llm_astar_planner.benchmark.report.markdown import text_report
 from llm_astar_planner.benchmark.report.write import write_report
 from llm_astar_planner.benchmark.results import (
     MAPS_FILE,
+    PAPER_ASTAR,
     ResultsError,
     ResultsFolder,
     Row,
@@ -50,7 +51,6 @@ from llm_astar_planner.benchmark.results import (
     plan_columns,
 )
 from llm_astar_planner.benchmark.runner.config import open_folder
-from llm_astar_planner.benchmark.runner.engine import BASELINE
 from llm_astar_planner.benchmark.runner.progress import progress
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import leave
@@ -222,7 +222,7 @@ class LiveRun:
         """
         names = ('source', 'prompt', 'model')
         source = tuple(self._get(self._client, names).values()) if self._client else ('none',)
-        variants = [BASELINE]
+        variants = [PAPER_ASTAR]
         for method in methods:
             variants.append(Variant(method))
             if method in WAYPOINT_METHODS and source[0] != 'none':

@@ -113,7 +113,7 @@ class RandomSource:
         return points_reply(self.name, [(float(xs[i]), float(ys[i])) for i in drawn])
 
 
-def ablation_sources(seed: int = 0) -> dict[str, WaypointSource]:
+def baseline_sources(seed: int = 0) -> dict[str, WaypointSource]:
     """Return every baseline source by name; `noisy` and `random` draw from `seed`."""
     sources: list[WaypointSource] = [
         StraightSource(),

@@ -9,7 +9,7 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
-from llm_astar_planner.waypoints.baselines import ablation_sources
+from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.cache import CachedSource
 from llm_astar_planner.waypoints.config import (
     DEFAULT_PROMPT,
@@ -125,7 +125,7 @@ SOURCES: dict[str, Callable[[SourceSettings, Dataset], WaypointSource]] = {
     'replay': make_replay_source,
     'endpoint': make_endpoint_source,
     **dict.fromkeys(
-        ablation_sources(),
-        lambda settings, dataset: ablation_sources()[settings.source],  # noqa: ARG005
+        baseline_sources(),
+        lambda settings, dataset: baseline_sources()[settings.source],  # noqa: ARG005
     ),
 }

@@ -93,7 +93,7 @@ def test_many_jobs_give_the_same_figures(undrawn, dataset, tmp_path, capsys):
     assert tables[0] == tables[1]
 
 
-def test_a_replay_is_named_by_its_model_and_ablations_stand_beside(
+def test_a_replay_is_named_by_its_model_and_baselines_are_added(
     undrawn, dataset, out, tmp_path, capsys
 ):
     transcript = tmp_path / 'replies.jsonl'

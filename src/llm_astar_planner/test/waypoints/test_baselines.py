@@ -13,8 +13,8 @@ from llm_astar_planner.benchmark.datasets.generate import generate
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import (
     RandomSource,
-    ablation_sources,
     any_angle_length,
+    baseline_sources,
     shortest_corners,
 )
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus, WaypointQuery
@@ -25,20 +25,20 @@ ROUND = WaypointQuery(HALL, (5, 5), (5, 15))
 
 
 def test_straight_points_lie_on_the_line_whatever_is_there():
-    reply = ablation_sources()['straight'].waypoints(ROUND)
+    reply = baseline_sources()['straight'].waypoints(ROUND)
     assert reply.waypoints == ((5.0, 8.0), (5.0, 10.0), (5.0, 12.0))
     assert (reply.label, reply.status) == ('straight', SourceStatus.OK)
 
 
 def test_the_oracle_turns_at_the_free_cell_next_to_the_barriers_end():
-    assert ablation_sources()['oracle'].waypoints(ROUND).waypoints == ((26.0, 10.0),)
+    assert baseline_sources()['oracle'].waypoints(ROUND).waypoints == ((26.0, 10.0),)
     assert any_angle_length(HALL, (5, 5), (5, 15)) == pytest.approx(2 * np.hypot(21, 5))
 
 
 def test_the_oracle_has_no_waypoints_where_none_are_needed_or_none_help():
     assert shortest_corners(HALL, (5, 5), (40, 5)) == ()
     cut = Costmap(BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 50),)).to_grid())
-    reply = ablation_sources()['oracle'].waypoints(WaypointQuery(cut, (5, 5), (5, 15)))
+    reply = baseline_sources()['oracle'].waypoints(WaypointQuery(cut, (5, 5), (5, 15)))
     assert reply.status is SourceStatus.NO_WAYPOINTS
     assert any_angle_length(cut, (5, 5), (5, 15)) == float('inf')
 
@@ -60,7 +60,7 @@ def test_every_segment_of_the_oracle_is_a_line_of_sight_also_at_scale_ten():
 
 
 def test_noise_is_bounded_and_scales_with_the_map():
-    source = ablation_sources(seed=1)['noisy']
+    source = baseline_sources(seed=1)['noisy']
     corner = np.array(shortest_corners(HALL, ROUND.start, ROUND.goal))
     scaled = WaypointQuery(HALL, ROUND.start, ROUND.goal, sample=SampleKey(0, 0, 10))
     assert np.abs(np.array(source.waypoints(ROUND).waypoints) - corner).max() <= 3
@@ -75,7 +75,7 @@ def test_random_points_are_free_cells_as_many_as_asked():
 
 def test_reversed_is_the_oracle_backwards():
     barrier_map = next(generate(seed=5, maps=1))
-    grid, sources = barrier_map.to_grid(), ablation_sources()
+    grid, sources = barrier_map.to_grid(), baseline_sources()
     for sample in barrier_map.samples:
         query = WaypointQuery(Costmap(grid), sample.start, sample.goal)
         oracle = sources['oracle'].waypoints(query).waypoints
@@ -88,12 +88,12 @@ def test_answers_depend_only_on_the_query_and_the_seed():
         (5, 5),
         (5, 15),
     )
-    for name, source in ablation_sources(seed=7).items():
+    for name, source in baseline_sources(seed=7).items():
         first = source.waypoints(ROUND)
         source.waypoints(WaypointQuery(HALL, (3, 3), (40, 20)))
-        assert ablation_sources(seed=7)[name].waypoints(twin) == first
-    other = ablation_sources(seed=8)
-    assert other['random'].waypoints(ROUND) != ablation_sources(seed=7)['random'].waypoints(ROUND)
+        assert baseline_sources(seed=7)[name].waypoints(twin) == first
+    other = baseline_sources(seed=8)
+    assert other['random'].waypoints(ROUND) != baseline_sources(seed=7)['random'].waypoints(ROUND)
 
 
 @pytest.mark.skipif('LLM_ASTAR_REFERENCE' not in os.environ, reason='LLM_ASTAR_REFERENCE unset')

@@ -20,24 +20,23 @@ from llm_astar_planner.benchmark.analysis.statistics import (
     share,
     spread,
 )
-from llm_astar_planner.benchmark.results import WAYPOINTS_ONLY, Row, Variant
+from llm_astar_planner.benchmark.results import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant
 
 SampleId = tuple[int, int]
 RowPairs = Sequence[tuple[Row, Row]]
-BASELINE_METHOD = 'astar'
-# Our exact A* needs about half of the paper's expansions, so it is the stricter baseline.
-EXACT_METHOD = 'exact_astar'
-# The order of a report: methods as in the paper, and models before the other sources.
+# Our exact A* needs about half as many expansions as the paper's, so the ratio to it is stricter.
+EXACT_ASTAR = Variant('exact_astar')
+# The order of a report: methods as in the paper, and models before the baseline sources.
 METHOD_ORDER = (
     'astar', 'exact_astar', 'weighted_astar', 'dynamic_weighted_astar', WAYPOINTS_ONLY,
     'llm_astar', 'guided',
 )  # fmt: skip
-ABLATIONS = ('none', 'straight', 'oracle', 'noisy', 'random', 'reversed')
+BASELINE_SOURCES = ('none', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """Ratios to a baseline on the same samples: geometric mean with interval, and spread."""
+    """Ratios of two variants on the same samples: geometric mean with interval, and spread."""
 
     mean: Interval
     spread: Spread
@@ -118,10 +117,9 @@ def summarise(
 ) -> list[VariantSummary]:
     """Summarise every variant at scale 1, in the order of the report's table."""
     variants = by_variant(rows)
-    baseline = variants.get(Variant(BASELINE_METHOD), {})
-    exact = variants.get(Variant(EXACT_METHOD), {})
+    astar, exact = variants.get(PAPER_ASTAR, {}), variants.get(EXACT_ASTAR, {})
     return [
-        summarise_variant(variant, variants[variant], baseline, exact, seed=seed, price=price)
+        summarise_variant(variant, variants[variant], astar, exact, seed=seed, price=price)
         for variant in sorted(variants, key=report_order)
     ]
 
@@ -129,7 +127,7 @@ def summarise(
 def summarise_variant(
     variant: Variant,
     rows: Mapping[SampleId, Row],
-    baseline: Mapping[SampleId, Row],
+    astar: Mapping[SampleId, Row],
     exact: Mapping[SampleId, Row],
     *,
     seed: int,
@@ -141,7 +139,7 @@ def summarise_variant(
     statuses = Counter(name for row in every for name in row.verdicts.split(';') if name)
     prompt_tokens = sum(row.prompt_tokens for row in every)
     completion_tokens = sum(row.completion_tokens for row in every)
-    pairs, exact_pairs = solved_by_both(rows, baseline), solved_by_both(rows, exact)
+    pairs, exact_pairs = solved_by_both(rows, astar), solved_by_both(rows, exact)
     recorded = [
         (row, replace(row, length=row.recorded_length)) for row in found if row.recorded_length > 0
     ]
@@ -229,9 +227,9 @@ def ratio(pairs: RowPairs, column: str, seed: int) -> Ratio:
     return Ratio(ratio_interval(values, maps, seed) if values else UNKNOWN, spread(values))
 
 
-def is_ablation(variant: Variant) -> bool:
+def is_baseline(variant: Variant) -> bool:
     """Whether a variant's waypoints come from no model."""
-    return variant.source in ABLATIONS
+    return variant.source in BASELINE_SOURCES
 
 
 def is_learned(variant: Variant) -> bool:
@@ -243,5 +241,5 @@ def report_order(variant: Variant) -> tuple[int, str, bool, int, str]:
     """Return the sort key of the report: methods as in the paper, models before baselines."""
     known = variant.method in METHOD_ORDER
     method = METHOD_ORDER.index(variant.method) if known else len(METHOD_ORDER)
-    ablation = ABLATIONS.index(variant.source) if is_ablation(variant) else -1
-    return method, variant.method, is_ablation(variant), ablation, str(variant)
+    source = BASELINE_SOURCES.index(variant.source) if is_baseline(variant) else -1
+    return method, variant.method, is_baseline(variant), source, str(variant)

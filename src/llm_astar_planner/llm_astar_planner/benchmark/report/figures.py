@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from llm_astar_planner.benchmark.analysis.scalability import Growth
-from llm_astar_planner.benchmark.analysis.summary import VariantSummary, is_ablation
+from llm_astar_planner.benchmark.analysis.summary import VariantSummary, is_baseline
 from llm_astar_planner.benchmark.analysis.trace import Trace, trace
 from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.benchmark.report.sentences import method_label
@@ -107,7 +107,7 @@ def ratio_figure(summaries: Sequence[VariantSummary]) -> Figure:
             value, low, high = (100 * end for end in mean)
             # Without an interval there are no arms; rounding may put the ends of a point past it.
             arms = np.maximum(np.nan_to_num([[value - low], [high - value]]), 0.0)
-            colour = '#6b7280' if is_ablation(summary.variant) else PATH
+            colour = '#6b7280' if is_baseline(summary.variant) else PATH
             axes.errorbar(
                 value, position, xerr=arms, fmt='o', color=colour, markersize=5, capsize=3
             )

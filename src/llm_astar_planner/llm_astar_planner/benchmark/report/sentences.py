@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from llm_astar_planner.benchmark.analysis.scalability import Growth
 from llm_astar_planner.benchmark.analysis.statistics import Interval
-from llm_astar_planner.benchmark.analysis.summary import PairedComparison, is_ablation, is_learned
+from llm_astar_planner.benchmark.analysis.summary import PairedComparison, is_baseline, is_learned
 from llm_astar_planner.benchmark.results import WAYPOINTS_ONLY, Row, Variant
 
 # A slope of log work over log scale below this counts as near linear.
@@ -70,7 +70,7 @@ def headline(comparisons: Sequence[PairedComparison]) -> str:
 
     def rank(comparison: PairedComparison) -> tuple[bool, bool, bool]:
         variant = comparison.variant
-        return is_ablation(variant), variant.method != 'llm_astar', variant.source != 'oracle'
+        return is_baseline(variant), variant.method != 'llm_astar', variant.source != 'oracle'
 
     return sentence(min(usable, key=rank))
 
@@ -96,7 +96,7 @@ def growth_sentence(growths: Sequence[Growth]) -> str | None:
     if plain is None or not guided:
         return None
     chosen = min(
-        guided, key=lambda item: (is_ablation(item.variant), item.variant.source != 'oracle')
+        guided, key=lambda item: (is_baseline(item.variant), item.variant.source != 'oracle')
     )
     near = 'near' if chosen.slope < NEAR_LINEAR else 'not near'
     return (
@@ -117,7 +117,7 @@ def effect_on(work: Interval) -> str:
 
 def describe_waypoints(variant: Variant) -> str:
     """Say whose waypoints a variant was given."""
-    if is_ablation(variant):
+    if is_baseline(variant):
         what = SOURCE_LABELS.get(variant.source, variant.source)
         return f'`{variant.source}` waypoints ({what})'
     if is_learned(variant):

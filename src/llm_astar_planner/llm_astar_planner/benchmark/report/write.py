@@ -18,7 +18,7 @@ from llm_astar_planner.benchmark.analysis.summary import (
     VariantSummary,
     by_variant,
     compare_with_none,
-    is_ablation,
+    is_baseline,
     summarise,
 )
 from llm_astar_planner.benchmark.analysis.trace import trace
@@ -35,7 +35,7 @@ from llm_astar_planner.benchmark.report.figures import (
 from llm_astar_planner.benchmark.report.html import html_report
 from llm_astar_planner.benchmark.report.markdown import markdown_report
 from llm_astar_planner.benchmark.report.sentences import headline, sentence
-from llm_astar_planner.benchmark.results import ResultsFolder, Row, Variant, parse_points
+from llm_astar_planner.benchmark.results import PAPER_ASTAR, ResultsFolder, Row, parse_points
 from llm_astar_planner.benchmark.runner.engine import SearchSettings, plan_again
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.waypoint_filter import target_list
@@ -173,8 +173,8 @@ def median_sample(rows: Sequence[Row]) -> tuple[Row, Row] | None:
     ]
     if not guided:
         return None
-    chosen = min(guided, key=lambda variant: (is_ablation(variant), variant.source != 'oracle'))
-    base = variants.get(Variant('astar'), {})
+    chosen = min(guided, key=lambda variant: (is_baseline(variant), variant.source != 'oracle'))
+    base = variants.get(PAPER_ASTAR, {})
     ratios = {
         sample: row.operation / base[sample].operation
         for sample, row in variants[chosen].items()

@@ -23,6 +23,7 @@ from llm_astar_planner.benchmark.bags.recorded_plans import RecordedPlan
 from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, ProblemMap
 from llm_astar_planner.benchmark.results import (
+    PAPER_ASTAR,
     WAYPOINTS_ONLY,
     Row,
     RowKey,
@@ -45,7 +46,6 @@ from llm_astar_planner.waypoints.source import (
     WaypointReply,
 )
 
-BASELINE = Variant('astar')
 ALL_METHODS = (*METHODS, WAYPOINTS_ONLY)
 NOTHING_EXPANDED = np.zeros((0, 0), dtype=np.bool_)
 # Bounds of the planner cache. A cell of a planner takes about 40 bytes with its landmarks.
@@ -126,7 +126,7 @@ def list_variants(
     A* comes first. Methods that use waypoints are combined with every source, the others only
     with `sources[0]`, which must be the one without waypoints; `waypoints_only` skips that one.
     """
-    variants = [(BASELINE, 0)]
+    variants = [(PAPER_ASTAR, 0)]
     for method in methods:
         if method not in WAYPOINT_METHODS and method != WAYPOINTS_ONLY:
             variants.append((Variant(method), 0))

@@ -10,7 +10,7 @@ from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 
 from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.baselines import ablation_sources, visibility_problem
+from llm_astar_planner.waypoints.baselines import baseline_sources, visibility_problem
 from llm_astar_planner.waypoints.config import (
     DEFAULT_PROMPT,
     SettingsError,
@@ -23,7 +23,7 @@ from llm_astar_planner.waypoints.source import WaypointSource
 from llm_astar_planner.waypoints.transcript import read_transcript
 
 # The baselines that are cheap on any grid, because they need no visibility graph.
-GRID_ABLATIONS = ('straight', 'random')
+GRID_BASELINES = ('straight', 'random')
 EMBEDDED = 'embedded'
 # The embedded model is run twice: its greedy route, and the best of this many routes.
 BEST_OF = 8
@@ -57,7 +57,7 @@ def make_source_specs(
     embedded model; the name `none` alone gives `none` alone. Raises ValueError for a source that
     cannot be made.
     """
-    baselines = ablation_sources(seed)
+    baselines = baseline_sources(seed)
     named = [name for name in names if name != 'none']
     chosen = [name for name in named if name in baselines]
     if len(chosen) < len(named) or not names:
@@ -118,7 +118,7 @@ def check_grid_options(problem: GridProblem, scales: Sequence[int], names: Seque
     """Raise ValueError where a grid cannot be run at these scales or with these sources."""
     for scale in scales:
         problem.scale(scale)
-    slow = [name for name in names if name in ablation_sources() and name not in GRID_ABLATIONS]
+    slow = [name for name in names if name in baseline_sources() and name not in GRID_BASELINES]
     reason = visibility_problem(Costmap(problem.to_grid(), GRID_CONFIG)) if slow else None
     if reason:
         raise ValueError(f'--source {",".join(slow)}: {reason}')

@@ -21,7 +21,7 @@ from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.benchmark.runner.sources import check_grid_options
 from llm_astar_planner.cli import main as cli
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.baselines import ablation_sources
+from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 from PIL import Image
 
@@ -240,7 +240,7 @@ def test_sources_that_need_a_visibility_graph_are_refused_on_large_maps():
     with pytest.raises(ValueError, match=r'--source oracle: the map has .* corners'):
         check_grid_options(large, [1], ['oracle', 'straight'])
     for name in ('oracle', 'noisy', 'reversed'):
-        reply = ablation_sources()[name].waypoints(
+        reply = baseline_sources()[name].waypoints(
             WaypointQuery(Costmap(large.to_grid()), (0, 0), (9, 5))
         )
         assert reply.status is SourceStatus.ERROR

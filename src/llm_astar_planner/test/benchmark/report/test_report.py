@@ -121,7 +121,7 @@ def test_the_headline_is_about_the_model_where_there_is_one():
     assert 'nothing to compare' in headline([])
 
 
-def test_cases_stand_as_in_the_paper_with_ablations_below_models():
+def test_variants_are_ordered_as_in_the_paper_with_baselines_below_models():
     alone, guided = Variant('waypoints_only', 'oracle'), Variant('guided')
     variants = [ORACLE, guided, NONE, MODEL, alone, A_STAR]
     assert sorted(variants, key=report_order) == [

@@ -42,7 +42,7 @@ from llm_astar_planner.benchmark.runner.engine import (
 )
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.waypoints.baselines import OracleSource, ablation_sources
+from llm_astar_planner.waypoints.baselines import OracleSource, baseline_sources
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 
 HALL = BarrierMap(
@@ -103,7 +103,7 @@ class Fails:
 def test_methods_without_waypoints_run_once_and_a_star_always():
     sources = [
         SourceSpec(),
-        *(SourceSpec(source, name) for name, source in ablation_sources().items()),
+        *(SourceSpec(source, name) for name, source in baseline_sources().items()),
     ]
     methods = ['weighted_astar', 'waypoints_only', 'llm_astar']
     variants = [variant for variant, _ in list_variants(methods, sources)]
