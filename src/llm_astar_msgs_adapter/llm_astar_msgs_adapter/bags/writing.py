@@ -10,6 +10,7 @@ import contextlib
 import sqlite3
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from types import MappingProxyType
@@ -45,13 +46,13 @@ class BagWriteError(LlmAstarError, ValueError):
     """A bag that cannot be written; the message names its folder and what to do."""
 
 
-def qos(depth: int = 10, *, latched: bool = False, reliable: bool = True) -> Qos:
-    """Return a QoS profile for a bag; `latched` means transient_local, for late joiners."""
+def qos(depth: int = 10, *, latched: bool = False) -> Qos:
+    """Return a reliable QoS; `latched` means transient_local, for subscribers that join late."""
     never = QosTime(9223372036, 854775807)
     return Qos(
         history=QosHistory.KEEP_LAST,
         depth=depth,
-        reliability=QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
+        reliability=QosReliability.RELIABLE,
         durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
         deadline=never,
         lifespan=never,
@@ -286,15 +287,14 @@ def merge_metadata(parts: list[dict[str, Any]]) -> dict[str, Any]:
     filled = [part for part in parts if part['message_count']] or parts[:1]
     starts = [part['starting_time']['nanoseconds_since_epoch'] for part in filled]
     ends = [start + part['duration']['nanoseconds'] for start, part in zip(starts, filled)]
-    counts: dict[str, int] = {}
+    counts: Counter[str] = Counter()
     for part in parts:
         for item in part['topics_with_message_count']:
-            name = item['topic_metadata']['name']
-            counts[name] = counts.get(name, 0) + item['message_count']
+            counts[item['topic_metadata']['name']] += item['message_count']
+    # The last file knows all topics.
     topics = [
-        {'topic_metadata': item['topic_metadata'], 'message_count': counts[name]}
+        {**item, 'message_count': counts[item['topic_metadata']['name']]}
         for item in parts[-1]['topics_with_message_count']
-        for name in [item['topic_metadata']['name']]
     ]
     return {
         **parts[0],
