@@ -75,10 +75,10 @@ def pose_from_message(pose: Any, field: str = 'pose') -> Pose2D:  # noqa: ANN401
     """
     position, quaternion = pose.position, pose.orientation
     x, y, z, w = quaternion.x, quaternion.y, quaternion.z, quaternion.w
-    if not all(map(math.isfinite, (position.x, position.y, x, y, z, w))):
+    if not np.isfinite((position.x, position.y, x, y, z, w)).all():
         raise GridMapError(field, 'holds a number that is not finite')
     norm = math.hypot(x, y, z, w) or 1.0
-    x, y, z, w = (part / norm for part in (x, y, z, w))
+    x, y, z, w = x / norm, y / norm, z / norm, w / norm
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return Pose2D(position.x, position.y, yaw)
 

@@ -26,7 +26,11 @@ from llm_astar_planner.planning.path_validator import (
     shift_problem,
     via_problem,
 )
-from llm_astar_planner.planning.segment import SegmentPlanner, concatenate_results
+from llm_astar_planner.planning.segment import (
+    NOT_SEARCHED,
+    SegmentPlanner,
+    concatenate_results,
+)
 from llm_astar_planner.planning.types import (
     NOT_ASKED,
     Plan,
@@ -190,7 +194,8 @@ class Planner:
             problem = shift_problem('goal', request.goal, goal, request.tolerance / resolution)
             if problem is not None:
                 return problem
-        problem = self.path_problem(path, start, goal)
+        cuts = self.config.corner_cutting
+        problem = path_problem(path, self.checker, start, goal, corner_cutting=cuts)
         if problem is None and request.via:
             return via_problem(path, request.via)
         return problem
@@ -227,9 +232,9 @@ class Planner:
         for segment in segments:
             seconds_source += segment.seconds_source
             seconds_search += segment.seconds_search
-            if segment.result is not None:
-                expansions += segment.result.expansions
-                storage += segment.result.storage
+            expansions += segment.result.expansions
+            storage += segment.result.storage
+            if segment.result is not NOT_SEARCHED:
                 fields['expanded'] = segment.result.expanded
         fields |= {'expansions': expansions, 'storage': storage}
         if result is not None:
@@ -257,7 +262,7 @@ class Planner:
     ) -> dict[str, Any]:
         """Return the fields of a plan that has a path, by name."""
         bounded = result if isinstance(result, BoundedResult) else None
-        is_final = segments[-1].result is not None
+        is_final = segments[-1].result is not NOT_SEARCHED
         metrics = self.checker.measure(result.path)
         return {
             'path': result.path,
@@ -279,7 +284,7 @@ class Planner:
     def any_angle_path(self, segments: Sequence[SegmentPlanner]) -> AnyAnglePath | None:
         """Shorten each segment's path at any angle; None if the check finds a problem."""
         graph = self.costmap.grid_graph
-        parts = [string_pull(graph, segment.found.path) for segment in segments]
+        parts = [string_pull(graph, segment.result.path) for segment in segments]
         points = np.concatenate([parts[0].points, *(part.points[1:] for part in parts[1:])])
         if self.segments_problem(points) is not None:
             return None
@@ -289,13 +294,13 @@ class Planner:
 
 def check_found(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> None:
     """Raise PlanningFailure if the last segment's search ended without a path."""
-    result = segments[-1].found
+    result = segments[-1].result
     is_stopped = result.status is SearchStatus.STOPPED
     if result.status is SearchStatus.FOUND or (is_stopped and len(result.path)):
         return
     code, message = ResultCode.NO_VALID_PATH, 'every reachable cell was searched'
     if is_stopped:
-        expansions = sum(segment.found.expansions for segment in segments)
+        expansions = sum(segment.result.expansions for segment in segments)
         reason = 'cancelled' if segments[-1].stop[0] else 'out of time'
         code = ResultCode.TIMEOUT
         message = f'{reason} after {expansions} expansions, short of the goal'

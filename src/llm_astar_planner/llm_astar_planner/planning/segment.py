@@ -13,6 +13,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.types import NOT_ASKED, PlanRequest
 from llm_astar_planner.planning.waypoint_filter import (
     GUIDING,
+    KEPT_BY_PAPER,
     CheckedWaypoint,
     check_waypoints,
     guiding_points,
@@ -38,14 +39,16 @@ SOURCE_SHARE = 0.8
 # Seconds that a search which does not wait for its source waits all the same: little for a robot,
 # and enough for the learned model or a cached reply.
 HEAD_START = 0.03
+# The result of a segment before its search has ended.
+NOT_SEARCHED = SearchResult(SearchStatus.STOPPED, 0, 0, np.zeros((0, 0), dtype=np.bool_))
 
 
 class SegmentPlanner:
     """Plans from the start of a request to its goal, both free and connected.
 
-    `via` of the request is ignored. `search` fills in `result`, `reply`, `checked_waypoints`,
-    `waypoints_used` (whether the search used what waypoints there were), `seconds_source` and
-    `seconds_search`.
+    `via` of the request is ignored. `search` fills in `result` (NOT_SEARCHED before its end),
+    `reply`, `checked_waypoints`, `waypoints_used` (whether the search used what waypoints there
+    were), `seconds_source` and `seconds_search`.
     """
 
     def __init__(
@@ -62,7 +65,7 @@ class SegmentPlanner:
         self.deadline = deadline
         self.stop = stop
         self.landmarks = landmarks
-        self.result: SearchResult | None = None
+        self.result = NOT_SEARCHED
         self.reply: WaypointReply = NOT_ASKED
         self.checked_waypoints: tuple[CheckedWaypoint, ...] = ()
         self.waypoints_used = True
@@ -70,20 +73,12 @@ class SegmentPlanner:
         self.seconds_search = 0.0
 
     @property
-    def found(self) -> SearchResult:
-        """The result of a search that has ended. Raises RuntimeError before that."""
-        if self.result is None:
-            raise RuntimeError('the segment has not been searched to an end')
-        return self.result
-
-    @property
     def guiding_waypoints(self) -> list[CheckedWaypoint]:
         """The waypoints that the search used."""
         if not self.waypoints_used:
             return []
-        if self.request.method == GUIDED:
-            return [point for point in self.checked_waypoints if point.status in GUIDING]
-        return [point for point in self.checked_waypoints if not point.status.is_dropped]
+        usable = GUIDING if self.request.method == GUIDED else KEPT_BY_PAPER
+        return [point for point in self.checked_waypoints if point.status in usable]
 
     def search(self) -> Iterator[AnytimeSolution]:
         """Query and search; yield each better path of `guided`, not validated yet.
@@ -173,9 +168,9 @@ class SegmentPlanner:
             search.guide(guiding_points(self.checked_waypoints))
         task = self.query_meanwhile(search, query)
         begin = time.monotonic()
-        yield from search.solutions(want_expanded=request.want_expanded)
+        result = yield from search.solutions(want_expanded=request.want_expanded)
         self.seconds_search = time.monotonic() - begin
-        self.result = result = search.result()
+        self.result = result
         if task is not None:
             self.reply, self.seconds_source = task.close()
         self.waypoints_used = result.guided_expansions > 0
@@ -202,9 +197,9 @@ def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
     Work, length, cost and lower bound add up: the cheapest path through the via points is made of
     the cheapest paths between them, so the bound of the sums is proven for the whole.
     """
-    whole = segments[0].found
+    whole = segments[0].result
     for segment in segments[1:]:
-        whole = concatenate_two(whole, segment.found)
+        whole = concatenate_two(whole, segment.result)
     return whole
 
 

@@ -31,12 +31,9 @@ class WaypointStatus(str, Enum):
     UNREACHABLE = 'unreachable'
     OUT_OF_ORDER = 'out_of_order'
 
-    @property
-    def is_dropped(self) -> bool:
-        """Whether the paper's methods drop such a waypoint: no robot can be there."""
-        return self in (WaypointStatus.OUT_OF_BOUNDS, WaypointStatus.OCCUPIED)
 
-
+# The paper's methods drop a waypoint only if no robot can be there.
+KEPT_BY_PAPER = frozenset(WaypointStatus) - {WaypointStatus.OUT_OF_BOUNDS, WaypointStatus.OCCUPIED}
 # Which waypoints the guided search uses. OUT_OF_ORDER is known only after it, so it was used.
 GUIDING = frozenset({WaypointStatus.ACCEPTED, WaypointStatus.OUT_OF_ORDER})
 
@@ -87,7 +84,7 @@ def guiding_points(waypoints: Sequence[CheckedWaypoint]) -> list[Waypoint]:
 def target_list(waypoints: Sequence[CheckedWaypoint], start: Cell, goal: Cell) -> list[Waypoint]:
     """Build the paper's T: the waypoints not dropped, with start and goal added if missing."""
     targets: list[Waypoint] = [
-        (point.x, point.y) for point in waypoints if not point.status.is_dropped
+        (point.x, point.y) for point in waypoints if point.status in KEPT_BY_PAPER
     ]
     if not targets or targets[0] != start:
         targets.insert(0, start)

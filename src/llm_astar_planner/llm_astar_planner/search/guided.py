@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -142,8 +142,10 @@ class GuidedSearch:
             raise ValueError(f'waypoints: shape {points.shape} is not [n, 2]')
         self._query.inbox.append(points)
 
-    def solutions(self, *, want_expanded: bool = False) -> Iterator[AnytimeSolution]:
-        """Run the search to its end and yield each better path as it is found.
+    def solutions(
+        self, *, want_expanded: bool = False
+    ) -> Generator[AnytimeSolution, None, GuidedResult]:
+        """Run the search to its end, yield each better path as it is found, return the result.
 
         Call it once. The caller may close the iterator early; `result` is then of that moment.
         """
@@ -153,7 +155,7 @@ class GuidedSearch:
             try:
                 yield from run.solutions()
                 self._result = run.result(want_expanded=want_expanded)
-                return
+                return self._result
             except OverflowError:
                 # Too long for the fine units: restart in coarse ones, which landmarks are not in.
                 if grid.coarse() is grid:
@@ -265,26 +267,7 @@ class _Search:
             self.workspace.records, self.workspace.pool, self._keys, self._heads,
             grid.cell_surcharge.size > 0, landmark_distances, active, control,
         )  # fmt: skip
-
-    @property
-    def best(self) -> int:
-        """The cost of the best path known to it, in units."""
-        return int(self.control[kernels.G_BEST])
-
-    @property
-    def bound(self) -> int:
-        """The proven lower bound on the cost of any path, in units."""
-        return int(self.control[kernels.G_BOUND])
-
-    @property
-    def expansions(self) -> int:
-        """Expansions so far."""
-        return int(self.control[kernels.G_GUIDED] + self.control[kernels.G_PROOF])
-
-    @property
-    def is_proven(self) -> bool:
-        """Whether the best path is proven to be within the requested bound."""
-        return bool(kernels.is_met(self.control))
+        self.best, self.bound, self.expansions = int(control[kernels.G_BEST]), 0, 0
 
     def learn(self, best: int, bound: int, plain_expansions: int = 0) -> None:
         """Take over what the other search knows: its best cost, its bound, its expansions."""
@@ -292,20 +275,31 @@ class _Search:
         control[kernels.G_BEST] = min(control[kernels.G_BEST], best)
         control[kernels.G_BOUND] = max(control[kernels.G_BOUND], bound)
         control[kernels.G_LEAST] = max(control[kernels.G_LEAST], plain_expansions)
+        self.best, self.bound = int(control[kernels.G_BEST]), int(control[kernels.G_BOUND])
 
     def advance(self, quota: int, stop: StopFlag) -> int:
-        """Expand up to `quota` cells; return how that ended, after making room if needed."""
-        workspace = self.workspace
-        ended = kernels.advance(
+        """Expand up to `quota` cells; return how that ended, after making room if needed.
+
+        When a path is found, the lower bound becomes what the open cells prove.
+        """
+        workspace, control = self.workspace, self.control
+        ended = int(kernels.advance(
             self._grid.moves, self._grid.cell_surcharge,
             workspace.records, workspace.pool, self._keys, self._heads, self._targets,
-            self._landmark_distances, self._active, self.control, quota, stop,
-        )  # fmt: skip
-        if ended != plain_kernels.NEED_SPACE:
-            return int(ended)
-        workspace.grow_pool()
-        self._keys = np.concatenate((self._keys, np.empty_like(self._keys)))
-        return plain_kernels.RUNNING
+            self._landmark_distances, self._active, control, quota, stop,
+        ))  # fmt: skip
+        if ended == plain_kernels.NEED_SPACE:
+            workspace.grow_pool()
+            self._keys = np.concatenate((self._keys, np.empty_like(self._keys)))
+            ended = plain_kernels.RUNNING
+        elif ended == plain_kernels.FOUND and not control[kernels.G_PROVING]:
+            kernels.raise_bound(
+                workspace.records, workspace.pool, self._heads,
+                self._landmark_distances, self._active, control,
+            )  # fmt: skip
+        self.best, self.bound = int(control[kernels.G_BEST]), int(control[kernels.G_BOUND])
+        self.expansions = int(control[kernels.G_GUIDED] + control[kernels.G_PROOF])
+        return ended
 
     def rekey(self, targets: NDArray[np.int64] | None, span: float = 0.0) -> None:
         """Follow new targets from here on; None: prove the best path, by g + h.
@@ -321,13 +315,6 @@ class _Search:
         kernels.rekey(
             self.workspace.records, self.workspace.pool, self._keys, self._heads, self._targets,
             self._landmark_distances, self._active, targets is None, shift, self.control,
-        )  # fmt: skip
-
-    def raise_bound(self) -> None:
-        """Raise the lower bound to what the open cells prove."""
-        kernels.raise_bound(
-            self.workspace.records, self.workspace.pool, self._heads,
-            self._landmark_distances, self._active, self.control,
         )  # fmt: skip
 
 
@@ -354,18 +341,9 @@ class _Run:
         self.plain_search: _Search | None = None
         self.best_search = self.waypoint_search
         self.best_path: NDArray[np.int32] | None = None
+        self.plain_expansions = 0
         self.first_expansions = 0
         self.first_cost = math.inf
-
-    @property
-    def expansions(self) -> int:
-        """Expansions so far, of both searches."""
-        return self.waypoint_search.expansions + self.plain_expansions
-
-    @property
-    def plain_expansions(self) -> int:
-        """Expansions of the plain A* so far."""
-        return 0 if self.plain_search is None else self.plain_search.expansions
 
     def close(self) -> None:
         """Give the workspaces back."""
@@ -408,8 +386,7 @@ class _Run:
         if search.best < before:
             self.best_search = search
         if ended == plain_kernels.FOUND:
-            search.raise_bound()
-            if self.query.max_suboptimality is None or search.is_proven:
+            if self.query.max_suboptimality is None or kernels.is_met(search.control):
                 self.status = SearchStatus.FOUND
             else:
                 search.rekey(None)
@@ -427,8 +404,9 @@ class _Run:
         ended = plain.advance(quota, self.query.stop)
         if plain.best < search.best:
             self.best_search = plain
+        self.plain_expansions = plain.expansions
         search.learn(plain.best, plain.bound, plain.expansions)
-        if ended == plain_kernels.FOUND or search.is_proven:
+        if ended == plain_kernels.FOUND or kernels.is_met(search.control):
             self.status = SearchStatus.FOUND
         else:
             self.end(ended)
@@ -452,12 +430,13 @@ class _Run:
         endpoints = map(self.grid.index, (self.query.start, self.query.goal))
         path = self.best_search.workspace.trace(self.grid.width, *endpoints)
         cost, lower_bound, suboptimality_bound = self.costs(path)
+        expansions = self.waypoint_search.expansions + self.plain_expansions
         if self.best_path is None:
-            self.first_expansions, self.first_cost = self.expansions, cost
+            self.first_expansions, self.first_cost = expansions, cost
         elif cost > self.costs(self.best_path)[0]:
             return None
         self.best_path = path
-        return AnytimeSolution(path, cost, lower_bound, suboptimality_bound, self.expansions)
+        return AnytimeSolution(path, cost, lower_bound, suboptimality_bound, expansions)
 
     def costs(self, path: NDArray[np.int32]) -> tuple[float, float, float]:
         """Return the cost of a path and the lower bound, in cells, and their proven ratio."""
@@ -485,7 +464,7 @@ class _Run:
             lower_bound = self.waypoint_search.bound / grid.straight
         return GuidedResult(
             status,
-            self.expansions,
+            self.waypoint_search.expansions + self.plain_expansions,
             storage,
             expanded,
             empty_path() if path is None else path,

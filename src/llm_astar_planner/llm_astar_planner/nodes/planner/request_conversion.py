@@ -15,6 +15,7 @@ from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
 from llm_astar_planner.search.paper import METHODS
+from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.source import WaypointSource
 
 # How a caller names this planner in `planner_id`; GridBased is what Nav2's behaviour trees say.
@@ -41,10 +42,11 @@ class RequestError(PlanningFailure):
 
 
 class GoalPoses(NamedTuple):
-    """The poses of a goal in the map's frame."""
+    """The poses of a goal in the map's frame, and the cells of its goals."""
 
     start: Pose2D
     goals: tuple[Pose2D, ...]
+    goal_cells: tuple[Cell, ...]
 
 
 class RequestConverter:
@@ -74,7 +76,7 @@ class RequestConverter:
         frame_id = grid_map.frame_id
         if not goal.goals:
             raise RequestError(ResultCode.UNKNOWN, 'no goal is given')
-        goals = []
+        goals, cells = [], []
         try:
             start = self.start_pose(goal, frame_id, may_wait)
             for pose in goal.goals:
@@ -82,11 +84,12 @@ class RequestConverter:
                     goals.append(pose_from_message(pose.pose, 'goal'))
                 else:
                     goals.append(self._frames.locate(pose, frame_id, 'goal', may_wait))
+                cells.append(grid_map.world_to_cell(goals[-1].x, goals[-1].y))
         except FrameError as error:
             raise RequestError(ResultCode.TF_ERROR, str(error)) from None
         except GridMapError as error:
             raise RequestError(ResultCode.UNKNOWN, str(error)) from None
-        return GoalPoses(start, tuple(goals))
+        return GoalPoses(start, tuple(goals), tuple(cells))
 
     def start_pose(self, goal: PlanGoal, frame_id: str, may_wait: MayWait) -> Pose2D:
         """Return the goal's start, else the robot's pose, else its fallback start."""
@@ -114,7 +117,7 @@ class RequestConverter:
         """Return the request to the planner; `time_limit` in seconds. Raises RequestError."""
         if self._settings.current is not self._used:
             self.refresh()
-        cells = [grid_map.world_to_cell(pose.x, pose.y) for pose in poses.goals]
+        cells = poses.goal_cells
         fields = self._fields | {'time_limit': time_limit, 'want_expanded': want_expanded}
         if goal.planner_id not in OWN_IDS:
             fields['method'] = goal.planner_id
@@ -126,4 +129,4 @@ class RequestConverter:
         if not goal.tolerance <= 0.0:
             fields['tolerance'] = goal.tolerance
         start = grid_map.world_to_cell(poses.start.x, poses.start.y)
-        return PlanRequest(start, cells[-1], via=tuple(cells[:-1]), **fields)
+        return PlanRequest(start, cells[-1], via=cells[:-1], **fields)

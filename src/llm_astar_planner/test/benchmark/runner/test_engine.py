@@ -42,6 +42,7 @@ from llm_astar_planner.benchmark.runner.engine import (
 )
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.waypoint_filter import KEPT_BY_PAPER
 from llm_astar_planner.waypoints.baselines import OracleSource, baseline_sources
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 
@@ -318,7 +319,7 @@ def test_the_traced_search_is_the_compiled_one(dataset):
         planner = Planner.for_barrier_map(sample.barrier_map)
         for row in rows_of(tasks_of([sample], methods=['llm_astar'])[0]):
             plan = plan_again(sample.barrier_map, sample.sample, row, SearchSettings())
-            targets = [(p.x, p.y) for p in plan.checked_waypoints if not p.status.is_dropped]
+            targets = [(p.x, p.y) for p in plan.checked_waypoints if p.status in KEPT_BY_PAPER]
             goals = [] if row.method == 'astar' else [*targets, sample.sample.goal]
             traced = trace(planner.costmap.blocked, *sample.sample[:2], goals)
             assert len(traced.order) == row.operation
