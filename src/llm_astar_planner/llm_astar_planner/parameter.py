@@ -26,8 +26,8 @@ class Parameter:
     A `read_only` parameter is set at start and never changed. A `node_only` one has no effect on
     a plan made without ROS, so `llm-astar plan` has no flag for it. Where the command line's
     default has to differ, `cli_default` is that default and `cli_reason` says why; `bench_default`
-    and `bench_reason` are the same for `bench` and `evaluate`. `aliases` are more names of its
-    flag.
+    and `bench_reason` are the same for `bench` and `evaluate`. `old_flags` are the deprecated
+    names of its flag.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Parameter:
     cli_reason: str = ''
     bench_default: Scalar | None = None
     bench_reason: str = ''
-    aliases: tuple[str, ...] = ()
+    old_flags: tuple[str, ...] = ()
 
     @property
     def limits(self) -> str:

@@ -16,10 +16,33 @@ ENDPOINT = ('transcript', 'base_url', 'api_key_env', 'repair_rounds')
 METAVARS = {'s': 'SECONDS', 'm': 'METRES'}
 
 
+class OldFlag(argparse.Action):
+    """A flag that was renamed: it still sets the value, with a warning."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,  # noqa: ANN401 - of the flag's type
+        option_string: str | None = None,
+    ) -> None:
+        """Set the value of the present flag."""
+        del parser
+        setattr(namespace, self.dest, values)
+        sys.stderr.write(
+            f'llm-astar: warning: {option_string} is deprecated: it became {flag_of(self.dest)}\n'
+        )
+
+
+def flag_of(name: str) -> str:
+    """Return the flag of a parameter."""
+    return '--' + name.replace('_', '-')
+
+
 def add_parameter_flags(group: Any, parameters: Iterable[Parameter]) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add a flag for each parameter; a flag that is not given is None."""
     for item in parameters:
-        flags = ['--' + name.replace('_', '-') for name in (item.name, *item.aliases)]
+        flag = flag_of(item.name)
         default = item.default if item.cli_default is None else item.cli_default
         facts = [str(default or 'none') if isinstance(default, str) else json.dumps(default)]
         facts += [item.cli_reason] if item.cli_reason else []
@@ -30,13 +53,17 @@ def add_parameter_flags(group: Any, parameters: Iterable[Parameter]) -> None:  #
             'help': text.replace('`', '').replace('%', '%%'),
         }
         if isinstance(item.default, bool):
-            group.add_argument(*flags, action=argparse.BooleanOptionalAction, **common)
+            group.add_argument(flag, action=argparse.BooleanOptionalAction, **common)
             continue
         kind = type(item.default)
         word = item.name.rsplit('_', 1)[-1].upper() if kind is str else 'N'
         if item.choices:
             common['help'] += '; one of ' + ', '.join(item.choices)
-        group.add_argument(*flags, type=kind, metavar=METAVARS.get(item.unit, word), **common)
+        group.add_argument(flag, type=kind, metavar=METAVARS.get(item.unit, word), **common)
+        for old in item.old_flags:
+            group.add_argument(
+                flag_of(old), type=kind, dest=item.name, action=OldFlag, help=argparse.SUPPRESS
+            )
 
 
 def add_params_file_flag(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -73,8 +100,8 @@ def given_values(
             try:
                 given[item.name] = item.read(value)
             except ParameterError as error:
-                flag = '--' + item.name.replace('_', '-')
-                raise ParameterError(str(error).replace(item.name, flag, 1)) from None
+                message = str(error).replace(item.name, flag_of(item.name), 1)
+                raise ParameterError(message) from None
     return given
 
 

@@ -88,7 +88,7 @@ REQUESTS = (
         maximum=3600.0,
         cli_default=60.0,
         cli_reason='since no robot is waiting, and a language model may take half a minute',
-        aliases=('time_limit',),
+        old_flags=('time_limit',),
     ),
     Parameter(
         'tolerance',

@@ -74,7 +74,7 @@ class SourceSettings:
         maximum=3600.0,
         cli_default=30.0,
         cli_reason='since a person waits longer for a language model than a robot does',
-        aliases=('timeout',),
+        old_flags=('timeout',),
     )
     max_retries: int = parameter(
         2, 'How often a failed request is sent again', minimum=0, maximum=10

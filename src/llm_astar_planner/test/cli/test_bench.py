@@ -224,7 +224,7 @@ def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
         (('--scales', '0-2'), '--scales 0-2'),
         (('--maps', '90-99'), '--maps 90-99'),
         (('--weight', '0.5'), '--weight'),
-        (('--time-limit', '0'), '--max-planning-time'),
+        (('--max-planning-time', '0'), '--max-planning-time'),
     ],
 )
 def test_bad_usage_is_named(dataset, out, words, part):

@@ -203,7 +203,7 @@ def test_the_picture_is_drawn_where_asked(capsys, tmp_path):
         (['--pair', '99'], ['--pair 99']),
         (['--start', '1', '1'], ['--goal']),
         (['--weight', '0.5'], ['--weight: 0.5']),
-        (['--time-limit', '-1'], ['--max-planning-time', '0.01']),
+        (['--max-planning-time', '-1'], ['--max-planning-time', '0.01']),
         (['--record', 'a.jsonl', '--source', 'embedded'], ['--record', '--source endpoint']),
         (['--max-suboptimality', '0.9'], ['--max-suboptimality: 0.9', '1 to 1000, or 0']),
         (['--tolerance', '-1'], ['--tolerance: -1']),
@@ -336,6 +336,20 @@ def test_what_does_not_exist_is_one_line_that_says_what_does(capsys, arguments, 
     assert err.startswith('llm-astar: error: ')
     assert err.count('\n') == 1
     assert words in err
+
+
+@pytest.mark.parametrize(
+    ('old', 'present'), [('--time-limit', '--max-planning-time'), ('--timeout', '--timeout-s')]
+)
+def test_a_renamed_flag_still_works_with_a_warning(capsys, old, present):
+    code, out, err = run(capsys, 'plan', old, '20', '--json')
+    assert code == 0
+    assert json.loads(out)['code'] == 0
+    assert err == f'llm-astar: warning: {old} is deprecated: it became {present}\n'
+    assert run(capsys, 'plan', old, '-1')[2].endswith(
+        f'error: {present}: -1.0 is not in '
+        + ('0.01 to 3600\n' if present == '--max-planning-time' else '0.001 to 3600\n')
+    )
 
 
 def test_an_unknown_name_in_a_parameter_file_names_the_file_and_the_nearest_name(capsys, tmp_path):
