@@ -255,10 +255,12 @@ class ResultsFolder:
 
     def read_metadata(self) -> dict[str, Any]:
         """Read metadata.json, with parameters renamed since 0.1.0. Raises ResultsError."""
-        metadata = self.read_json('metadata.json')
-        parameters = metadata.get('parameters')
+        metadata, path = self.read_json('metadata.json'), self.path / 'metadata.json'
+        for name in ('version', 'parameters', 'dataset', 'machine'):
+            if name not in metadata:
+                raise ResultsError(f'{path}: {name} is missing')
+        parameters = metadata['parameters']
         if not isinstance(parameters, dict):
-            path = self.path / 'metadata.json'
             raise ResultsError(f'{path}: parameters: a JSON object is expected')
         if rules := parameters.get('rules'):
             parameters['rules'] = {

@@ -12,9 +12,9 @@ from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 
 from llm_astar_planner.benchmark.datasets.samples import (
     ProblemMap,
+    format_kept_maps,
     load_maps,
     parse_ranges,
-    save_kept_maps,
     select_samples,
 )
 from llm_astar_planner.benchmark.results import (
@@ -127,7 +127,9 @@ def run(args: argparse.Namespace) -> int:
     folder = ResultsFolder(args.out)
     try:
         tasks, metadata = start_run(folder, config, run_parameters(args, maps), resume=args.resume)
-        save_maps(folder, config, maps)
+        ids = {sample.barrier_map.id for sample in config.samples}
+        kept = [item for item in maps if item.id in ids]
+        folder.write_text(MAPS_FILE, format_kept_maps(kept))
     except ResultsError as error:
         return complain(args, str(error), BAD_INPUT)
     code = OK
@@ -202,13 +204,3 @@ def run_parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict
     # The dataset file only names the grid, so its digest says nothing about the cells.
     grids = [item.digest for item in maps if isinstance(item, GridProblem)]
     return parameters | ({'grid': grids[0]} if grids else {})
-
-
-def save_maps(folder: ResultsFolder, config: BenchmarkConfig, maps: Sequence[ProblemMap]) -> None:
-    """Store the maps in the folder, so that a report needs no dataset. Raises ResultsError."""
-    ids = {sample.barrier_map.id for sample in config.samples}
-    try:
-        save_kept_maps([item for item in maps if item.id in ids], folder.path / MAPS_FILE)
-    except OSError as error:
-        message = f'{folder.path / MAPS_FILE}: {error.strerror or error}'
-        raise ResultsError(message) from None

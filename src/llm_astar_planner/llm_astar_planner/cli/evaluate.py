@@ -25,7 +25,7 @@ from llm_astar_planner.benchmark.bags.topics import (
     describe_text,
 )
 from llm_astar_planner.benchmark.bags.writing import ResultsBag
-from llm_astar_planner.benchmark.datasets.samples import ProblemMap, save_kept_maps
+from llm_astar_planner.benchmark.datasets.samples import ProblemMap, format_kept_maps
 from llm_astar_planner.benchmark.results import (
     MAPS_FILE,
     ResultsError,
@@ -368,7 +368,7 @@ def close(
     for line in metadata['left_out']:
         code = complain(args, f'left out: {line}', code or INCOMPLETE)
     try:
-        save_kept_maps(maps, folder.path / MAPS_FILE)
-    except OSError as error:
-        return complain(args, f'{folder.path / MAPS_FILE}: {error.strerror or error}', INCOMPLETE)
+        folder.write_text(MAPS_FILE, format_kept_maps(maps))
+    except ResultsError as error:
+        return complain(args, str(error), INCOMPLETE)
     return close_run(args, folder, metadata, code)

@@ -9,6 +9,8 @@ import re
 import sys
 from collections.abc import Sequence
 
+from llm_astar_msgs_adapter.errors import LlmAstarError
+
 from llm_astar_planner import __version__
 from llm_astar_planner.parameter import ParameterError, nearest_name
 
@@ -53,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         named = error.filename is not None and error.strerror
         return fail(f'{error.filename}: {error.strerror}' if named else str(error), 2)
-    except ValueError as error:
+    except (LlmAstarError, ValueError) as error:
         return fail(str(error), 2)
     except KeyboardInterrupt:
         sys.stderr.write('llm-astar: interrupted\n')

@@ -9,7 +9,7 @@ from typing import Any
 from llm_astar_planner.benchmark.analysis.summary import compare_with_none, summarise
 from llm_astar_planner.benchmark.datasets.samples import load_kept_maps
 from llm_astar_planner.benchmark.report.markdown import replace_section, results_section
-from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsError, ResultsFolder
+from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsFolder
 
 
 def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -31,24 +31,18 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the reports or the section; return 0. Raises ValueError on bad input."""
+    """Write the reports or the section; return 0. Raises ResultsError or ValueError."""
     folder = ResultsFolder(args.folder)
-    try:
-        metadata = folder.read_metadata()
-        if args.readme:
-            rows, seed = folder.read(), int(metadata['parameters'].get('seed', 0))
-            section = results_section(
-                summarise(rows, seed), compare_with_none(rows, seed), metadata
-            )
-            replace_section(Path(args.readme), section)
-            print(args.readme)
-            return 0
-        # Importing matplotlib takes most of a second, and a README section needs no figures.
-        from llm_astar_planner.benchmark.report.write import write_report  # noqa: PLC0415
+    metadata = folder.read_metadata()
+    if args.readme:
+        rows, seed = folder.read(), int(metadata['parameters'].get('seed', 0))
+        section = results_section(summarise(rows, seed), compare_with_none(rows, seed), metadata)
+        replace_section(Path(args.readme), section)
+        print(args.readme)
+        return 0
+    # Importing matplotlib takes most of a second, and a README section needs no figures.
+    from llm_astar_planner.benchmark.report.write import write_report  # noqa: PLC0415
 
-        summary = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
-    except (ResultsError, KeyError) as error:
-        message = f'{args.folder}: {error} is missing' if isinstance(error, KeyError) else error
-        raise ValueError(message) from None
+    summary = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
     print(f'{summary["headline"]}\n{folder.path}/report.html')
     return 0

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barrier_maps
 from llm_astar_planner.benchmark.datasets.generate import generate
+from llm_astar_planner.benchmark.results import ResultsError
 from llm_astar_planner.cli import bench as cli_bench
 from llm_astar_planner.cli import dataset as cli_dataset
 from llm_astar_planner.cli import report as cli_report
@@ -266,7 +267,7 @@ def test_reports_are_written_anew_and_into_a_readme(dataset, out, tmp_path, caps
     readme.write_text('<!-- results:begin -->\n<!-- results:end -->\n')
     assert llm_astar('report', out, '--readme', readme) == 0
     assert '| LLM-A* | oracle | - |' in readme.read_text()
-    with pytest.raises(ValueError, match=r'metadata\.json'):
+    with pytest.raises(ResultsError, match=r'metadata\.json'):
         llm_astar('report', tmp_path)
 
 

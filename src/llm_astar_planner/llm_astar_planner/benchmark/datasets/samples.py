@@ -95,10 +95,10 @@ def load_maps(path: str | Path, limit: int | None = None, seed: int = 0) -> list
     return list(load_barrier_maps(path))
 
 
-def save_kept_maps(maps: Sequence[ProblemMap], path: str | Path) -> None:
-    """Write the maps of a results folder, one per line. Raises OSError."""
+def format_kept_maps(maps: Sequence[ProblemMap]) -> str:
+    """Return maps as JSON for a results folder, one per line."""
     lines = ',\n'.join(json.dumps(item.to_json()) for item in maps)
-    Path(path).write_text(f'[\n{lines}\n]\n', encoding='utf-8')
+    return f'[\n{lines}\n]\n'
 
 
 def load_kept_maps(path: str | Path) -> list[ProblemMap]:
