@@ -17,6 +17,8 @@ from llm_astar_msgs_adapter.messages.diagnostics import (
     PlanReport,
     report_from_message,
 )
+from llm_astar_planner.benchmark.bags.writing import write_sample_bag
+from llm_astar_planner.benchmark.datasets.samples import load_samples
 from llm_astar_planner.benchmark.results import ResultsFolder
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.costmap.costmap import Costmap
@@ -68,6 +70,18 @@ def test_an_old_bag_of_samples_gives_the_same_plans(tmp_path):
         ]
         assert [float(row['length']) for row in own] == pytest.approx([plan[3] for plan in plans])
         assert [(row['map'], row['pair']) for row in own] == [('50', '0'), ('50', '1')]
+
+
+def test_a_bag_of_the_same_samples_is_written_as_before(tmp_path):
+    samples = load_samples(find_file('samples_1000.json', 'maps'), '50')[:2]
+    write_sample_bag(samples, tmp_path / 'samples')
+    files = [folder / 'samples' / 'metadata.yaml' for folder in (tmp_path, OLD)]
+    assert files[0].read_text() == files[1].read_text()
+    with Bag(tmp_path / 'samples') as new, Bag(OLD / 'samples') as old:
+        assert new.topics == old.topics
+        for mine, theirs in zip(new.messages(new.topics), old.messages(old.topics), strict=True):
+            assert (mine.topic, mine.time) == (theirs.topic, theirs.time)
+            assert str(mine.value) == str(theirs.value)
 
 
 @pytest.mark.parametrize('topic', RESULTS)

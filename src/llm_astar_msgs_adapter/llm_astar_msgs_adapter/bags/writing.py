@@ -292,10 +292,8 @@ def merge_metadata(parts: list[dict[str, Any]]) -> dict[str, Any]:
         for item in part['topics_with_message_count']:
             counts[item['topic_metadata']['name']] += item['message_count']
     # The last file knows all topics.
-    topics = [
-        {**item, 'message_count': counts[item['topic_metadata']['name']]}
-        for item in parts[-1]['topics_with_message_count']
-    ]
+    last = [item['topic_metadata'] for item in parts[-1]['topics_with_message_count']]
+    topics = [{'topic_metadata': item, 'message_count': counts[item['name']]} for item in last]
     return {
         **parts[0],
         'relative_file_paths': [path for part in parts for path in part['relative_file_paths']],
