@@ -89,7 +89,7 @@ def test_another_stack_gets_a_plan_that_says_what_guided_it(caller):
     assert report.map_digest == barrier_map.to_grid().digest
 
 
-def test_a_late_joiner_gets_the_map(caller):
+def test_a_subscriber_that_joins_late_gets_the_map(caller):
     maps = []
     caller.node.create_subscription(OccupancyGrid, 'map', maps.append, LATCHED)
     wait_for(lambda: maps, 'the latched map')
@@ -168,11 +168,11 @@ def test_a_request_that_cannot_be_met_gets_its_code_and_an_empty_path(
     assert path.poses == []
 
 
-def test_an_empty_frame_means_the_maps(caller):
+def test_an_empty_frame_means_the_frame_of_the_map(caller):
     assert caller.call(START, GOAL, '')[1].code == 0
 
 
-def test_parameters_are_checked_when_set_and_say_what_there_is(caller):
+def test_parameters_are_checked_when_set_and_the_reason_names_the_choices(caller):
     for node, name, value, word in [
         ('planner_node', 'method', 'theta', 'dynamic_weighted_astar'),
         ('planner_node', 'max_planning_time', -1.0, 'max_planning_time'),
@@ -240,7 +240,7 @@ def test_guided_plans_are_bounded_and_their_raw_path_is_published_too(caller):
     assert straight[-1] == pytest.approx(GOAL[:2])
 
 
-def test_a_robots_defaults_need_no_waypoints_to_be_on_time(caller):
+def test_with_the_defaults_a_plan_does_not_wait_for_waypoints(caller):
     """By default guided does not wait: what comes too late is told, and a plan there is."""
     set_parameter(caller, 'planner_node', 'search_while_waiting', True)
     assert set_parameter(caller, 'planner_node', 'method', 'guided').successful
@@ -292,7 +292,7 @@ def test_a_malformed_map_is_refused_and_the_last_good_one_stays():
     assert planner.returncode == 0
 
 
-def test_a_caller_before_the_first_map_is_told():
+def test_a_caller_before_the_first_map_gets_the_reason():
     with process('planner_node', namespace=ALONE) as planner, calling(ALONE) as caller:
         wait_for(lambda: 'ready' in ''.join(planner.output), 'the planner')
         path, report, _ = caller.call(START, GOAL)
@@ -384,7 +384,7 @@ def test_a_node_ends_cleanly(name, ending):
         ('map_node', 'map_fil:=x', ['map_fil', 'did you mean map_file?']),
     ],
 )
-def test_a_parameter_that_cannot_be_is_one_line_at_start(name, parameter, words):
+def test_an_impossible_parameter_is_one_line_at_start(name, parameter, words):
     with process(name, '-p', parameter, namespace=ALONE) as node:
         assert node.wait(PATIENCE) == 2
     output = ''.join(node.output)
@@ -393,7 +393,7 @@ def test_a_parameter_that_cannot_be_is_one_line_at_start(name, parameter, words)
         assert word in output
 
 
-def test_a_section_of_a_node_holds_its_own_names_alone_and_a_shared_one_those_of_all(tmp_path):
+def test_a_node_refuses_names_of_other_nodes_in_its_own_section_only(tmp_path):
     own, shared = tmp_path / 'own.yaml', tmp_path / 'shared.yaml'
     own.write_text('/**/map_node: {ros__parameters: {base_url: x}}')
     shared.write_text('/**: {ros__parameters: {base_url: x, weight: 3.0, use_sim_time: false}}')
@@ -524,7 +524,7 @@ raise SystemExit(benchmark_node.main())
     assert 'Traceback' not in done.stderr
 
 
-def test_the_benchmark_node_without_a_dataset_says_what_there_is():
+def test_the_benchmark_node_without_a_dataset_names_the_available_ones():
     module = 'llm_astar_planner.nodes.benchmark_node'
     done = subprocess.run(
         [sys.executable, '-m', module, '--dataset', 'nowhere.json'], capture_output=True, text=True

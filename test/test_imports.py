@@ -95,6 +95,12 @@ def test_rooms_import_one_way(room, path):
     assert (rooms_of(path, PLANNER) & known) - {room, '__init__'} <= ROOMS[room]
 
 
+@pytest.mark.parametrize('name', ['parameter', 'resources'])
+def test_the_modules_outside_of_the_rooms_import_none_of_them(name):
+    path = SOURCE / PLANNER / PLANNER / f'{name}.py'
+    assert rooms_of(path, PLANNER) == set()
+
+
 @pytest.mark.parametrize('path', modules(PLANNER, PLANNER, 'search'), ids=identify)
 def test_the_search_knows_numbers_alone(path):
     assert not {name for name in imported(path, ADAPTER) if name != f'{ADAPTER}.errors'} - {

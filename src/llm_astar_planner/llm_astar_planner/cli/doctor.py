@@ -30,6 +30,7 @@ class Finding:
 # name of the module, what needs it, how to get it
 REQUIRED = {
     'numpy': ('the core', 'pip install numpy'),
+    'cachetools': ('caches', 'pip install cachetools'),
     'numba': ('the searches', 'pip install numba'),
     'scipy': ('the planner', 'pip install scipy'),
     'matplotlib': ('pictures', 'pip install matplotlib'),
