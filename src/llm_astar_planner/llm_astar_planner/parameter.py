@@ -21,8 +21,9 @@ class ParameterError(LlmAstarError, ValueError):
 class Parameter:
     """One parameter. Its default gives its type.
 
-    `choices` or `minimum` and `maximum` bound it; `zero` says what 0 means where 0 is allowed
-    outside of that range; `check` returns what else is wrong with a value, None for nothing.
+    `choices` or `between`, the least and the greatest value, bound it; `zero` says what 0 means
+    where 0 is allowed outside of that range; `check` returns what else is wrong with a value, None
+    for nothing.
     A `read_only` parameter is set at start and never changed. A `node_only` one has no effect on
     a plan made without ROS, so `llm-astar plan` has no flag for it. Where the command line's
     default has to differ, `cli_default` is that default and `cli_reason` says why; `bench_default`
@@ -35,8 +36,7 @@ class Parameter:
     sentence: str
     unit: str = ''
     choices: tuple[str, ...] = ()
-    minimum: float | None = None
-    maximum: float | None = None
+    between: tuple[float, float] | None = None
     zero: str = ''
     read_only: bool = False
     node_only: bool = False
@@ -52,10 +52,9 @@ class Parameter:
         """The values it can have, in words; '' where any value of its type will do."""
         if self.choices:
             return ', '.join(self.choices)
-        if self.minimum is None or self.maximum is None:
+        if self.between is None:
             return ''
-        ends = (self.minimum, self.maximum)
-        least, most = (int(end) if end == int(end) else end for end in ends)
+        least, most = (int(end) if end == int(end) else end for end in self.between)
         return f'{least} to {most}' + (', or 0' if self.zero else '')
 
     def for_bench(self) -> Parameter:
@@ -68,11 +67,11 @@ class Parameter:
         """Say why the parameter cannot have a value of its type; None where it can."""
         if self.choices and value not in self.choices:
             return f'{self.name}: {value!r} is not one of {self.limits}'
-        if self.minimum is None or self.maximum is None or (self.zero and value == 0):
-            return self.check(value) if self.check else None
-        # Written so that NaN is refused. rclpy's own check lets slight excesses pass.
-        if not self.minimum <= value <= self.maximum:
-            return f'{self.name}: {value} is not in {self.limits}'
+        if self.between is not None and not (self.zero and value == 0):
+            # Written so that NaN is refused. rclpy's own check lets slight excesses pass.
+            is_inside = self.between[0] <= value <= self.between[1]
+            if not is_inside:
+                return f'{self.name}: {value} is not in {self.limits}'
         return self.check(value) if self.check else None
 
     def read(self, value: Any) -> Scalar:  # noqa: ANN401 - values come from files

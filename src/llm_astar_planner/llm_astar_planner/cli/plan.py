@@ -98,8 +98,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         help='a cell to pass on the way; repeat it for more, in order',
     )
     rules = parser.add_argument_group(
-        'rules',
-        'the parameters of planner_node; a cell of a barrier map is one metre wide',
+        'rules', 'the parameters of planner_node; a cell of a barrier map is one metre wide'
     )
     add_params_file_flag(rules)
     add_parameter_flags(rules, RULES)

@@ -27,8 +27,7 @@ class CostmapConfig:
     occupied_threshold: int = parameter(
         65,
         'Occupancy from which a cell is lethal: no path crosses it; 99 for a costmap',
-        minimum=1,
-        maximum=100,
+        between=(1, 100),
     )
     allow_unknown: bool = parameter(True, 'Whether paths may cross unknown cells')
     corner_cutting: bool = parameter(
@@ -41,31 +40,24 @@ class CostmapConfig:
         2.0,
         'How much occupancy below the threshold adds to the cost of a move, in `guided` and '
         '`exact_astar`; 0 counts length only',
-        minimum=0.0,
-        maximum=100.0,
+        between=(0.0, 100.0),
     )
     robot_radius: float = parameter(
         0.0,
         'Cells up to this distance from a lethal one are blocked; 0 for a costmap, which is '
         'inflated already',
         unit='m',
-        minimum=0.0,
-        maximum=MAX_RADIUS,
+        between=(0.0, MAX_RADIUS),
     )
     inflation_radius: float = parameter(
         0.0,
         'Cells up to this distance from a lethal one cost more, the closer the more; 0 for a '
         'costmap',
         unit='m',
-        minimum=0.0,
-        maximum=MAX_RADIUS,
+        between=(0.0, MAX_RADIUS),
     )
     cost_scaling_factor: float = parameter(
-        10.0,
-        'How fast the inflation cost decays with distance',
-        unit='1/m',
-        minimum=0.0,
-        maximum=1000.0,
+        10.0, 'How fast the inflation cost decays with distance', unit='1/m', between=(0.0, 1000.0)
     )
 
     def __post_init__(self) -> None:

@@ -43,19 +43,13 @@ def instruction_problem(instruction: str) -> str | None:
 
 COSTMAP = tuple(costmap.COSTMAP.values())
 SEARCH = (
-    Parameter(
-        'method',
-        GUIDED,
-        'Search method; see the table of methods',
-        choices=tuple(METHODS),
-    ),
+    Parameter('method', GUIDED, 'Search method; see the table of methods', choices=tuple(METHODS)),
     Parameter(
         'max_suboptimality',
         1.1,
         '`guided` searches until its path is proven to cost at most this many times the optimum; '
         '0: it returns its first path',
-        minimum=1.0,
-        maximum=1000.0,
+        between=(1.0, 1000.0),
         zero='the first path found',
         bench_default=0.0,
         bench_reason='as the tables measure the first path',
@@ -74,9 +68,7 @@ SEARCH = (
         'Heuristic of `llm_astar`, `astar`, `weighted_astar` and `dynamic_weighted_astar`',
         choices=tuple(HEURISTICS),
     ),
-    Parameter(
-        'weight', 2.0, 'Weight of the heuristic in `weighted_astar`', minimum=1.0, maximum=1000.0
-    ),
+    Parameter('weight', 2.0, 'Weight of the heuristic in `weighted_astar`', between=(1.0, 1000.0)),
 )
 REQUESTS = (
     Parameter(
@@ -84,8 +76,7 @@ REQUESTS = (
         5.0,
         'Time limit for waypoints, search and path together',
         unit='s',
-        minimum=0.01,
-        maximum=3600.0,
+        between=(0.01, 3600.0),
         cli_default=60.0,
         cli_reason='since no robot is waiting, and a language model may take half a minute',
         old_flags=('time_limit',),
@@ -95,16 +86,14 @@ REQUESTS = (
         0.5,
         'How far from an unreachable goal the path may end',
         unit='m',
-        minimum=0.0,
-        maximum=1000.0,
+        between=(0.0, 1000.0),
     ),
     Parameter(
         'start_tolerance',
         0.0,
         'How far from a blocked start the path may begin',
         unit='m',
-        minimum=0.0,
-        maximum=1000.0,
+        between=(0.0, 1000.0),
     ),
     Parameter(
         'use_final_approach_orientation',
@@ -134,8 +123,7 @@ WAYPOINTS = (
         4.0,
         'Time limit for waypoints, at most 80 % of `max_planning_time`',
         unit='s',
-        minimum=0.0,
-        maximum=3600.0,
+        between=(0.0, 3600.0),
         cli_default=3600.0,
         cli_reason='since there `timeout_s` alone limits how long a source is waited for',
     ),
@@ -205,15 +193,9 @@ MAP = (
         'states its own resolution, so that `map_id` and `resolution` have no effect',
         node_only=True,
     ),
-    Parameter('map_id', 0, 'Which map of the file', minimum=0, maximum=2**31 - 1, node_only=True),
+    Parameter('map_id', 0, 'Which map of the file', between=(0, 2**31 - 1), node_only=True),
     Parameter(
-        'resolution',
-        1.0,
-        'Width of a cell',
-        unit='m',
-        minimum=0.001,
-        maximum=1000.0,
-        node_only=True,
+        'resolution', 1.0, 'Width of a cell', unit='m', between=(0.001, 1000.0), node_only=True
     ),
     Parameter('frame_id', 'map', 'Frame of the map', node_only=True),
 )
@@ -240,7 +222,7 @@ DEPRECATED: dict[str, tuple[DeprecatedParameter, ...]] = {
             replacement='autostart',
             convert=lambda value: not value,
         ),
-    ),
+    )
 }
 # What every ROS node has.
 ROS_NAMES = ('use_sim_time', 'start_type_description_service')
@@ -316,12 +298,7 @@ def documented(node: str) -> list[Parameter]:
 
 def markdown_section(node: str) -> str:
     """Return the heading and the table of one node, with what differs on the command line."""
-    lines = [
-        f'### `{node}`',
-        '',
-        '| parameter | default | values | |',
-        '|---|---|---|---|',
-    ]
+    lines = [f'### `{node}`', '', '| parameter | default | values | |', '|---|---|---|---|']
     for item in documented(node):
         sentence = item.sentence + (' (fixed at start)' if item.read_only else '')
         unit = f' {item.unit}' if item.unit else ''

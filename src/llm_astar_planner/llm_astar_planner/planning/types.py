@@ -123,7 +123,7 @@ def check_request(request: PlanRequest) -> None:
         value = getattr(request, name)
         if value is None or value in limits.choices:
             continue
-        if limits.choices or not limits.minimum <= value <= limits.maximum:
+        if limits.between is None or not limits.between[0] <= value <= limits.between[1]:
             problem = problem or limits.problem(value)
     for name in ('time_limit', 'source_time_limit'):
         if math.isnan(getattr(request, name)):

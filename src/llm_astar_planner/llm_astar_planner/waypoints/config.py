@@ -50,51 +50,45 @@ class SourceSettings:
     candidates: int = parameter(
         8,
         'How many routes `embedded` samples before it returns the best one; 1 is its greedy route',
-        minimum=1,
-        maximum=64,
+        between=(1, 64),
     )
     temperature: float = parameter(
-        0.0, 'Sampling temperature sent to the endpoint', minimum=0.0, maximum=2.0
+        0.0, 'Sampling temperature sent to the endpoint', between=(0.0, 2.0)
     )
     max_output_tokens: int = parameter(
-        1000, 'Longest reply to request', unit='tokens', minimum=1, maximum=100000
+        1000, 'Longest reply to request', unit='tokens', between=(1, 100000)
     )
     max_prompt_tokens: int = parameter(
         2000,
         'About how long the description of the map may be',
         unit='tokens',
-        minimum=100,
-        maximum=1000000,
+        between=(100, 1000000),
     )
     timeout_s: float = parameter(
         4.0,
         'Time limit for one query, retries and repairs included; a later reply is cached',
         unit='s',
-        minimum=0.001,
-        maximum=3600.0,
+        between=(0.001, 3600.0),
         cli_default=30.0,
         cli_reason='since a person waits longer for a language model than a robot does',
         old_flags=('timeout',),
     )
-    max_retries: int = parameter(
-        2, 'How often a failed request is sent again', minimum=0, maximum=10
-    )
+    max_retries: int = parameter(2, 'How often a failed request is sent again', between=(0, 10))
     max_concurrent: int = parameter(
-        2, 'How many requests may be in flight at once', minimum=1, maximum=64
+        2, 'How many requests may be in flight at once', between=(1, 64)
     )
     repair_rounds: int = parameter(
         0,
         'How often the model is asked again with the segments of its route that collide',
-        minimum=0,
-        maximum=10,
+        between=(0, 10),
     )
     max_calls_per_hour: int = parameter(
-        600, 'Most requests in an hour; 0: no limit', minimum=0, maximum=1000000
+        600, 'Most requests in an hour; 0: no limit', between=(0, 1000000)
     )
     max_tokens_per_day: int = parameter(
-        0, 'Most tokens in a day; 0: no limit', minimum=0, maximum=2**31 - 1
+        0, 'Most tokens in a day; 0: no limit', between=(0, 2**31 - 1)
     )
-    cache_size: int = parameter(256, 'How many replies are cached', minimum=1, maximum=1000000)
+    cache_size: int = parameter(256, 'How many replies are cached', between=(1, 1000000))
     transcript: str = parameter(
         '', 'Transcript that `replay` answers from: a path, or a name in `maps/`'
     )

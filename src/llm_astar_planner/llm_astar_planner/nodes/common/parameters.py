@@ -33,16 +33,14 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
         descriptor.additional_constraints = f'one of: {parameter.limits}'
     elif parameter.zero:
         descriptor.additional_constraints = f'{parameter.limits}: {parameter.zero}'
-    elif parameter.minimum is not None and parameter.maximum is not None:
-        ends = {'from_value': parameter.minimum, 'to_value': parameter.maximum}
+    elif parameter.between is not None:
+        least, most = parameter.between
         if isinstance(parameter.default, float):
-            descriptor.floating_point_range = [
-                FloatingPointRange(**{end: float(value) for end, value in ends.items()})
-            ]
+            bounds = FloatingPointRange(from_value=float(least), to_value=float(most))
+            descriptor.floating_point_range = [bounds]
         else:
-            descriptor.integer_range = [
-                IntegerRange(**{end: int(value) for end, value in ends.items()})
-            ]
+            limits = IntegerRange(from_value=int(least), to_value=int(most))
+            descriptor.integer_range = [limits]
     return descriptor
 
 
