@@ -60,7 +60,7 @@ def out(tmp_path):
     return tmp_path / 'out'
 
 
-def test_the_whole_table_without_a_key(dataset, out, capsys):
+def test_the_whole_table_needs_no_key(dataset, out, capsys):
     assert llm_astar('bench', '--dataset', dataset, '--out', out, '--scales', '1-2') == 0
     printed = capsys.readouterr()
     assert 'Operation ratio' in printed.out
@@ -173,9 +173,7 @@ def test_a_missed_threshold_is_exit_code_one(undrawn, dataset, out, capsys):
     assert 'is above 1' in capsys.readouterr().err
 
 
-def test_ctrl_c_keeps_what_there_is_and_resume_finishes(
-    undrawn, dataset, out, capsys, monkeypatch
-):
+def test_ctrl_c_keeps_the_rows_and_resume_finishes(undrawn, dataset, out, capsys, monkeypatch):
     words = ('bench', '--dataset', dataset, '--out', out, '--maps', '0', '--methods', 'llm_astar')
     append, calls = cli_bench.ResultsFolder.append, []
 
@@ -194,7 +192,7 @@ def test_ctrl_c_keeps_what_there_is_and_resume_finishes(
     assert '6 of 6 samples' in capsys.readouterr().err
 
 
-def test_a_full_disk_ends_the_run_with_its_reason(dataset, out, capsys, monkeypatch):
+def test_a_full_disk_ends_the_run_and_is_named(dataset, out, capsys, monkeypatch):
     def full(self, rows):
         message = 'out/results.csv: No space left on device'
         raise cli_bench.ResultsError(message)
@@ -241,7 +239,7 @@ def test_a_malformed_dataset_is_named_with_its_field(tmp_path, out):
             llm_astar(*words)
 
 
-def test_a_dataset_is_made_checked_and_drawn(tmp_path, capsys):
+def test_a_dataset_is_generated_checked_and_drawn(tmp_path, capsys):
     path, pictures = tmp_path / 'made.json', tmp_path / 'pictures'
     words = ('--maps', 2, '--pairs', 3, '--size', 30, 20, '--seed', 5)
     made = ('dataset', 'generate', '--out', path, '--pictures', pictures, *words)
@@ -257,7 +255,7 @@ def test_a_dataset_is_made_checked_and_drawn(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)['errors'] == 1
 
 
-def test_reports_are_written_anew_and_into_a_readme(dataset, out, tmp_path, capsys):
+def test_reports_are_rewritten_and_put_into_a_readme(dataset, out, tmp_path, capsys):
     llm_astar('bench', '--dataset', dataset, '--out', out, '--maps', '0')
     report = (out / 'report.md').read_text()
     (out / 'report.md').unlink()
@@ -273,7 +271,7 @@ def test_reports_are_written_anew_and_into_a_readme(dataset, out, tmp_path, caps
 
 @pytest.mark.skipif('LLM_ASTAR_REFERENCE' not in os.environ, reason='LLM_ASTAR_REFERENCE unset')
 def test_replayed_reference_replies_give_the_reference_aggregates(undrawn, out, tmp_path, capsys):
-    """The published code's figures, to four decimals of a percent, over its 500 samples."""
+    """They equal the published code's figures on its 500 samples to four decimals of a percent."""
     folder = Path(os.environ['LLM_ASTAR_REFERENCE'])
     with gzip.open(folder / 'golden_maps_00_49.json.gz') as file:
         records = json.load(file)['records']
@@ -306,7 +304,7 @@ def test_a_real_interrupt_ends_the_process_with_130(dataset, out):
     """The signal, not a raised exception: the process ends itself and its rows are whole."""
     script = (
         'import sys, argparse, signal\n'
-        # In the background of a shell, tests and what they start ignore the signal.
+        # Processes started in the background of a shell ignore the signal.
         'signal.signal(signal.SIGINT, signal.default_int_handler)\n'
         'from llm_astar_planner.cli import bench as cli_bench\n'
         'parser = argparse.ArgumentParser()\n'

@@ -1,4 +1,4 @@
-"""`llm-astar draw` and the figures: pictures and animations of what was really searched."""
+"""`llm-astar draw` and the figures show what was really searched."""
 
 import numpy as np
 import pytest
@@ -55,7 +55,7 @@ def test_an_animation_ends_with_both_searches_done(tmp_path):
         assert image.info['duration'] == 2500
 
 
-def test_the_showcase_shows_what_its_caption_says():
+def test_the_showcase_expands_less_with_waypoints():
     blocked = SHOWCASE.to_grid().blocked()
     goals = [*SHOWCASE_WAYPOINTS, SHOWCASE_ENDPOINTS[1]]
     guided = trace(blocked, *SHOWCASE_ENDPOINTS, goals, 'chebyshev')
@@ -65,7 +65,7 @@ def test_the_showcase_shows_what_its_caption_says():
     assert guided.path[-1] == plain.path[-1] == SHOWCASE_ENDPOINTS[1]
 
 
-def test_obstacles_lie_over_what_was_expanded():
+def test_obstacles_cover_expanded_cells():
     blocked = np.array([[True, False], [False, False]])
     image = cell_image(blocked, ([(0, 0), (1, 0)], '#ff0000'), ([(1, 0), (0, 1)], '#0000ff'))
     assert image[0, 1].tolist() == [1.0, 0.0, 0.0]
@@ -74,7 +74,7 @@ def test_obstacles_lie_over_what_was_expanded():
     assert image[1, 1].tolist() == [1.0, 1.0, 1.0]
 
 
-def test_only_traced_heuristics_are_known():
+def test_only_some_heuristics_can_be_traced():
     assert distance('chebyshev', (0, 0), (3, 4)) == 4
     with pytest.raises(ValueError, match='octile'):
         distance('octile', (0, 0), (1, 1))

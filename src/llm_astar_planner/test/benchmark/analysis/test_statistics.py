@@ -52,7 +52,7 @@ def test_ratios_are_averaged_geometrically():
     assert ratio_interval([0.5, 1.0, 4.0], [0, 1, 2]).value == pytest.approx(2.0 ** (1 / 3))
 
 
-def test_one_map_says_nothing_of_others_and_none_says_nothing():
+def test_a_single_map_gives_no_interval_and_no_value_gives_no_mean():
     alone = mean_interval([1.0, 3.0], [7, 7])
     assert alone.value == 2.0
     assert math.isnan(alone.low)

@@ -1,4 +1,4 @@
-"""Generated datasets follow the recipe, and the checker finds what does not."""
+"""Generated datasets obey the recipe, and validation finds what does not."""
 
 from dataclasses import replace
 
@@ -44,7 +44,7 @@ def test_maps_follow_the_recipe(maps):
         assert detour(barrier_map) >= MapRules().min_detour
 
 
-def test_straight_lines_are_blocked_and_the_checker_agrees(maps):
+def test_straight_lines_are_blocked_and_validation_finds_nothing(maps):
     for barrier_map in maps:
         line_of_sight = LineOfSightChecker(barrier_map.to_grid().blocked())
         starts, goals, _ = zip(*barrier_map.samples)
@@ -60,7 +60,7 @@ def test_the_query_is_the_sentence_of_the_dataset():
     )
 
 
-def test_rules_nothing_can_meet_are_refused(monkeypatch):
+def test_rules_that_no_map_can_meet_are_refused(monkeypatch):
     monkeypatch.setattr('llm_astar_planner.benchmark.datasets.generate.TRIES', 3)
     with pytest.raises(GenerationError, match='map 0: none of 3 random maps'):
         list(generate(0, 1, MapRules(min_detour=50.0)))
@@ -68,7 +68,7 @@ def test_rules_nothing_can_meet_are_refused(monkeypatch):
         list(generate(0, 1, MapRules(size=(4, 4))))
 
 
-def test_the_checker_names_what_it_finds(tmp_path, maps):
+def test_validation_names_what_it_finds(tmp_path, maps):
     start, goal, query = maps[0].samples[0]
     barrier = maps[0].horizontal_barriers[0]
     bad = (
@@ -96,7 +96,7 @@ def test_a_goal_behind_a_closed_wall_is_an_error():
     assert summarise_dataset([shut]).detours == ()
 
 
-def test_the_shipped_samples_are_the_command_s_own(request):
+def test_the_shipped_samples_are_those_of_the_command(request):
     shipped = load_barrier_maps(request.config.rootpath / 'maps' / 'samples_1000.json')
     assert (len(shipped), sum(len(m.samples) for m in shipped)) == (100, 1000)
     assert shipped[:3] == list(generate(seed=0, maps=3))

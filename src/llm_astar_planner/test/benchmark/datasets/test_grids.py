@@ -1,4 +1,4 @@
-"""Grid datasets: MovingAI scenarios and map_server maps, loaded and run through the benchmark."""
+"""Grid datasets: MovingAI scenarios and map_server maps are loaded and benchmarked."""
 
 import csv
 import json
@@ -25,7 +25,7 @@ from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 from PIL import Image
 
-# Row 0 first. No way is shorter by a diagonal: each would cut a corner.
+# Row 0 first. No path is shorter by a diagonal move: each would cut a corner.
 ROWS = ('.....', '.@@@.', '...@.', '.T.@.', '.....')
 PAIRS = (((0, 0), (4, 4), 8.0), ((0, 0), (2, 2), 4.0), ((2, 2), (4, 4), 4.0))
 
@@ -74,7 +74,7 @@ def test_the_rows_of_a_scenario_file_are_the_pairs_of_map_0(tmp_path):
     assert len(load_samples(tmp_path / 'x.map.scen', limit=2)) == 2
 
 
-def test_bench_checks_the_published_lengths_and_reports(tmp_path, capsys):
+def test_bench_compares_lengths_with_the_optimal_ones_and_reports(tmp_path, capsys):
     dataset, out = write_movingai(tmp_path), tmp_path / 'out'
     assert bench(dataset, out, '--json') == 0
     printed = capsys.readouterr()
@@ -87,13 +87,13 @@ def test_bench_checks_the_published_lengths_and_reports(tmp_path, capsys):
     for name in ('results.csv', 'summary.json', 'report.md', 'compare.png'):
         assert (out / name).is_file()
     assert 'data:image/png;base64' in (out / 'report.html').read_text()
-    # By itself, without the dataset: the maps are kept beside the rows.
+    # Without the dataset: the maps are in the results folder.
     (tmp_path / 'x.map').unlink()
     dataset.unlink()
     assert cli.main(['report', str(out)]) == 0
 
 
-def test_a_length_that_is_not_the_published_one_is_named_and_incomplete(tmp_path, capsys):
+def test_a_length_that_is_not_the_optimal_one_is_named_and_incomplete(tmp_path, capsys):
     wrong = [*PAIRS[:1], (*PAIRS[1][:2], 3.41), *PAIRS[2:]]
     dataset = write_movingai(tmp_path, pairs=wrong)
     assert bench(dataset, tmp_path / 'out', '--methods', 'exact_astar') == 3
@@ -102,7 +102,7 @@ def test_a_length_that_is_not_the_published_one_is_named_and_incomplete(tmp_path
     assert 'map 0, pair 1, length 4.000000, in the dataset 3.41' in error
 
 
-def test_a_run_goes_on_but_not_on_another_map(tmp_path, capsys):
+def test_a_run_is_resumed_but_not_on_another_map(tmp_path, capsys):
     dataset, out = write_movingai(tmp_path), tmp_path / 'out'
     words = ('--methods', 'astar', '--resume')
     assert bench(dataset, out, *words, '--limit', '1') == 0
@@ -122,11 +122,11 @@ def test_a_run_goes_on_but_not_on_another_map(tmp_path, capsys):
         (('--heuristic', 'manhattan', '--methods', 'astar'), None),
     ],
 )
-def test_options_that_a_grid_has_no_use_for(tmp_path, capsys, words, error):
+def test_options_that_do_not_fit_a_grid(tmp_path, capsys, words, error):
     code = bench(write_movingai(tmp_path), tmp_path / 'out', *words)
     printed = capsys.readouterr().err
     assert code == (0 if error is None else 2)
-    # Manhattan overrates, so A* is no longer held against what is published.
+    # Manhattan overestimates, so the lengths of A* are not compared.
     assert 'agree' not in printed if error is None else error in printed
 
 
@@ -137,12 +137,12 @@ def test_options_that_a_grid_has_no_use_for(tmp_path, capsys, words, error):
         (ROWS, [*PAIRS, ((0, 0), (1, 3), 1.0)], r'row 3: goal: \(1, 3\) is blocked'),
     ],
 )
-def test_a_scenario_that_is_none_on_its_map_is_named(tmp_path, rows, pairs, error):
+def test_a_scenario_that_does_not_fit_its_map_is_named(tmp_path, rows, pairs, error):
     with pytest.raises(GridProblemError, match=error):
         load_samples(write_movingai(tmp_path, rows, pairs))
 
 
-def test_bad_files_are_told_in_a_line(tmp_path, capsys):
+def test_bad_files_are_reported_in_one_line(tmp_path, capsys):
     dataset = write_movingai(tmp_path)
     assert bench(tmp_path / 'x.map', tmp_path / 'out') == 2
     assert 'name its scenario file' in capsys.readouterr().err
@@ -154,8 +154,8 @@ def test_bad_files_are_told_in_a_line(tmp_path, capsys):
     assert 'no such file' in capsys.readouterr().err
 
 
-def test_pairs_of_a_yaml_map_are_drawn_free_and_joined(tmp_path, capsys):
-    # Two rooms, one cell that nothing joins, and what nobody has seen.
+def test_pairs_of_a_yaml_map_are_free_and_connected(tmp_path, capsys):
+    # Two rooms, one cell connected with nothing, and unknown cells.
     pixels = np.full((8, 9), 254)
     pixels[:, 4] = 0
     pixels[0, 5:] = pixels[2, 5:] = 0
@@ -178,12 +178,12 @@ def test_pairs_of_a_yaml_map_are_drawn_free_and_joined(tmp_path, capsys):
     assert codes == ['NONE'] * 8
 
 
-def test_a_map_without_two_joined_cells_has_no_pairs(tmp_path):
+def test_a_map_without_two_connected_cells_is_refused(tmp_path):
     with pytest.raises(GridProblemError, match='no two of its free cells'):
         load_grid_problem(write_map_server(tmp_path, [[254, 0], [0, 254]]))
 
 
-def test_diagonals_need_both_cells_beside_them(tmp_path):
+def test_diagonals_need_both_adjacent_cells_free(tmp_path):
     dataset = write_movingai(tmp_path, ('.@.', '...', '...'), [((0, 0), (2, 0), 4.0)])
     assert bench(dataset, tmp_path / 'out', '--methods', 'exact_astar') == 0
 
@@ -195,7 +195,7 @@ def test_a_length_agrees_up_to_its_printed_digits():
     assert not agrees(math.nan, 10.9)
 
 
-def test_only_exact_methods_are_held_against_what_is_published():
+def test_only_exact_methods_are_compared_with_the_reference():
     rows = [row(length=2.0), row('weighted_astar', length=9.0), row('astar', 1, code='TIMEOUT')]
     (found,) = compare_with_reference(rows, {(0, 0): 2.0, (0, 1): 5.0}, 'octile')
     assert (found.rows, found.agreeing) == (2, 1)
@@ -204,7 +204,7 @@ def test_only_exact_methods_are_held_against_what_is_published():
     assert compare_with_reference(rows, {}, 'euclidean') == []
 
 
-def test_a_grid_problem_comes_back_as_it_was(tmp_path):
+def test_a_grid_problem_is_read_back_unchanged(tmp_path):
     problem = load_grid_problem(write_movingai(tmp_path))
     again = parse_grid_problem(json.loads(json.dumps(problem.to_json())))
     assert again == problem
@@ -224,7 +224,7 @@ def test_a_grid_problem_comes_back_as_it_was(tmp_path):
         ({'origin': [math.inf, 0, 0]}, 'origin'),
     ],
 )
-def test_a_kept_map_that_is_broken_is_named(tmp_path, change, error):
+def test_a_damaged_map_of_a_results_folder_is_named(tmp_path, change, error):
     entry = load_grid_problem(write_movingai(tmp_path)).to_json()
     (tmp_path / 'maps.json').write_text(json.dumps([entry | change]))
     with pytest.raises(GridProblemError, match=error):
@@ -256,7 +256,7 @@ def test_plan_takes_a_grid_in_cells(tmp_path, capsys):
     ends = ('--start', '0', '0', '--goal', '2', '1', '--map', str(yaml))
     assert cli.main([*words, *ends]) == 0
     plan = json.loads(capsys.readouterr().out)
-    # Row 0 of the grid is the picture's last; the way goes under the blocked cell.
+    # Row 0 of the grid is the picture's last row; the path goes below the blocked cell.
     assert plan['path'] == [[0, 0], [1, 0], [2, 0], [2, 1]]
     assert cli.main([*words, '--map-id', '4']) == 2
     assert 'map id 4' in capsys.readouterr().err
@@ -276,7 +276,7 @@ def test_map_node_publishes_a_map_server_map_too(tmp_path):
 
 
 @pytest.mark.skipif('LLM_ASTAR_REFERENCE' not in os.environ, reason='LLM_ASTAR_REFERENCE unset')
-def test_every_published_row_agrees(tmp_path, capsys):
+def test_every_movingai_row_agrees(tmp_path, capsys):
     folder = Path(os.environ['LLM_ASTAR_REFERENCE']) / 'grids'
     pairs = {}
     with (folder / 'scenarios.csv').open() as file:

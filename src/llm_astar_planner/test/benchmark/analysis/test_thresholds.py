@@ -1,0 +1,34 @@
+"""Thresholds are parsed, met and missed."""
+
+import pytest
+from benchmark_samples import rows_with
+from llm_astar_planner.benchmark.analysis.summary import summarise
+from llm_astar_planner.benchmark.analysis.thresholds import missed_thresholds, parse_threshold
+from llm_astar_planner.benchmark.results import Variant
+
+
+def test_ratios_are_missed_above_and_shares_below_their_threshold():
+    summaries = summarise(rows_with(0.8))
+    limits = ['llm_astar/oracle:operation=41', 'astar:valid=100', 'llm_astar/oracle:length=104']
+    assert missed_thresholds(summaries, [parse_threshold(text) for text in limits]) == []
+    tight = ['llm_astar/oracle:operation=39', 'llm_astar/oracle:optimal=50', 'nobody:valid=1']
+    lines = missed_thresholds(summaries, [parse_threshold(text) for text in tight])
+    assert 'operation 40.00 % is above 39' in lines[0]
+    assert 'optimal 0.00 % is below 50' in lines[1]
+    assert 'nobody: was not run; available are astar/none' in lines[2]
+
+
+def test_a_threshold_holds_for_all_variants_whose_names_begin_so():
+    rows = rows_with(0.8, variant=Variant('llm_astar', 'replay', model='m1'))
+    limit = [parse_threshold('llm_astar/replay:operation=1')]
+    assert [line.split(':')[0] for line in missed_thresholds(summarise(rows), limit)] == [
+        'llm_astar/replay/m1'
+    ]
+
+
+@pytest.mark.parametrize(
+    'text', ['', 'a', 'a:operation', 'a:speed=3', 'a:length=fast', ':valid=1']
+)
+def test_bad_thresholds_are_named(text):
+    with pytest.raises(ValueError, match=r'is expected|is not a number'):
+        parse_threshold(text)

@@ -1,0 +1,48 @@
+"""The results folder: damaged rows, a full disk, paths by their turning points."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmark_samples import rows_of, tasks_of, untimed
+from llm_astar_planner.benchmark.datasets.samples import load_samples
+from llm_astar_planner.benchmark.results import (
+    ResultsError,
+    ResultsFolder,
+    turning_points,
+)
+
+
+def test_a_damaged_row_is_named_and_the_last_of_equal_keys_counts(dataset, tmp_path):
+    folder = ResultsFolder(tmp_path / 'out')
+    first, *_ = rows_of(tasks_of(load_samples(dataset)[:1])[0])
+    again = replace(first, path='1,1;' * 50_000)  # longer than csv takes by itself
+    folder.start()
+    folder.append([first, again])
+    assert [row.path for row in folder.read()] == [again.path]
+    good = folder.results.read_text()
+    for damaged in ('3,0,1,astar,none,,,NONE,1.0\n', good.splitlines()[1] + ',one more\n'):
+        folder.results.write_text(good + damaged)
+        with pytest.raises(ResultsError, match=r'results\.csv: line 4: \d+ values are expected'):
+            folder.read()
+
+
+def test_a_full_disk_is_reported_and_earlier_rows_stay(dataset, tmp_path):
+    folder = ResultsFolder(tmp_path / 'out')
+    rows = rows_of(tasks_of(load_samples(dataset)[:1])[0])
+    folder.start()
+    folder.append(rows)
+    kept = folder.results.read_bytes()
+    full = ResultsFolder(tmp_path / 'full')
+    full.path.mkdir()
+    full.results.symlink_to('/dev/full')
+    with pytest.raises(ResultsError, match='No space left on device; the rows before are kept'):
+        full.append(rows)
+    assert folder.results.read_bytes() == kept
+    assert [untimed(row) for row in folder.read()] == [untimed(row) for row in rows]
+
+
+def test_turning_points_keep_the_shape():
+    path = np.array([(0, 0), (1, 0), (2, 0), (3, 1), (4, 2), (4, 3)], dtype=np.int32)
+    assert turning_points(path).tolist() == [[0, 0], [2, 0], [4, 2], [4, 3]]
+    assert len(turning_points(path[:0])) == 0
