@@ -224,9 +224,8 @@ DEPRECATED: dict[str, tuple[DeprecatedParameter, ...]] = {
         ),
     )
 }
-# What every ROS node has.
-ROS_NAMES = ('use_sim_time', 'start_type_description_service')
-ROS_PREFIXES = ('qos_overrides.',)
+# Parameters of every ROS node, and the group `qos_overrides.TOPIC...`.
+ROS_NAMES = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 
 
 def defaults(parameters: Iterable[Parameter], *, cli: bool = False) -> dict[str, Any]:
@@ -253,7 +252,7 @@ def check_names(node: str, names: Iterable[str], *, shared: bool = False) -> Non
     if shared:
         known, who = known.union(*map(known_names, NODES)), 'no node of this package has a'
     for name in names:
-        if not (name in known or name in ROS_NAMES or name.startswith(ROS_PREFIXES)):
+        if name not in known and name.partition('.')[0] not in ROS_NAMES:
             near = nearest_name(name, known_names(node)) or nearest_name(name, known)
             raise ParameterError(f'{name}: {who} parameter of this name{near}')
 
