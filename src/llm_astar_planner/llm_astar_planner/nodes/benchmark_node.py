@@ -16,11 +16,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from llm_astar_msgs_adapter.maps.barrier_map import (
-    BarrierMapError,
-    load_barrier_maps,
-    save_barrier_maps,
-)
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message
 from llm_astar_msgs_adapter.messages.path import path_from_message
@@ -34,6 +30,9 @@ from llm_astar_planner.benchmark.datasets.grids import is_grid_dataset
 from llm_astar_planner.benchmark.datasets.samples import (
     BenchmarkSample,
     SelectionError,
+    format_kept_maps,
+    load_kept_maps,
+    load_maps,
     load_samples,
 )
 from llm_astar_planner.benchmark.report.markdown import text_report
@@ -87,8 +86,8 @@ def main(args: Sequence[str] | None = None) -> int:
         parameters |= {'maps': arguments.maps, 'seed': arguments.seed, 'live': True}
         metadata = describe_run([dataset], parameters)
         done = open_folder(folder, metadata, resume=arguments.resume)
-        save_barrier_maps(load_barrier_maps(dataset), folder.path / MAPS_FILE)
-    except (BarrierMapError, FileNotFoundError, ResultsError, SelectionError) as error:
+        folder.write_text(MAPS_FILE, format_kept_maps(load_maps(dataset)))
+    except (LlmAstarError, FileNotFoundError) as error:
         return report_error(str(error), BAD_INPUT)
     begun = time.monotonic()
     code = plan_samples(args, arguments, folder, samples, done)
@@ -174,7 +173,7 @@ def close_run(folder: ResultsFolder, metadata: dict[str, Any], seed: int, code: 
         if not rows:
             return code
         folder.write_json('metadata.json', metadata)
-        write_report(folder, metadata, load_barrier_maps(folder.path / MAPS_FILE))
+        write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
     except ResultsError as error:
         return report_error(str(error), INCOMPLETE)
     sys.stdout.write(text_report(rows, seed) + '\n')

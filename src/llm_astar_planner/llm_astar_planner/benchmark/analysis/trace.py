@@ -9,7 +9,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ Point = tuple[float, float]
 NEIGHBOURS = ((-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1))
 
 
-@dataclass
+@dataclass(frozen=True)
 class Trace:
     """One search: the cells in `order` of expansion, the target `switches`, and the path.
 
@@ -28,9 +28,9 @@ class Trace:
     search found none.
     """
 
-    order: list[Cell] = field(default_factory=list)
-    switches: list[int] = field(default_factory=list)
-    path: list[Cell] = field(default_factory=list)
+    order: list[Cell]
+    switches: list[int]
+    path: list[Cell]
 
 
 def trace(
@@ -76,20 +76,20 @@ class TracedSearch:
         self.parent: dict[Cell, Cell] = {start: start}
         self.open = [(self.priority(start), start)]
         self.closed: set[Cell] = set()
-        self.trace = Trace()
+        self.order: list[Cell] = []
+        self.switches: list[int] = []
 
     def run(self) -> Trace:
         """Search until the goal is expanded or no cell is left."""
         while self.open:
             _, cell = heapq.heappop(self.open)
-            self.trace.order.append(cell)
+            self.order.append(cell)
             self.closed.add(cell)
             if cell == self.goal:
-                self.trace.path = self.path_to_start()
-                break
+                return Trace(self.order, self.switches, self.path_to_start())
             for dx, dy in NEIGHBOURS:
                 self.consider(cell, (cell[0] + dx, cell[1] + dy))
-        return self.trace
+        return Trace(self.order, self.switches, [])
 
     def consider(self, cell: Cell, neighbour: Cell) -> None:
         """Try to reach a neighbour from `cell`.
@@ -98,7 +98,7 @@ class TracedSearch:
         """
         if self.targets and neighbour == self.targets[self.index] and neighbour != self.goal:
             self.index += 1
-            self.trace.switches.append(len(self.trace.order))
+            self.switches.append(len(self.order))
             self.open = [(self.priority(entry), entry) for _, entry in self.open]
             heapq.heapify(self.open)
         if neighbour in self.closed or self.blocked[cell[::-1]] or self.blocked[neighbour[::-1]]:
