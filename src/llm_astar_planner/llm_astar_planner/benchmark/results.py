@@ -270,9 +270,7 @@ class ResultsFolder:
 
 
 def describe_run(
-    datasets: Sequence[str | Path],
-    parameters: Mapping[str, Any],
-    files: Sequence[str | Path] = (),
+    datasets: Sequence[str | Path], parameters: Mapping[str, Any], files: Sequence[str | Path] = ()
 ) -> dict[str, Any]:
     """Return the metadata of a run: version, parameters, digests of its input, machine.
 

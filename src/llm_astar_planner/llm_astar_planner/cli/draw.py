@@ -7,11 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.maps.barrier_map import (
-    BarrierMap,
-    find_barrier_map,
-    load_barrier_maps,
-)
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map, load_barrier_maps
 
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample
 from llm_astar_planner.benchmark.results import PAPER_ASTAR, Row, Variant, parse_points

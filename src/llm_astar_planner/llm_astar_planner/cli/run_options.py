@@ -31,11 +31,7 @@ from llm_astar_planner.benchmark.results import (
 from llm_astar_planner.benchmark.runner.cluster import connect
 from llm_astar_planner.benchmark.runner.config import describe_unanswered
 from llm_astar_planner.benchmark.runner.engine import ALL_METHODS
-from llm_astar_planner.benchmark.runner.sources import (
-    GRID_BASELINES,
-    SourceSpec,
-    embedded_sources,
-)
+from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, SourceSpec, embedded_sources
 from llm_astar_planner.cli.parameter_flags import (
     add_endpoint_arguments,
     add_parameter_flags,

@@ -267,9 +267,7 @@ class LiveRun:
         points = grid_map.world_to_grid(path_from_message(path))
         waypoints = grid_map.world_to_grid([(x, y) for x, y, _ in report.waypoints])
         columns = plan_columns(
-            values,
-            [status for _, _, status in report.waypoints],
-            np.rint(points).astype(np.int32),
+            values, [status for _, _, status in report.waypoints], np.rint(points).astype(np.int32)
         )
         columns['waypoints'] = format_points(waypoints.round(6).tolist())
         return Row(*sample.key, 1, *variant, seconds_round_trip=round_trip, **columns)

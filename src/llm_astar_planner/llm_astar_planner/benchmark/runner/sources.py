@@ -11,11 +11,7 @@ from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import baseline_sources, visibility_problem
-from llm_astar_planner.waypoints.config import (
-    DEFAULT_PROMPT,
-    SettingsError,
-    SourceSettings,
-)
+from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SettingsError, SourceSettings
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.learned.source import EmbeddedSource
 from llm_astar_planner.waypoints.prompts.template import load_template
