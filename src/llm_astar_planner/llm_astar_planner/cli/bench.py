@@ -23,9 +23,13 @@ from llm_astar_planner.benchmark.results import (
     ResultsError,
     ResultsFolder,
 )
-from llm_astar_planner.benchmark.runner.config import BenchmarkConfig, run_into_folder, start_run
+from llm_astar_planner.benchmark.runner.config import (
+    BenchmarkConfig,
+    progress,
+    run_into_folder,
+    start_run,
+)
 from llm_astar_planner.benchmark.runner.engine import SearchSettings
-from llm_astar_planner.benchmark.runner.progress import progress
 from llm_astar_planner.benchmark.runner.sources import (
     GRID_BASELINES,
     check_grid_options,

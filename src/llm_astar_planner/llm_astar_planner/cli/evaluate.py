@@ -32,9 +32,8 @@ from llm_astar_planner.benchmark.results import (
     ResultsFolder,
     describe_run,
 )
-from llm_astar_planner.benchmark.runner.config import open_folder, run_into_folder
+from llm_astar_planner.benchmark.runner.config import open_folder, progress, run_into_folder
 from llm_astar_planner.benchmark.runner.engine import Outcome, SearchSettings, Task
-from llm_astar_planner.benchmark.runner.progress import progress
 from llm_astar_planner.benchmark.runner.sources import (
     GRID_BASELINES,
     SourceSpec,

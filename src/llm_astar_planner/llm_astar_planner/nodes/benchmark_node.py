@@ -49,8 +49,7 @@ from llm_astar_planner.benchmark.results import (
     format_points,
     plan_columns,
 )
-from llm_astar_planner.benchmark.runner.config import open_folder
-from llm_astar_planner.benchmark.runner.progress import progress
+from llm_astar_planner.benchmark.runner.config import open_folder, progress
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import leave
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError

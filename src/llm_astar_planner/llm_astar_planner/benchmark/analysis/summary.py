@@ -1,4 +1,4 @@
-"""Summarises rows: the metrics of every variant, and what its waypoints added over none."""
+"""Summarises rows: metrics of every variant, paired comparisons, and growth with the scale."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from llm_astar_planner.benchmark.analysis.statistics import (
     NO_SPREAD,
@@ -32,6 +33,8 @@ METHOD_ORDER = (
     'llm_astar', 'guided',
 )  # fmt: skip
 BASELINE_SOURCES = ('none', 'straight', 'oracle', 'noisy', 'random', 'reversed')
+# The columns whose growth over the scales of the map is measured.
+GROWING_COLUMNS = ('operation', 'storage')
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,18 @@ class PairedComparison:
     maps: int
     operation: Interval
     length: Interval
+
+
+@dataclass(frozen=True)
+class Growth:
+    """The growth of one variant in one quantity, over the `samples` solved at every scale."""
+
+    variant: Variant
+    quantity: str
+    samples: int
+    scales: tuple[int, ...]
+    factors: tuple[float, ...]
+    slope: float
 
 
 @dataclass(frozen=True)
@@ -201,6 +216,50 @@ def compare_with_none(rows: Sequence[Row], seed: int = 0) -> list[PairedComparis
             )
         )
     return comparisons
+
+
+def growth(rows: Sequence[Row]) -> list[Growth]:
+    """Return the growth of every variant that was run at more than one scale.
+
+    Only samples with a valid path at every scale of the variant count, so that all its factors
+    are over the same samples.
+    """
+    solved: dict[Variant, dict[int, dict[tuple[int, int], Row]]] = defaultdict(dict)
+    for row in rows:
+        if row.found and row.operation > 0:
+            solved[row.variant].setdefault(row.scale, {})[row.map, row.pair] = row
+    found = []
+    for variant, by_scale in solved.items():
+        if len(by_scale) < 2 or 1 not in by_scale:
+            continue
+        scales = tuple(sorted(by_scale))
+        samples = sorted(set.intersection(*(set(of_scale) for of_scale in by_scale.values())))
+        for quantity in GROWING_COLUMNS:
+            columns = {
+                scale: [float(getattr(by_scale[scale][sample], quantity)) for sample in samples]
+                for scale in scales
+            }
+            factors = tuple(growth_factor(columns[scale], columns[1]) for scale in scales)
+            slope = log_log_slope(scales, factors) if samples else float('nan')
+            found.append(Growth(variant, quantity, len(samples), scales, factors, slope))
+    return found
+
+
+def growth_factor(scaled: ArrayLike, base: ArrayLike) -> float:
+    """Return (1/n) sum_i scaled_i / base_i, the paper's mean growth of n samples from scale 1."""
+    ratios = np.asarray(scaled, dtype=float) / np.asarray(base, dtype=float)
+    return float(ratios.mean()) if ratios.size else float('nan')
+
+
+def log_log_slope(scales: ArrayLike, growth: ArrayLike) -> float:
+    """Fit log(growth) = slope log(scale) + c by least squares and return the slope.
+
+    1 is linear in the scale, 2 is proportional to the area of the map. NaN for a single scale.
+    """
+    xs, ys = np.asarray(scales, dtype=float), np.asarray(growth, dtype=float)
+    if len(np.unique(xs)) < 2:
+        return float('nan')
+    return float(np.polyfit(np.log(xs), np.log(ys), 1)[0])
 
 
 def solved_by_both(

@@ -15,8 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from llm_astar_planner.benchmark.analysis.scalability import Growth
-from llm_astar_planner.benchmark.analysis.summary import VariantSummary, is_baseline
+from llm_astar_planner.benchmark.analysis.summary import Growth, VariantSummary, is_baseline
 from llm_astar_planner.benchmark.analysis.trace import Trace, trace
 from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.benchmark.report.sentences import method_label

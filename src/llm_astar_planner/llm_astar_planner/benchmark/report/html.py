@@ -16,8 +16,8 @@ from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
 from markupsafe import Markup
 from PIL import Image
 
-from llm_astar_planner.benchmark.analysis.scalability import Growth
 from llm_astar_planner.benchmark.analysis.summary import (
+    Growth,
     PairedComparison,
     VariantSummary,
     by_variant,

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from llm_astar_planner.benchmark.analysis.scalability import Growth
 from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import (
+    Growth,
     PairedComparison,
     Ratio,
     VariantSummary,

@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from llm_astar_planner.benchmark.analysis.scalability import Growth
 from llm_astar_planner.benchmark.analysis.statistics import Interval
-from llm_astar_planner.benchmark.analysis.summary import PairedComparison, is_baseline, is_learned
+from llm_astar_planner.benchmark.analysis.summary import (
+    Growth,
+    PairedComparison,
+    is_baseline,
+    is_learned,
+)
 from llm_astar_planner.benchmark.results import WAYPOINTS_ONLY, Row, Variant
 
 # A slope of log work over log scale below this counts as near linear.

@@ -10,14 +10,15 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
-from llm_astar_planner.benchmark.analysis.scalability import Growth, growth
 from llm_astar_planner.benchmark.analysis.statistics import Interval, Spread
 from llm_astar_planner.benchmark.analysis.summary import (
+    Growth,
     PairedComparison,
     Price,
     VariantSummary,
     by_variant,
     compare_with_none,
+    growth,
     is_baseline,
     summarise,
 )

@@ -1,14 +1,18 @@
-"""What one benchmark run covers, and how it is started, resumed and written to its folder."""
+"""What one run covers, and how it is started, resumed, shown and written to its folder."""
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from tqdm import tqdm
 
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, draw
 from llm_astar_planner.benchmark.results import (
@@ -28,6 +32,9 @@ from llm_astar_planner.benchmark.runner.engine import (
     run_tasks,
 )
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
+
+# Steps between two lines where the total is unknown.
+UNKNOWN_STRIDE = 100
 
 
 @dataclass(frozen=True)
@@ -133,3 +140,29 @@ def describe_unanswered(rows: Sequence[Row]) -> list[str]:
             f'{variant}: {len(found)} samples without an answer ({how}), the first {first}'
         )
     return lines
+
+
+@contextmanager
+def progress(total: int | None, unit: str = 'sample') -> Iterator[Callable[[], object]]:
+    """Yield the function to call after each of `total` steps; None where the total is unknown.
+
+    Without a terminal a line is written after every tenth of the steps.
+    """
+    if sys.stderr.isatty():
+        with tqdm(total=total, unit=unit, file=sys.stderr) as bar:
+            yield lambda: bool(bar.update())
+        return
+    done = 0
+
+    def step() -> None:
+        nonlocal done
+        done += 1
+        if total is None:
+            is_due, of_total = done % UNKNOWN_STRIDE == 0, ''
+        else:
+            is_due, of_total = done * 10 // total > (done - 1) * 10 // total, f' of {total}'
+        if is_due:
+            sys.stderr.write(f'{done}{of_total} {unit}s\n')
+            sys.stderr.flush()
+
+    yield step
