@@ -97,6 +97,21 @@ def test_commands_are_found_in_blocks_and_in_sentences():
     assert any('--fail-under' in words for words in found), 'a line that continues'
 
 
+def test_the_files_and_names_in_the_architecture_exist():
+    text = (ROOT / 'docs' / 'architecture.md').read_text()
+    package = ROOT / 'src' / 'llm_astar_planner'
+    adapter = ROOT / 'src' / 'llm_astar_msgs_adapter' / 'llm_astar_msgs_adapter'
+    folders = (package / package.name, package, adapter, ROOT)
+    files = set(re.findall(r'`([\w/]+/\w+\.(?:py|yaml))`', text)) - {'cli/NAME.py'}
+    assert len(files) > 25
+    for name in files:
+        assert any((folder / name).exists() for folder in folders), name
+    code = '\n'.join(path.read_text() for path in (ROOT / 'src').rglob('*.py'))
+    for name in set(re.findall(r'`((?:[A-Z]\w+\.)?[A-Za-z]\w{4,})(?:\(.*?\))?`', text)):
+        for part in name.split('.'):
+            assert re.search(rf'\b{part}\b', code), name
+
+
 def test_the_readme_names_all_that_pip_has_to_install_for_colcon():
     readme = (ROOT / 'README.md').read_text()
     named = re.search(r'pip install --break-system-packages(.*?)colcon', readme, re.DOTALL)[1]
