@@ -31,7 +31,7 @@ from llm_astar_planner.planning.types import Plan, PlanRequest, check_request
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.paper import compile_kernels
 from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_model_call, make_source
+from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
@@ -85,8 +85,7 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
     where.add_argument(
         '--query',
         metavar='TEXT',
-        help='the whole question as a sentence: worded as in the dataset, or freely with '
-        '--source endpoint',
+        help='the whole question as a sentence, in the form of the dataset (see below)',
     )
     where.add_argument(
         '--via',
@@ -120,7 +119,7 @@ def run(arguments: argparse.Namespace) -> int:
     files = read_params_files(arguments).values if arguments.params_file else {}
     values = parameter_values(arguments, RULES, files.get('planner_node'))
     settings = source_settings(arguments, files.get('llm_client_node'))
-    maps, (problem, start, goal) = choose_problem(arguments, settings)
+    maps, (problem, start, goal) = choose_problem(arguments)
     barriers = problem if isinstance(problem, BarrierMap) else None
     if arguments.corner_cutting is None and not arguments.params_file:
         values['corner_cutting'] = barriers is not None
@@ -177,13 +176,13 @@ def source_settings(
 
 
 def choose_problem(
-    arguments: argparse.Namespace, settings: SourceSettings
+    arguments: argparse.Namespace,
 ) -> tuple[list[ProblemMap], tuple[ProblemMap, Point, Point]]:
     """Return all maps, and the map, start and goal to plan: from a sentence or from numbers."""
     if arguments.query is not None:
-        ask = make_model_call(settings) if settings.source == 'endpoint' else None
-        question = parse_query(arguments.query, ask)
-        return [question.barrier_map], question
+        barrier_map = parse_query(arguments.query)
+        sample = barrier_map.samples[0]
+        return [barrier_map], (barrier_map, sample.start, sample.goal)
     maps = load_maps(find_file(arguments.map, 'maps'))
     problem = maps[0]
     if arguments.map_id not in (None, problem.id):

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
@@ -22,12 +19,11 @@ from llm_astar_planner.waypoints.learned.source import EmbeddedSource
 from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.credentials import Endpoint
 from llm_astar_planner.waypoints.llm.protocol import Dialect
-from llm_astar_planner.waypoints.llm.resilience import CallBudget, EndpointFailure, RetryPolicy
+from llm_astar_planner.waypoints.llm.resilience import CallBudget, RetryPolicy
 from llm_astar_planner.waypoints.llm.source import EndpointSource
-from llm_astar_planner.waypoints.prompts.query_parser import ModelCall, QueryError
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.replay import ReplaySource
-from llm_astar_planner.waypoints.source import Message, WaypointSource
+from llm_astar_planner.waypoints.source import WaypointSource
 from llm_astar_planner.waypoints.transcript import RecordingSource, TranscriptWriter
 
 Dataset = Sequence[BarrierMap] | None
@@ -55,22 +51,6 @@ def make_client(settings: SourceSettings) -> ChatClient:
         CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
         max_concurrent=settings.max_concurrent,
     )
-
-
-def make_model_call(settings: SourceSettings) -> ModelCall:
-    """Make the function by which `parse_query` asks a model. Raises SettingsError.
-
-    The function raises QueryError with the status and the detail of a failure.
-    """
-    client = make_client(replace(settings, source='endpoint', response_format='json_schema'))
-
-    def ask(messages: tuple[Message, ...], schema: dict[str, Any]) -> str:
-        try:
-            return client.complete(messages, time.monotonic() + settings.timeout_s, schema).text
-        except EndpointFailure as failure:
-            raise QueryError(f'query: {failure.status.value}: {failure}') from None
-
-    return ask
 
 
 def client_of(source: WaypointSource) -> ChatClient | None:
