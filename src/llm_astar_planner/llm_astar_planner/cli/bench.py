@@ -82,37 +82,31 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(run=run, command='bench')
-    _add_samples(parser.add_argument_group('samples'))
+    add_samples(parser.add_argument_group('samples'))
     add_variants(parser.add_argument_group('methods and sources'))
     add_running(parser.add_argument_group('running'), 'out/bench')
 
 
-def _add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options that choose the samples."""
     group.add_argument(
-        '--dataset',
-        default='samples_1000.json',
-        metavar='FILE',
+        '--dataset', default='samples_1000.json', metavar='FILE',
         help='barrier-map JSON, a path or a name in maps/ (default: %(default)s); or a '
         "grid: MovingAI's x.map.scen in the folder of its map, or a map_server yaml, on which "
         'pairs are drawn',
-    )
+    )  # fmt: skip
     group.add_argument('--maps', metavar='RANGES', help='map ids, such as 50-99 or 0-9,12')
     group.add_argument(
-        '--limit',
-        type=count,
-        metavar='N',
+        '--limit', type=count, metavar='N',
         help='draw N of the samples; on a yaml map N new pairs (100)',
-    )
+    )  # fmt: skip
     group.add_argument(
         '--scales', default='1', metavar='RANGES', help='scales of the maps, such as 1-10 (1)'
     )
     group.add_argument(
-        '--scale-samples',
-        type=count,
-        default=10,
-        metavar='N',
+        '--scale-samples', type=count, default=10, metavar='N',
         help='number of samples that are run at every scale (10)',
-    )
+    )  # fmt: skip
     group.add_argument(
         '--seed', type=seed, default=0, metavar='N', help='seed of everything drawn at random (0)'
     )

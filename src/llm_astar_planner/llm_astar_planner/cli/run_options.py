@@ -59,21 +59,16 @@ OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose methods, sources, prompts and models."""
     group.add_argument(
-        '--methods',
-        type=method_names,
-        metavar='NAMES',
+        '--methods', type=method_names, metavar='NAMES',
         help=f'of {", ".join(ALL_METHODS)} (default: all)',
-    )
+    )  # fmt: skip
     group.add_argument(
-        '--source',
-        type=names,
-        default=[],
-        metavar='NAMES',
+        '--source', type=names, default=[], metavar='NAMES',
         help=f'of {", ".join(SOURCES)} (default: embedded and all baselines; the baselines are '
         f'also added to every other source; on a grid only {" and ".join(GRID_BASELINES)}, '
         'because the others need a visibility graph, which is slow there and refused on large '
         'maps)',
-    )
+    )  # fmt: skip
     group.add_argument(
         '--prompt', type=names, default=[], metavar='NAMES',
         help=f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates',
@@ -84,12 +79,9 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
     add_endpoint_arguments(group)
     add_parameter_flags(group, SEARCH_PARAMETERS)
     group.add_argument(
-        '--price',
-        type=float,
-        nargs=2,
-        metavar=('IN', 'OUT'),
+        '--price', type=float, nargs=2, metavar=('IN', 'OUT'),
         help='price of a million tokens, for the cost column',
-    )
+    )  # fmt: skip
 
 
 def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -97,21 +89,15 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
     group.add_argument('--out', default=out, metavar='DIR', help='(default: %(default)s)')
     group.add_argument('--resume', action='store_true', help='continue an interrupted run')
     group.add_argument(
-        '--jobs',
-        type=count,
-        metavar='N',
+        '--jobs', type=count, metavar='N',
         help='samples planned in parallel, and so also the number of simultaneous requests '
         '(default: 1, or 8 with a live source)',
-    )
+    )  # fmt: skip
     group.add_argument('--dask', metavar='ADDRESS', help='scheduler of a Dask cluster to run on')
     group.add_argument(
-        '--fail-under',
-        type=threshold,
-        action='append',
-        default=[],
-        metavar='LIMIT',
+        '--fail-under', type=threshold, action='append', default=[], metavar='LIMIT',
         help='VARIANT:METRIC=LIMIT in percent; exit 1 if a ratio is above it or a share below',
-    )
+    )  # fmt: skip
     group.add_argument('--json', action='store_true', help='print the summary as JSON')
 
 

@@ -103,21 +103,16 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        '--dataset',
-        default='samples_1000.json',
-        metavar='FILE',
+        '--dataset', default='samples_1000.json', metavar='FILE',
         help='barrier maps: a path, or a name in maps/ (default: %(default)s)',
-    )
+    )  # fmt: skip
     parser.add_argument('--maps', metavar='RANGES', help='map ids, such as 50-99 or 0-9,12')
     parser.add_argument('--limit', type=int, metavar='N', help='draw N of the samples')
     parser.add_argument('--seed', type=int, default=0, help='seed of the draw (0)')
     parser.add_argument(
-        '--methods',
-        default=['llm_astar'],
-        type=lambda text: text.split(','),
-        metavar='NAMES',
+        '--methods', default=['llm_astar'], type=lambda text: text.split(','), metavar='NAMES',
         help=f'run besides astar; of {", ".join(METHODS)} (default: llm_astar)',
-    )
+    )  # fmt: skip
     parser.add_argument('--out', default='out/live', metavar='DIR', help='(default: %(default)s)')
     parser.add_argument('--resume', action='store_true', help='continue an interrupted run')
     parser.add_argument('--planner', default='planner_node', help='name of the planner node')
