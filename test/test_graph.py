@@ -28,8 +28,8 @@ from graph_tools import (
 )
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.occupancy_grid import grid_from_message, grid_to_message
-from llm_astar_msgs_adapter.messages.path import path_from_message, pose_to_message
+from llm_astar_msgs_adapter.messages.fields import grid_from_message, path_from_message
+from llm_astar_msgs_adapter.messages.writing import grid_to_message, pose_to_message
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.tools.planner_client import PlannerClientError

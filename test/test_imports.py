@@ -42,7 +42,7 @@ ROOMS = {
     },
 }
 # Of the adapter's messages, those that read any object with a message's fields: no ROS needed.
-PLAIN_MESSAGES = {'fields', 'map_update', 'report', 'transforms'}
+PLAIN_MESSAGES = {'fields', 'report', 'transforms'}
 
 
 def imports(path):

@@ -11,9 +11,8 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from graph_tools import ALONE, GOAL, START, calling, process, set_parameter, spinning, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.diagnostics import ExchangeReport, report_from_message
-from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message
-from llm_astar_msgs_adapter.messages.path import pose_to_message
+from llm_astar_msgs_adapter.messages.report import ExchangeReport, report_from_message
+from llm_astar_msgs_adapter.messages.writing import grid_to_message, pose_to_message
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS

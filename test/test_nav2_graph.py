@@ -11,9 +11,9 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from graph_tools import PATIENCE, calling, running, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message
-from llm_astar_msgs_adapter.messages.path import (
-    path_from_message,
+from llm_astar_msgs_adapter.messages.fields import path_from_message
+from llm_astar_msgs_adapter.messages.writing import (
+    grid_to_message,
     path_to_message,
     pose_to_message,
 )

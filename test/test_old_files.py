@@ -12,11 +12,7 @@ from graph_tools import ALONE, process, wait_for
 from llm_astar_msgs_adapter.bags.reading import Bag
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.messages.diagnostics import (
-    ExchangeReport,
-    PlanReport,
-    report_from_message,
-)
+from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport, report_from_message
 from llm_astar_planner.benchmark.bags.writing import write_sample_bag
 from llm_astar_planner.benchmark.datasets.samples import load_samples
 from llm_astar_planner.benchmark.results import ResultsFolder

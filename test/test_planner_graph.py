@@ -13,9 +13,9 @@ from graph_tools import PATIENCE, calling, process, running, set_parameter, wait
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message, yaw_of
-from llm_astar_msgs_adapter.messages.path import (
-    path_from_message,
+from llm_astar_msgs_adapter.messages.fields import path_from_message, yaw_of
+from llm_astar_msgs_adapter.messages.writing import (
+    grid_to_message,
     path_to_message,
     pose_to_message,
 )

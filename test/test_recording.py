@@ -15,7 +15,7 @@ from graph_tools import DEMO, PATIENCE, calling, process, wait_for
 from llm_astar_msgs_adapter.bags.types import bag_types
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.messages.path import path_from_message
+from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.resources import find_file
 from mcap.reader import make_reader

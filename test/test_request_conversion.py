@@ -13,8 +13,7 @@ from geometry_msgs.msg import TransformStamped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
-from llm_astar_msgs_adapter.messages.occupancy_grid import quaternion_of
-from llm_astar_msgs_adapter.messages.path import path_to_message, pose_to_message
+from llm_astar_msgs_adapter.messages.writing import path_to_message, pose_to_message, quaternion_of
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.nodes.common.tf import PATIENCE, POLL_PERIOD_S, FrameError, Frames
 from llm_astar_planner.nodes.planner import nav2_server

@@ -16,8 +16,8 @@ import rclpy
 from graph_tools import calling, process
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message
-from llm_astar_msgs_adapter.messages.path import path_from_message
+from llm_astar_msgs_adapter.messages.fields import path_from_message
+from llm_astar_msgs_adapter.messages.writing import grid_to_message
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.tools.planner_client import PlannerClientError
 from llm_astar_planner.planning.planner import Planner

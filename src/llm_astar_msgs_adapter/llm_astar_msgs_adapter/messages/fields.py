@@ -12,7 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.maps.grid_map import (
+    FREE,
+    OCCUPIED,
+    UNKNOWN,
+    GridMap,
+    GridMapError,
+    Pose2D,
+)
 
 # How far a quaternion's norm may be from 1, and the roll and pitch a flat map may have (rad).
 QUATERNION_TOLERANCE = 1e-3
@@ -29,6 +36,44 @@ def grid_from_message(message: Any) -> GridMap:  # noqa: ANN401 - live or decode
     origin = Pose2D(position.x, position.y, yaw_of(info.origin.orientation, 'info.origin'))
     cells = data.reshape(info.height, info.width)
     return GridMap(cells, float(info.resolution), origin, message.header.frame_id)
+
+
+def is_outdated(update: Any, map_time: int) -> bool:  # noqa: ANN401 - live or decoded
+    """Tell whether a map update is older than a whole map stamped `map_time` (ns).
+
+    Such a map contains the update already; they arrive in any order, on two topics. An update
+    with stamp 0 is never outdated.
+    """
+    return 0 < stamp_of(update) < map_time
+
+
+def updated(grid_map: GridMap, update: Any) -> GridMap:  # noqa: ANN401 - live or decoded
+    """Return the map with the rectangle of a map_msgs/OccupancyGridUpdate in it.
+
+    An empty frame means the map's. Raises GridMapError, naming the field, for an update in another
+    frame, one that does not lie on the map, one with too few cells, and for values that are no
+    occupancy.
+    """
+    frame_id = update.header.frame_id
+    if frame_id not in ('', grid_map.frame_id):
+        problem = f'{frame_id!r} is not the frame of the map, {grid_map.frame_id!r}'
+        raise GridMapError('header.frame_id', problem)
+    x, y, width, height = update.x, update.y, update.width, update.height
+    corner_ok = x >= 0 and y >= 0 and width > 0 and height > 0
+    if not corner_ok or x + width > grid_map.width or y + height > grid_map.height:
+        size = f'{grid_map.width} x {grid_map.height}'
+        problem = f'{width} x {height} cells from ({x}, {y}) do not lie on a map of {size}'
+        raise GridMapError('x, y, width, height', problem)
+    patch = np.asarray(update.data, dtype=np.int8)
+    if len(patch) != width * height:
+        raise GridMapError('data', f'{len(patch)} cells do not fill {width} x {height}')
+    if patch.min() < UNKNOWN or patch.max() > OCCUPIED:
+        raise GridMapError('data', f'values must lie in {UNKNOWN}, {FREE} to {OCCUPIED}')
+    cells: NDArray[np.int8] = grid_map.cells.copy()
+    cells[y : y + height, x : x + width] = patch.reshape(height, width)
+    # GridMap copies only arrays that can still be written to.
+    cells.flags.writeable = False
+    return GridMap(cells, grid_map.resolution, grid_map.origin, grid_map.frame_id)
 
 
 def yaw_of(quaternion: Any, field: str) -> float:  # noqa: ANN401 - live or decoded
@@ -100,3 +145,16 @@ def values_of_report(message: Any) -> dict[str, Any]:  # noqa: ANN401 - live or 
         return {item.key: json.loads(item.value) for item in message.status[0].values}
     except (ValueError, RecursionError):
         return {}
+
+
+def status_values(status: Any) -> dict[str, Any]:  # noqa: ANN401 - live or decoded
+    """Return the values of a diagnostic status by key; a value that is not JSON stays text."""
+    return {item.key: json_or_text(item.value) for item in status.values}
+
+
+def json_or_text(text: str) -> Any:  # noqa: ANN401 - any JSON value
+    """Return the JSON value of a text, or the text itself where it is not JSON."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, TypeVar
 
@@ -117,19 +117,26 @@ class ExchangeReport:
 Report = TypeVar('Report', PlanReport, ExchangeReport)
 
 
-def report_from_values(kind: type[Report], values: Mapping[str, Any]) -> Report:
-    """Make a report of its JSON values by field name; unknown names are ignored.
+def report_from_message(message: Any, kind: type[Report]) -> Report:  # noqa: ANN401 - live or decoded
+    """Read a diagnostic_msgs/DiagnosticArray that holds one report; unknown names are ignored.
 
     A missing field takes its default, as in reports written before the field existed. Raises
-    ReportError where a field without a default is missing.
+    ReportError where a field without a default is missing or a value is not JSON.
     """
-    known: dict[str, Any] = {}
+    if len(message.status) != 1:
+        raise ReportError(f'{kind.__name__}: {len(message.status)} statuses, not one')
+    texts = {item.key: item.value for item in message.status[0].values}
+    values: dict[str, Any] = {}
     for field in fields(kind):
-        if field.name in values:
-            known[field.name] = lists_to_tuples(values[field.name])
-        elif field.default is MISSING:
-            raise ReportError(f'{kind.__name__}: {field.name}: is missing')
-    return kind(**known)
+        if field.name not in texts:
+            if field.default is MISSING:
+                raise ReportError(f'{kind.__name__}: {field.name}: is missing')
+            continue
+        try:
+            values[field.name] = lists_to_tuples(json.loads(texts[field.name]))
+        except ValueError:
+            raise ReportError(f'{kind.__name__}: {field.name}: is not JSON') from None
+    return kind(**values)
 
 
 def lists_to_tuples(value: Any) -> Any:  # noqa: ANN401 - any JSON value

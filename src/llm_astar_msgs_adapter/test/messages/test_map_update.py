@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
-from llm_astar_msgs_adapter.messages.map_update import is_outdated, updated
+from llm_astar_msgs_adapter.messages.fields import is_outdated, updated
 
 MAP = GridMap(np.zeros((4, 6), dtype=np.int8), 0.05, Pose2D(1.0, -2.0, 0.3), 'map')
 

@@ -10,12 +10,10 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
-from llm_astar_msgs_adapter.messages.diagnostics import (
-    ExchangeReport,
-    PlanReport,
-    ReportError,
-    report_from_message,
-    report_to_message,
+from llm_astar_msgs_adapter.messages.fields import (
+    grid_from_message,
+    path_from_message,
+    pose_from_message,
 )
 from llm_astar_msgs_adapter.messages.markers import (
     MAX_DRAWN,
@@ -23,12 +21,17 @@ from llm_astar_msgs_adapter.messages.markers import (
     expanded_to_message,
     waypoints_to_markers,
 )
-from llm_astar_msgs_adapter.messages.occupancy_grid import grid_from_message, grid_to_message
-from llm_astar_msgs_adapter.messages.path import (
-    path_from_message,
+from llm_astar_msgs_adapter.messages.report import (
+    ExchangeReport,
+    PlanReport,
+    ReportError,
+    report_from_message,
+)
+from llm_astar_msgs_adapter.messages.writing import (
+    grid_to_message,
     path_to_message,
-    pose_from_message,
     pose_to_message,
+    report_to_message,
 )
 from rclpy.serialization import serialize_message
 
@@ -134,7 +137,7 @@ def test_a_path_has_frame_stamp_and_the_direction_of_travel_on_every_pose():
     assert message.header.stamp == STAMP
     assert all(pose.header.frame_id == 'map' for pose in message.poses)
     assert all(pose.header.stamp == STAMP for pose in message.poses)
-    yaws = [pose_from_message(pose).yaw for pose in message.poses]
+    yaws = [pose_from_message(pose.pose).yaw for pose in message.poses]
     assert yaws == pytest.approx([0.0, math.pi / 2, 1.0])
     np.testing.assert_array_equal(path_from_message(message), points)
 
@@ -147,11 +150,11 @@ def test_a_path_may_be_empty_or_have_one_pose():
 
 def test_a_pose_survives_the_round_trip_and_one_that_is_not_finite_is_named():
     pose = Pose2D(1.5, -2.0, 0.75)
-    assert pose_from_message(pose_to_message(pose, 'map', STAMP)) == pytest.approx(pose)
+    assert pose_from_message(pose_to_message(pose, 'map', STAMP).pose) == pytest.approx(pose)
     broken = PoseStamped()
     broken.pose.position.y = math.inf
     with pytest.raises(GridMapError, match='goal'):
-        pose_from_message(broken, 'goal')
+        pose_from_message(broken.pose, 'goal')
 
 
 @pytest.mark.parametrize(('length', 'yaw'), [(1e-9, 1.2), (5.0, 1.2), (1e300, 1.2), (0.0, 0.0)])
@@ -159,7 +162,7 @@ def test_a_heading_does_not_depend_on_the_norm_of_its_quaternion(length, yaw):
     message = pose_to_message(Pose2D(0.0, 0.0, 1.2), 'map', STAMP)
     message.pose.orientation.z *= length
     message.pose.orientation.w *= length
-    assert pose_from_message(message).yaw == pytest.approx(yaw)
+    assert pose_from_message(message.pose).yaw == pytest.approx(yaw)
 
 
 @pytest.mark.parametrize(

@@ -18,8 +18,8 @@ import numpy as np
 import rclpy
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message
-from llm_astar_msgs_adapter.messages.path import path_from_message
+from llm_astar_msgs_adapter.messages.fields import path_from_message
+from llm_astar_msgs_adapter.messages.writing import grid_to_message
 from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter, parameter_value_to_python

@@ -13,12 +13,13 @@ from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError
-from llm_astar_msgs_adapter.messages.diagnostics import (
-    ExchangeReport,
+from llm_astar_msgs_adapter.messages.fields import pose_from_message
+from llm_astar_msgs_adapter.messages.report import ExchangeReport
+from llm_astar_msgs_adapter.messages.writing import (
+    path_to_message,
     report_to_message,
     status_to_message,
 )
-from llm_astar_msgs_adapter.messages.path import path_to_message, pose_from_message
 from nav_msgs.srv import GetPlan
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
@@ -180,7 +181,7 @@ def cell_of(pose: PoseStamped, name: str, grid_map: GridMap) -> Cell:
     frame = pose.header.frame_id
     if frame not in ('', grid_map.frame_id):
         raise GridMapError(name, f'is in frame {frame!r}, the map in {grid_map.frame_id!r}')
-    place = pose_from_message(pose, name)
+    place = pose_from_message(pose.pose, name)
     return grid_map.world_to_cell(place.x, place.y)
 
 

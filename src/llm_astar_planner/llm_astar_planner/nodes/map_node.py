@@ -13,7 +13,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
 )
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError
 from llm_astar_msgs_adapter.maps.map_server import MapServerError, load_map
-from llm_astar_msgs_adapter.messages.occupancy_grid import grid_to_message
+from llm_astar_msgs_adapter.messages.writing import grid_to_message
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetMap
 from rclpy.node import Node

@@ -20,8 +20,7 @@ from llm_astar_msgs_adapter.bags.reading import Bag, BagMessage
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
-from llm_astar_msgs_adapter.messages.fields import grid_from_message
-from llm_astar_msgs_adapter.messages.map_update import updated
+from llm_astar_msgs_adapter.messages.fields import grid_from_message, updated
 
 from llm_astar_planner.benchmark.bags.recorded_plans import BagRequest, Call, PendingRequests
 from llm_astar_planner.benchmark.bags.robot_poses import PoseError, RobotPoseTracker

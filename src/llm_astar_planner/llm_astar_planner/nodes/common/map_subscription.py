@@ -6,9 +6,12 @@ from collections.abc import Callable
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError
-from llm_astar_msgs_adapter.messages.fields import stamp_of
-from llm_astar_msgs_adapter.messages.map_update import is_outdated, updated
-from llm_astar_msgs_adapter.messages.occupancy_grid import grid_from_message
+from llm_astar_msgs_adapter.messages.fields import (
+    grid_from_message,
+    is_outdated,
+    stamp_of,
+    updated,
+)
 from nav_msgs.msg import OccupancyGrid
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 

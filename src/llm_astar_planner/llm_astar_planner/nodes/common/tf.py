@@ -10,7 +10,7 @@ import rclpy
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.messages.path import pose_from_message
+from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.transforms import flat_pose, matrix_of, moved
 from rclpy.node import Node
 from rclpy.time import Time
@@ -65,7 +65,7 @@ class Frames:
         transform does not arrive, GridMapError if a number is not finite, and what `may_wait`
         raises.
         """
-        place = pose_from_message(pose, name)
+        place = pose_from_message(pose.pose, name)
         frame = pose.header.frame_id
         if frame in ('', frame_id):
             return place

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from llm_astar_msgs_adapter.messages.diagnostics import status_to_message
+from llm_astar_msgs_adapter.messages.writing import status_to_message
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 
 from llm_astar_planner.nodes.common.entities import Entities

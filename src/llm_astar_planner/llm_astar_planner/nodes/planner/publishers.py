@@ -12,9 +12,8 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.messages.diagnostics import report_to_message
 from llm_astar_msgs_adapter.messages.markers import expanded_to_message, waypoints_to_markers
-from llm_astar_msgs_adapter.messages.path import path_to_message
+from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_message
 from nav_msgs.msg import GridCells, Path
 from numpy.typing import ArrayLike, NDArray
 from visualization_msgs.msg import MarkerArray

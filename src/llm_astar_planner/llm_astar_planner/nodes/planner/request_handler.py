@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from llm_astar_msgs_adapter.messages.path import path_to_message
+from llm_astar_msgs_adapter.messages.writing import path_to_message
 from nav_msgs.msg import Path
 from rclpy.node import Node
 

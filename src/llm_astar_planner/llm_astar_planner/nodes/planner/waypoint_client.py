@@ -12,12 +12,9 @@ from builtin_interfaces.msg import Time
 from cachetools import LRUCache
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_msgs_adapter.messages.diagnostics import (
-    ExchangeReport,
-    ReportError,
-    report_from_message,
-)
-from llm_astar_msgs_adapter.messages.path import path_from_message, path_to_message
+from llm_astar_msgs_adapter.messages.fields import path_from_message
+from llm_astar_msgs_adapter.messages.report import ExchangeReport, ReportError, report_from_message
+from llm_astar_msgs_adapter.messages.writing import path_to_message
 from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 import rclpy
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.diagnostics import PlanReport
+from llm_astar_msgs_adapter.messages.fields import grid_from_message, path_from_message
 from llm_astar_msgs_adapter.messages.markers import expanded_from_message
-from llm_astar_msgs_adapter.messages.occupancy_grid import grid_from_message
-from llm_astar_msgs_adapter.messages.path import path_from_message
+from llm_astar_msgs_adapter.messages.report import PlanReport
 from nav_msgs.msg import GridCells, OccupancyGrid
 from nav_msgs.msg import Path as PathMessage
 from rclpy.signals import SignalHandlerOptions

@@ -13,13 +13,13 @@ import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_msgs_adapter.messages.diagnostics import (
+from llm_astar_msgs_adapter.messages.fields import status_values
+from llm_astar_msgs_adapter.messages.report import (
     ExchangeReport,
     PlanReport,
     Report,
     ReportError,
     report_from_message,
-    status_values,
 )
 from rclpy.exceptions import InvalidNamespaceException, InvalidTopicNameException
 from rclpy.node import Node

@@ -13,12 +13,9 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.messages.diagnostics import (
-    PlanReport,
-    report_from_message,
-    status_values,
-)
-from llm_astar_msgs_adapter.messages.path import pose_to_message
+from llm_astar_msgs_adapter.messages.fields import status_values
+from llm_astar_msgs_adapter.messages.report import PlanReport, report_from_message
+from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from rclpy.client import Client
