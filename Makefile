@@ -1,7 +1,11 @@
 # One tree for both worlds: where a ROS 2 Jazzy is sourced that one is used, and elsewhere the
 # ROS wheels of PyPI are installed into .venv beside the two packages.
 
-PYTHON ?= python3
+ifndef PYTHON
+# In an active virtual environment, .venv too, the Python that it was made from: .venv has rclpy,
+# which must not be taken for a sourced ROS.
+PYTHON := $(or $(shell python3 -c 'import sys; print(sys._base_executable)' 2>/dev/null),python3)
+endif
 VENV ?= .venv
 BIN := $(VENV)/bin
 PACKAGES := ./src/llm_astar_msgs_adapter ./src/llm_astar_planner

@@ -1,6 +1,7 @@
 """What is installed, and that the installed files are the checkout's."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -99,3 +100,22 @@ def test_a_package_says_what_it_is_who_made_it_and_where_to_read_more(package):
 def test_a_file_that_is_not_there_lists_those_that_are():
     with pytest.raises(FileNotFoundError, match=r'demo\.json'):
         find_file('nowhere.json', 'maps')
+
+
+@needs_install
+def test_make_does_not_take_an_activated_environment_for_a_sourced_ros():
+    ask = ['make', '--eval', 'world: ; @echo the world is $(WORLD)', 'world']
+
+    def answer(path):
+        environment = {key: os.environ[key] for key in os.environ if key != 'PYTHONPATH'}
+        done = subprocess.run(
+            ask, cwd=ROOT, env=environment | {'PATH': path}, capture_output=True, text=True
+        )
+        return done.stdout
+
+    inactive = os.pathsep.join(
+        folder for folder in os.environ['PATH'].split(os.pathsep) if folder != f'{PREFIX}/bin'
+    )
+    activated = f'{PREFIX}/bin{os.pathsep}{inactive}'
+    assert 'the world is ' in answer(inactive)
+    assert answer(activated) == answer(inactive)
