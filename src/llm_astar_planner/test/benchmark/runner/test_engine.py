@@ -7,19 +7,28 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from benchmark_samples import FakeSource, rows_of, tasks_of, untimed
-from llm_astar_planner.benchmark.datasets.samples import load_samples
+from llm_astar_msgs_adapter.maps.barrier_map import Sample
+from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, load_samples
 from llm_astar_planner.benchmark.results import (
     Variant,
     parse_points,
 )
 from llm_astar_planner.benchmark.runner.config import describe_unanswered
 from llm_astar_planner.benchmark.runner.engine import (
+    MAX_CACHED_CELLS,
+    MAX_CACHED_PLANNERS,
     SearchSettings,
+    cache_size,
     list_variants,
+    make_tasks,
     plan_again,
+    planner_for,
     run_tasks,
 )
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 
@@ -117,3 +126,30 @@ def test_a_row_can_be_planned_again_to_see_what_it_expanded(dataset):
     for row in rows_of(tasks_of([sample], methods=['llm_astar'])[0]):
         plan = plan_again(sample.barrier_map, sample.sample, row, SearchSettings())
         assert (plan.expansions, plan.length) == (row.operation, row.length)
+
+
+def test_waypoints_alone_may_cross_what_the_planner_may_cross():
+    """Cells of occupancy 80 are free for a threshold of 99, so their wall is no obstacle."""
+    cells = np.zeros((5, 9), dtype=np.int8)
+    cells[:, 4] = 80
+    bare = GridProblem(0, GridMap(cells))
+    sample = BenchmarkSample(bare, 0, Sample((0, 2), (8, 2)))
+    sources = [SourceSpec(), SourceSpec(FakeSource(WaypointReply(((4.0, 2.0),))), 'live')]
+    variants = list_variants(['waypoints_only'], sources)
+    found = []
+    for threshold in (65, 99):
+        settings = SearchSettings(costmap=CostmapConfig(occupied_threshold=threshold))
+        (task,) = make_tasks([(sample, 1)], variants, sources, settings)
+        found.append([row.found for row in rows_of(task)])
+    assert found == [[False, False], [True, True]]
+
+
+def test_planners_are_kept_by_map_and_rules_up_to_a_number_of_cells():
+    small, rules = GridProblem(1, GridMap(np.zeros((3, 3), dtype=np.int8))), CostmapConfig()
+    planner = planner_for(small, rules)
+    assert planner_for(small, rules) is planner
+    assert planner_for(small, CostmapConfig(corner_cutting=True)) is not planner
+    assert cache_size(planner) * MAX_CACHED_PLANNERS == MAX_CACHED_CELLS
+    for number in range(MAX_CACHED_PLANNERS):
+        planner_for(GridProblem(2 + number, small.grid_map), rules)
+    assert planner_for(small, rules) is not planner
