@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -79,14 +80,13 @@ class Problems:
     """What was wrong with a bag, in sentences.
 
     `notes` are oddities without effect on the results; `left_out` is missing from the results.
-    Of sentences of one kind only the first `limit` are kept, and `more` counts the others.
+    Of sentences of one kind only the first `limit` are kept; the others are counted.
     """
 
     limit: int = 20
     notes: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
-    more: dict[str, int] = field(default_factory=dict)
-    _seen: dict[str, int] = field(default_factory=dict)
+    _counts: Counter[str] = field(default_factory=Counter)
 
     def note(self, sentence: str) -> None:
         """Add an oddity, once."""
@@ -95,10 +95,8 @@ class Problems:
 
     def leave_out(self, sentence: str, kind: str = '') -> None:
         """Add what is left out and why; `kind` names what such sentences have in common."""
-        count = self._seen[kind] = self._seen.get(kind, 0) + 1
-        if kind and count > self.limit:
-            self.more[kind] = count - self.limit
-        elif sentence not in self.left_out:
+        self._counts[kind] += bool(kind)
+        if self._counts[kind] <= self.limit and sentence not in self.left_out:
             self.left_out.append(sentence)
 
     @contextmanager
@@ -112,7 +110,8 @@ class Problems:
 
     def lines(self) -> list[str]:
         """Return every sentence on what was left out, and the number of those not kept."""
-        return [*self.left_out, *(f'{kind}: {count} more' for kind, count in self.more.items())]
+        more = {kind: count - self.limit for kind, count in self._counts.items()}
+        return [*self.left_out, *(f'{kind}: {n} more' for kind, n in more.items() if n > 0)]
 
 
 def storage_files(path: Path, problems: Problems) -> list[Path]:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.errors import LlmAstarError, read_text, short_repr
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap, Pose2D
 
 Point = tuple[int, int]
@@ -146,10 +146,9 @@ def load_barrier_maps(path: str | Path) -> list[BarrierMap]:
     Raises BarrierMapError with the file, the map and the field that are wrong.
     """
     path = Path(path)
+    text = read_text(path, BarrierMapError)
     try:
-        data = json.loads(path.read_text(encoding='utf-8'))
-    except OSError as error:
-        raise BarrierMapError(f'{path}: {error.strerror or error}') from None
+        data = json.loads(text)
     except ValueError as error:
         raise BarrierMapError(f'{path}: not JSON: {error}') from None
     if not isinstance(data, list) or not data:

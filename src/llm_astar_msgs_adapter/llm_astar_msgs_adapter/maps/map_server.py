@@ -22,7 +22,7 @@ import yaml
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, read_text
 from llm_astar_msgs_adapter.maps.grid_map import (
     FREE,
     OCCUPIED,
@@ -43,10 +43,17 @@ def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
     """Read a map_server yaml file and its image. Raises MapServerError, naming file and field."""
     path = Path(path)
     fields = read_yaml(path)
-    resolution = read_number(fields, 'resolution', path)
-    origin = read_origin(fields, path)
-    occupied = read_number(fields, 'occupied_thresh', path)
-    free = read_number(fields, 'free_thresh', path)
+    for name in ('resolution', 'origin', 'occupied_thresh', 'free_thresh'):
+        if name not in fields:
+            raise MapServerError(f'{path}: {name}: is missing')
+    resolution, occupied, free = (
+        check_number(fields[name], f'{path}: {name}')
+        for name in ('resolution', 'occupied_thresh', 'free_thresh')
+    )
+    origin = fields['origin']
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise MapServerError(f'{path}: origin: [x, y, yaw] is expected, not {origin!r}')
+    pose = Pose2D(*(check_number(item, f'{path}: origin') for item in origin))
     negate = fields.get('negate', 0)
     if negate not in (0, 1):
         raise MapServerError(f'{path}: negate: 0 or 1 is expected, not {negate!r}')
@@ -63,7 +70,7 @@ def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
     pixels = read_image(path.parent / image, path)
     cells = pixels_to_cells(pixels, mode, negate=bool(negate), occupied=occupied, free=free)
     try:
-        return GridMap(cells[::-1], resolution, origin, frame_id)
+        return GridMap(cells[::-1], resolution, pose, frame_id)
     except GridMapError as error:
         raise MapServerError(f'{path}: {error}') from None
 
@@ -91,10 +98,8 @@ def pixels_to_cells(
 def read_yaml(path: Path) -> dict[str, Any]:
     """Return the fields of a yaml file. Raises MapServerError."""
     try:
-        fields = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except OSError as error:
-        raise MapServerError(f'{path}: {error.strerror or error}') from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        fields = yaml.safe_load(read_text(path, MapServerError))
+    except yaml.YAMLError as error:
         raise MapServerError(f'{path}: not yaml: {" ".join(str(error).split())}') from None
     if not isinstance(fields, dict):
         raise MapServerError(f'{path}: the fields of a map are expected')
@@ -114,22 +119,8 @@ def read_image(image: Path, path: Path) -> NDArray[np.float64]:
         raise MapServerError(f'{path}: image: {image}: {reason}') from None
 
 
-def read_number(fields: dict[str, Any], name: str, path: Path) -> float:
-    """Return a finite number. Raises MapServerError, naming file and field."""
-    if name not in fields:
-        raise MapServerError(f'{path}: {name}: is missing')
-    value = fields[name]
+def check_number(value: object, name: str) -> float:
+    """Return a finite number. Raises MapServerError, which begins with `name`."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise MapServerError(f'{path}: {name}: a number is expected, not {value!r}')
+        raise MapServerError(f'{name}: a number is expected, not {value!r}')
     return float(value)
-
-
-def read_origin(fields: dict[str, Any], path: Path) -> Pose2D:
-    """Return the field `origin`. Raises MapServerError, naming the file."""
-    value = fields.get('origin')
-    if not isinstance(value, list) or len(value) != 3:
-        raise MapServerError(f'{path}: origin: [x, y, yaw] is expected, not {value!r}')
-    for item in value:
-        if isinstance(item, bool) or not isinstance(item, (int, float)):
-            raise MapServerError(f'{path}: origin: a number is expected, not {item!r}')
-    return Pose2D(*(float(item) for item in value))

@@ -5,17 +5,17 @@ Coordinates are those of the files: x to the right, y down, row 0 is the first l
 
 from __future__ import annotations
 
+from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.errors import LlmAstarError, read_text, short_repr
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 
 PASSABLE = frozenset('.GS')
 HEADER = ('type', 'height', 'width', 'map')
-SCENARIO_FIELDS = 9
 
 
 class MovingAiError(LlmAstarError, ValueError):
@@ -44,17 +44,15 @@ def load_map(path: str | Path, *, resolution: float = 1.0, frame_id: str = 'map'
     Raises MovingAiError that names the file and the field.
     """
     path = Path(path)
-    lines = read_lines(path)
+    lines = read_text(path, MovingAiError, 'ascii', 'replace').splitlines()
     header = {}
-    for name, line in zip(HEADER, lines):
+    for name, line in zip_longest(HEADER, lines[:4], fillvalue=''):
         words = line.split()
         if not words or words[0] != name:
             raise MovingAiError(f'{path}: {name}: is missing; the line is {short_repr(line)}')
         header[name] = words[1] if len(words) > 1 else ''
-    if len(header) < 4:
-        raise MovingAiError(f'{path}: {HEADER[len(header)]}: is missing')
-    height = parse_size(header['height'], f'{path}: height')
-    width = parse_size(header['width'], f'{path}: width')
+    height = parse_integer(header['height'], f'{path}: height', minimum=1)
+    width = parse_integer(header['width'], f'{path}: width', minimum=1)
     rows = lines[4 : 4 + height]
     if len(rows) < height:
         raise MovingAiError(f'{path}: map: {len(rows)} rows of {height}')
@@ -69,7 +67,7 @@ def load_map(path: str | Path, *, resolution: float = 1.0, frame_id: str = 'map'
 def load_scenarios(path: str | Path) -> list[Scenario]:
     """Read a `.scen` file, its rows in order. Raises MovingAiError that names file and row."""
     path = Path(path)
-    lines = read_lines(path)
+    lines = read_text(path, MovingAiError, 'ascii', 'replace').splitlines()
     if not lines or not lines[0].lower().startswith('version'):
         raise MovingAiError(f'{path}: version: is missing in the first line')
     rows = [line for line in lines[1:] if line.strip()]
@@ -96,8 +94,8 @@ def map_of(path: str | Path) -> Path:
 def parse_scenario(line: str, where: str) -> Scenario:
     """Read one row of a scenario file. Raises MovingAiError, which begins with `where`."""
     words = line.split('\t') if '\t' in line else line.split()
-    if len(words) != SCENARIO_FIELDS:
-        raise MovingAiError(f'{where}: {len(words)} fields, not {SCENARIO_FIELDS}')
+    if len(words) != 9:
+        raise MovingAiError(f'{where}: {len(words)} fields, not 9')
     names = ('bucket', 'width', 'height', 'start x', 'start y', 'goal x', 'goal y')
     values = [
         parse_integer(word, f'{where}: {name}')
@@ -115,25 +113,12 @@ def parse_scenario(line: str, where: str) -> Scenario:
     return Scenario(bucket, words[1], width, height, start, goal, length)
 
 
-def read_lines(path: Path) -> list[str]:
-    """Return the lines of a file. Raises MovingAiError."""
-    try:
-        return path.read_text(encoding='ascii', errors='replace').splitlines()
-    except OSError as error:
-        raise MovingAiError(f'{path}: {error.strerror or error}') from None
-
-
-def parse_size(word: str, name: str) -> int:
-    """Return a whole number above 0. Raises MovingAiError, which begins with `name`."""
-    value = parse_integer(word, name)
-    if value < 1:
-        raise MovingAiError(f'{name}: {value} is not 1 or more')
-    return value
-
-
-def parse_integer(word: str, name: str) -> int:
+def parse_integer(word: str, name: str, minimum: int | None = None) -> int:
     """Return a whole number. Raises MovingAiError, which begins with `name`."""
     try:
-        return int(word)
+        value = int(word)
     except ValueError:
         raise MovingAiError(f'{name}: {short_repr(word)} is not a whole number') from None
+    if minimum is not None and value < minimum:
+        raise MovingAiError(f'{name}: {value} is not {minimum} or more')
+    return value

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_msgs_adapter.maps.grid_map import GridMapError, Pose2D
+from llm_astar_msgs_adapter.messages.fields import QUATERNION_TOLERANCE
 
 # A moving transform older than this (ns) is not used.
 MAX_AGE = 10_000_000_000
 MAX_DEPTH = 64
-# How far a quaternion's norm may be from 1.
-QUATERNION_TOLERANCE = 1e-3
 
 
 class Link(NamedTuple):

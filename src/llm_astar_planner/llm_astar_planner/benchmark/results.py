@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, read_text
 from numpy.typing import NDArray
 
 import llm_astar_planner
@@ -201,7 +201,7 @@ class ResultsFolder:
         A last row that was cut short by a crash is skipped. Of rows with the same key, which two
         simultaneous runs leave behind, the last one counts. Raises ResultsError.
         """
-        text = read_text(self.results)
+        text = read_text(self.results, ResultsError)
         complete = text[: text.rfind('\n') + 1]
         reader = csv.DictReader(io.StringIO(complete))
         if list(reader.fieldnames or []) != list(COLUMNS):
@@ -246,7 +246,7 @@ class ResultsFolder:
         """Read a JSON object from the folder. Raises ResultsError."""
         path = self.path / name
         try:
-            values = json.loads(read_text(path))
+            values = json.loads(read_text(path, ResultsError))
         except ValueError as error:
             raise ResultsError(f'{path}: not JSON: {error}') from None
         if not isinstance(values, dict):
@@ -376,15 +376,6 @@ def parse_row(record: Mapping[str, str]) -> Row:
             values[name] = float(record[name]) if record[name] else math.nan
     values['method'] = METHOD_ALIASES.get(record['method'], record['method'])
     return Row(**values)
-
-
-def read_text(path: Path) -> str:
-    """Read a UTF-8 text file. Raises ResultsError."""
-    try:
-        return path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        message = f'{path}: {getattr(error, "strerror", None) or error}'
-        raise ResultsError(message) from None
 
 
 def without_nan(value: Any) -> Any:  # noqa: ANN401 - any JSON value

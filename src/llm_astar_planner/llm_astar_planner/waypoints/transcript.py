@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, read_text
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
@@ -105,11 +105,7 @@ def read_transcript(path: str | Path) -> list[Exchange]:
     skipped with a logged warning. Raises TranscriptError for anything else that is malformed.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding='utf-8', errors='replace')
-    except OSError as error:
-        raise TranscriptError(f'{path}: {error.strerror or error}') from None
-    lines = text.split('\n')
+    lines = read_text(path, TranscriptError, errors='replace').split('\n')
     exchanges: list[Exchange] = []
     for number, line in enumerate(lines, start=1):
         if not line.strip():

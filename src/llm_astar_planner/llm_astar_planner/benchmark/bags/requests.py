@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.bags.files import JUMP
 from llm_astar_msgs_adapter.bags.reading import Bag, BagMessage
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, read_text
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, updated
@@ -33,8 +33,8 @@ MAX_CALLS = 1000
 # Columns that a list of requests must have.
 COLUMNS = ('start_x', 'start_y', 'goal_x', 'goal_y')
 
-# Returns start and goal in the map's frame, whose name it gets; raises PoseError.
-Locate = Callable[[str], tuple[Pose2D, Pose2D]]
+# A pose in the map's frame, a decoded geometry_msgs/Pose with its frame, or None for the robot's.
+Place = Pose2D | tuple[Any, str] | None
 
 
 class RequestListError(LlmAstarError, ValueError):
@@ -48,11 +48,6 @@ class ListedRequest(NamedTuple):
     time: float
     start: Pose2D
     goal: Pose2D
-
-    def endpoints(self, map_frame: str) -> tuple[Pose2D, Pose2D]:
-        """Return start and goal, which are in the map's frame already."""
-        del map_frame
-        return self.start, self.goal
 
 
 class RequestReader:
@@ -76,7 +71,7 @@ class RequestReader:
         self._poses = RobotPoseTracker(selection.base_frame)
         self._grid_map: GridMap | None = None
         self._barriers: BarrierMap | None = None
-        self._calls: OrderedDict[Call, None] = OrderedDict()
+        self._calls: deque[Call] = deque(maxlen=MAX_CALLS)
         self._now = 0
         self._count = 0
         self._resized = False
@@ -168,48 +163,40 @@ class RequestReader:
                 'service introspection to `contents` to record requests'
             )
             return
-        self._calls[call] = None
-        if len(self._calls) > MAX_CALLS:
-            self._calls.popitem(last=False)
+        self._calls.append(call)
         request = event.request[0]
-
-        def locate(frame: str) -> tuple[Pose2D, Pose2D]:
-            start = self._to_map(request.start, frame, 'start')
-            return start, self._to_map(request.goal, frame, 'goal')
-
-        self._make_request(self._when(message), locate, call, float(request.tolerance))
+        start, goal = (
+            (stamped.pose, stamped.header.frame_id) for stamped in (request.start, request.goal)
+        )
+        self._make_request(self._when(message), start, goal, call, float(request.tolerance))
 
     def _on_goal(self, message: BagMessage) -> None:
-        def locate(frame: str) -> tuple[Pose2D, Pose2D]:
-            start = self._poses.robot(frame, message.time)
-            return start, self._to_map(message.value, frame, 'goal')
-
-        self._make_request(self._when(message), locate)
+        goal = message.value
+        self._make_request(self._when(message), None, (goal.pose, goal.header.frame_id))
 
     def _on_plan(self, message: BagMessage) -> None:
         """Make a request of a path, unless the path improves the one before."""
         plan = message.value
         if not len(plan.poses) or self._pending.take_plan(plan):
             return
-
-        def locate(frame: str) -> tuple[Pose2D, Pose2D]:
-            start, goal = (
-                self._poses.to_map(stamped.pose, plan.header.frame_id, frame, self._now, name)
-                for name, stamped in (('start', plan.poses[0]), ('goal', plan.poses[-1]))
-            )
-            return start, goal
-
-        self._make_request(self._when(message), locate)
+        frame = plan.header.frame_id
+        start, goal = ((stamped.pose, frame) for stamped in (plan.poses[0], plan.poses[-1]))
+        self._make_request(self._when(message), start, goal)
         self._pending.take_plan(plan)
 
     def _make_listed(self, now: float) -> None:
         """Make the listed requests that are due `now` seconds after the first message."""
         while self._listed and (now == math.inf or self._listed[0].time < now):
             item = self._listed.popleft()
-            self._make_request(f'listed request {item.number}', item.endpoints)
+            self._make_request(f'listed request {item.number}', item.start, item.goal)
 
     def _make_request(
-        self, when: str, locate: Locate, call: Call | None = None, tolerance: float = 0.0
+        self,
+        when: str,
+        start: Place,
+        goal: Place,
+        call: Call | None = None,
+        tolerance: float = 0.0,
     ) -> None:
         """Make a request on the current map, or say why that is not possible."""
         index, self._count = self._count, self._count + 1
@@ -218,19 +205,24 @@ class RequestReader:
             self._leave_out(f'{when}: a request before the first map', 'requests')
             return
         try:
-            start, goal = locate(grid_map.frame_id)
+            start_pose = self._to_map(start, 'start', grid_map)
+            goal_pose = self._to_map(goal, 'goal', grid_map)
         except PoseError as error:
             self._leave_out(f'{when}: a request whose {error}', 'requests')
             return
         barriers = self._barriers
         if barriers is not None and not are_barriers_of(barriers, grid_map):
             barriers = None
-        request = BagRequest(index, self._now, start, goal, grid_map, barriers, tolerance)
+        poses = (start_pose, goal_pose)
+        request = BagRequest(index, self._now, *poses, grid_map, barriers, tolerance)
         self._pending.add(request, call)
 
-    def _to_map(self, stamped: Any, map_frame: str, name: str) -> Pose2D:  # noqa: ANN401 - decoded
-        frame = stamped.header.frame_id
-        return self._poses.to_map(stamped.pose, frame, map_frame, self._now, name)
+    def _to_map(self, place: Place, name: str, grid_map: GridMap) -> Pose2D:
+        if place is None:
+            return self._poses.robot(grid_map.frame_id, self._now)
+        if isinstance(place, Pose2D):
+            return place
+        return self._poses.to_map(*place, grid_map.frame_id, self._now, name)
 
     def _when(self, message: BagMessage) -> str:
         return f'{message.topic} at {self.bag.seconds(message.time):.3f} s'
@@ -254,10 +246,7 @@ def load_requests(path: str | Path) -> list[ListedRequest]:
     request without a time is made on the last map. Raises RequestListError.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding='utf-8-sig')
-    except (OSError, UnicodeDecodeError) as error:
-        raise RequestListError(f'{path}: {getattr(error, "strerror", None) or error}') from None
+    text = read_text(path, RequestListError, 'utf-8-sig')
     entries = read_json(text, path) if path.suffix == '.json' else read_csv(text, path)
     requests = []
     for number, entry in enumerate(entries, 1):
