@@ -46,6 +46,7 @@ from llm_astar_planner.waypoints.prompts.instruction import clean_instruction
 NAME = 'planner_node'
 # Callers served at a time; more wait their turn. Waiting for waypoints takes a thread, no core.
 THREADS = 16
+READY_SECONDS = 0.1
 INTROSPECTION_STATES = {
     'disabled': ServiceIntrospectionState.OFF,
     'metadata': ServiceIntrospectionState.METADATA,
@@ -256,6 +257,12 @@ class PlannerNode(LifecycleNodeMixin, Node):
         if self.trigger_configure() is not TransitionCallbackReturn.SUCCESS:
             raise ParameterError('planner_node could not be configured: see the log')
         self.trigger_activate()
+        # Said when the executor runs: before that, rclpy may abort at two signals in a row.
+        self._ready_timer = self.create_timer(READY_SECONDS, self.on_ready)
+
+    def on_ready(self) -> None:
+        """Log once that the node is ready."""
+        self.destroy_timer(self._ready_timer)
         self.get_logger().info('ready; waiting for a map')
 
     def destroy_node(self) -> None:
