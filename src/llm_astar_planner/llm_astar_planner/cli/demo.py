@@ -46,10 +46,9 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         '--pair', type=int, default=0, choices=range(4), help='which pair of the demo map'
     )
     parser.add_argument(
-        '--map',
-        metavar='FILE',
+        '--map', metavar='FILE',
         help='another map, a map_server yaml or barrier maps; it needs --start and --goal',
-    )
+    )  # fmt: skip
     metres: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
     parser.add_argument('--start', **metres, help='in metres, in the frame of the map')
     parser.add_argument('--goal', **metres, help='likewise')
@@ -65,14 +64,11 @@ def run(arguments: argparse.Namespace) -> int:
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     from llm_astar_planner.nodes.tools.demo_client import call_and_draw  # noqa: PLC0415
 
+    # The paper's rules are for its own maps; other maps get a robot's.
+    params_file = 'planner.yaml' if arguments.map else 'demo.yaml'
     with (
         tempfile.TemporaryFile('w+') as log,
-        running_graph(
-            # The paper's rules are for its own maps; other maps get a robot's.
-            'planner.yaml' if arguments.map else 'demo.yaml',
-            settings,
-            None if arguments.verbose else log,
-        ),
+        running_graph(params_file, settings, None if arguments.verbose else log),
     ):
         print(f'started {", ".join(NODES)} on domain {os.environ["ROS_DOMAIN_ID"]}', flush=True)
         has_path = call_and_draw(endpoints, Path(arguments.png))
@@ -88,14 +84,13 @@ def choose_endpoints(arguments: argparse.Namespace) -> tuple[str, tuple[Pose2D, 
 
     Raises ParameterError where only one of start and goal is given.
     """
-    if arguments.map is None and arguments.start is None and arguments.goal is None:
-        map_file = find_file('demo.json', 'maps')
-        sample = load_barrier_maps(map_file)[0].samples[arguments.pair]
-        return str(map_file), (Pose2D(*sample.start), Pose2D(*sample.goal))
-    if arguments.start is None or arguments.goal is None:
-        raise ParameterError('--start and --goal go together, and --map needs both')
     map_file = find_file(arguments.map or 'demo.json', 'maps')
-    return str(map_file), (Pose2D(*arguments.start), Pose2D(*arguments.goal))
+    start, goal = arguments.start, arguments.goal
+    if arguments.map is None and start is None and goal is None:
+        start, goal, _ = load_barrier_maps(map_file)[0].samples[arguments.pair]
+    if start is None or goal is None:
+        raise ParameterError('--start and --goal go together, and --map needs both')
+    return str(map_file), (Pose2D(*start), Pose2D(*goal))
 
 
 @contextlib.contextmanager
@@ -104,17 +99,10 @@ def running_graph(
 ) -> Iterator[None]:
     """Start the nodes with a file of config/ and more settings; stop them with SIGTERM."""
     overrides = [part for name, value in settings.items() for part in ('-p', f'{name}:={value}')]
+    options = ['--ros-args', '--params-file', str(find_file(params_file, 'config')), *overrides]
     nodes = [
         subprocess.Popen(  # noqa: S603 - our own modules, no shell
-            [
-                sys.executable,
-                '-m',
-                f'llm_astar_planner.nodes.{MODULES[name]}',
-                '--ros-args',
-                '--params-file',
-                str(find_file(params_file, 'config')),
-                *overrides,
-            ],
+            [sys.executable, '-m', f'llm_astar_planner.nodes.{MODULES[name]}', *options],
             stdout=log,
             stderr=subprocess.STDOUT if log else None,
         )

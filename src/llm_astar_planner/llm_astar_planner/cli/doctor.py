@@ -27,46 +27,34 @@ class Finding:
     detail: str
 
 
-# name of the module, what needs it, how to get it
-REQUIRED = {
-    'numpy': ('the core', 'pip install numpy'),
-    'cachetools': ('caches', 'pip install cachetools'),
-    'numba': ('the searches', 'pip install numba'),
-    'scipy': ('the planner', 'pip install scipy'),
-    'matplotlib': ('pictures', 'pip install matplotlib'),
-    'shapely': ('the benchmark', 'pip install shapely'),
-    'PIL': ('map images', 'pip install pillow'),
-    'yaml': ('map and parameter files', 'pip install pyyaml'),
-    'httpx': ('language models', 'pip install httpx'),
-    'jinja2': ('the benchmark', 'pip install jinja2'),
-    'tqdm': ('the benchmark', 'pip install tqdm'),
-    'rosbags.rosbag2': ('bags', 'pip install rosbags'),
-    'mcap': ('bags', 'pip install mcap'),
-    'zstandard': ('bags', 'pip install zstandard'),
-    'lz4.frame': ('bags', 'pip install lz4'),
+# Modules of Python packages by what needs them, and the names on PyPI that differ.
+LIBRARIES = {
+    'the core': ('numpy',),
+    'caches': ('cachetools',),
+    'the searches': ('numba',),
+    'the planner': ('scipy',),
+    'pictures': ('matplotlib',),
+    'the benchmark': ('shapely', 'jinja2', 'tqdm'),
+    'map images': ('PIL',),
+    'map and parameter files': ('yaml',),
+    'language models': ('httpx',),
+    'bags': ('rosbags.rosbag2', 'mcap', 'zstandard', 'lz4.frame'),
 }
+PYPI_NAMES = {'PIL': 'pillow', 'yaml': 'pyyaml'}
+# Modules that the nodes need, and the Debian packages with them.
 ROS = {
-    'rclpy.node': ('the nodes', 'apt install ros-jazzy-rclpy, or make install for the wheels'),
-    'nav_msgs.msg': ('the nodes', 'apt install ros-jazzy-common-interfaces, or make install'),
-    'diagnostic_msgs.msg': (
-        'the nodes',
-        'apt install ros-jazzy-common-interfaces, or make install',
-    ),
-    'visualization_msgs.msg': (
-        'the nodes',
-        'apt install ros-jazzy-common-interfaces, or make install',
-    ),
+    'rclpy.node': 'ros-jazzy-rclpy',
+    'nav_msgs.msg': 'ros-jazzy-common-interfaces',
+    'diagnostic_msgs.msg': 'ros-jazzy-common-interfaces',
+    'visualization_msgs.msg': 'ros-jazzy-common-interfaces',
 }
-OPTIONAL = {
-    'threadpoolctl': (
-        'the speed of the embedded model on a busy machine',
-        'pip install threadpoolctl, or apt install python3-threadpoolctl',
-    ),
-    'launch_ros': ('ros2 launch', 'apt install ros-jazzy-launch-ros; there is no wheel'),
-    'nav2_msgs.action': ("Nav2's actions", 'apt install ros-jazzy-nav2-msgs; there is no wheel'),
-    'tf2_ros': ('poses of other frames', 'apt install ros-jazzy-tf2-ros-py; there is no wheel'),
-    'map_msgs.msg': ('map_updates', 'apt install ros-jazzy-map-msgs; there is no wheel'),
-    'ros2cli': ('ros2 run', 'apt install ros-jazzy-ros2cli; there is no wheel'),
+# Modules of optional ROS packages: what needs them, and the Debian packages with them.
+OPTIONAL_ROS = {
+    'launch_ros': ('ros2 launch', 'ros-jazzy-launch-ros'),
+    'nav2_msgs.action': ("Nav2's actions", 'ros-jazzy-nav2-msgs'),
+    'tf2_ros': ('poses of other frames', 'ros-jazzy-tf2-ros-py'),
+    'map_msgs.msg': ('map_updates', 'ros-jazzy-map-msgs'),
+    'ros2cli': ('ros2 run', 'ros-jazzy-ros2cli'),
 }
 
 
@@ -92,9 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
     for finding in findings:
         mark = 'ok      ' if finding.found else 'MISSING ' if finding.required else 'absent  '
         print(f'{mark} {finding.name:{width}}  {finding.detail}')
-    print(
-        'everything required is installed' if sound else 'something required is missing: see above'
-    )
+    missing = 'something required is missing: see above'
+    print('everything required is installed' if sound else missing)
     return 0 if sound else 1
 
 
@@ -103,12 +90,20 @@ def all_findings() -> Iterator[Finding]:
     version = platform.python_version()
     fits = (3, 10) <= sys.version_info[:2] <= (3, 13)
     yield Finding('python', fits, True, f'{version}, {sys.executable} (3.10 to 3.13 are tried)')
-    for name, (use, remedy) in REQUIRED.items():
-        yield module_finding(name, use, remedy, required=True)
-    for name, (use, remedy) in ROS.items():
-        yield module_finding(name, use, remedy, required=True)
+    for use, names in LIBRARIES.items():
+        for name in names:
+            package = name.partition('.')[0]
+            remedy = f'pip install {PYPI_NAMES.get(package, package)}'
+            yield module_finding(name, use, remedy, required=True)
+    for name, debian in ROS.items():
+        remedy = f'apt install {debian}, or make install for the wheels'
+        yield module_finding(name, 'the nodes', remedy, required=True)
     yield middleware_finding()
-    for name, (use, remedy) in OPTIONAL.items():
+    use = 'the speed of the embedded model on a busy machine'
+    remedy = 'pip install threadpoolctl, or apt install python3-threadpoolctl'
+    yield module_finding('threadpoolctl', use, remedy, required=False)
+    for name, (use, debian) in OPTIONAL_ROS.items():
+        remedy = f'apt install {debian}; there is no wheel'
         yield module_finding(name, use, remedy, required=False)
     for folder, name in (('maps', 'demo.json'), ('config', 'planner.yaml')):
         yield file_finding(folder, name)
@@ -174,11 +169,9 @@ def kernels_finding() -> Finding:
 def weights_finding() -> Finding:
     """Read the weights of the embedded model, a file that an installation may lack."""
     try:
-        from llm_astar_planner.waypoints.learned.network import (  # noqa: PLC0415
-            packaged_weights,
-        )
+        from llm_astar_planner.waypoints.learned import network  # noqa: PLC0415
 
-        digest = packaged_weights().digest
+        digest = network.packaged_weights().digest
     except (ImportError, OSError, ValueError) as error:
         return Finding('embedded', False, True, f'{error}; install the package again')
     return Finding('embedded', True, True, f'learned waypoint model {digest}, not an LLM')

@@ -9,6 +9,8 @@ from typing import Any
 
 from llm_astar_msgs_adapter.bags.writing import BagWriter
 
+from llm_astar_planner.parameter import ParameterError
+
 MEGABYTE = 1_000_000
 EPILOG = """\
 examples:
@@ -39,12 +41,9 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
         '--topics', nargs='+', default=[], metavar='NAME', help='further topics to record'
     )
     parser.add_argument(
-        '--duration',
-        type=float,
-        default=math.inf,
-        metavar='S',
+        '--duration', type=float, default=math.inf, metavar='S',
         help='stop after this time (default: at Ctrl-C)',
-    )
+    )  # fmt: skip
     parser.add_argument(
         '--max-size', type=float, default=0.0, metavar='MB',
         help='begin a new file after this size (default: one file)',
@@ -53,13 +52,10 @@ def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Record; return 0, or 1 where no message came. Raises ValueError, OSError."""
+    """Record; return 0, or 1 where no message came. Raises ParameterError, OSError."""
     if not arguments.duration > 0 or not arguments.max_size >= 0:
-        message = (
-            f'--duration {arguments.duration}, --max-size {arguments.max_size}: numbers above 0 '
-            'are expected'
-        )
-        raise ValueError(message)
+        sizes = f'--duration {arguments.duration}, --max-size {arguments.max_size}'
+        raise ParameterError(f'{sizes}: numbers above 0 are expected')
     # Not at the top, so that `--help` works without ROS.
     from llm_astar_planner.nodes.tools.recorder import TOPICS, record  # noqa: PLC0415
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
-import threading
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import rclpy
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.fields import grid_from_message, path_from_message
+from llm_astar_msgs_adapter.messages.fields import grid_from_message, path_from_message, stamp_of
 from llm_astar_msgs_adapter.messages.markers import expanded_from_message
 from llm_astar_msgs_adapter.messages.report import PlanReport
 from nav_msgs.msg import GridCells, OccupancyGrid
@@ -28,43 +29,6 @@ from llm_astar_planner.visualization.figures import Picture, describe_guidance, 
 # Expanded cells are published only once the planner has discovered a subscriber, so the demo
 # asks again until they arrive.
 ATTEMPTS = 10
-
-
-class GraphListener:
-    """Receives the map and the expanded cells of plans."""
-
-    def __init__(self, client: PlannerClient) -> None:
-        """Subscribe on the client's node."""
-        self._grid_map: GridMap | None = None
-        self._expanded: dict[tuple[int, int], GridCells] = {}
-        self._arrived = threading.Condition()
-        node = client.node
-        node.create_subscription(OccupancyGrid, 'map', self._on_map, LATCHED)
-        node.create_subscription(GridCells, 'planner_node/explored', self._on_expanded, RELIABLE)
-
-    def _on_map(self, message: OccupancyGrid) -> None:
-        with self._arrived:
-            self._grid_map = grid_from_message(message)
-            self._arrived.notify_all()
-
-    def _on_expanded(self, message: GridCells) -> None:
-        with self._arrived:
-            self._expanded[message.header.stamp.sec, message.header.stamp.nanosec] = message
-            self._arrived.notify_all()
-
-    def wait_for_expanded(self, stamp: tuple[int, int]) -> GridCells | None:
-        """Return the expanded cells of the plan of that stamp, or None if they do not arrive."""
-        with self._arrived:
-            self._arrived.wait_for(lambda: stamp in self._expanded, 1.0)
-            return self._expanded.get(stamp)
-
-    def wait_for_map(self) -> GridMap:
-        """Return the map. Raises PlannerClientError if none arrives."""
-        with self._arrived:
-            self._arrived.wait_for(lambda: self._grid_map is not None, DISCOVERY_SECONDS)
-        if self._grid_map is None:
-            raise PlannerClientError('no map arrived')
-        return self._grid_map
 
 
 def call_and_draw(endpoints: tuple[Pose2D, Pose2D], picture: Path) -> bool:
@@ -87,17 +51,27 @@ def run_demo(client: PlannerClient, start: Pose2D, goal: Pose2D, picture: Path) 
 
     Raises PlannerClientError if the graph does not respond.
     """
-    listener = GraphListener(client)
-    grid_map = listener.wait_for_map()
+    maps: list[OccupancyGrid] = []
+    expanded: dict[int, GridCells] = {}
+    client.listen(OccupancyGrid, 'map', maps.append, LATCHED)
+    client.listen(
+        GridCells,
+        'planner_node/explored',
+        lambda message: expanded.update({stamp_of(message): message}),
+        RELIABLE,
+    )
+    client.wait_for(lambda: bool(maps), 'a map', DISCOVERY_SECONDS)
+    grid_map = grid_from_message(maps[-1])
     client.wait_until_ready(grid_map.digest, client='llm_client_node')
     for _ in range(ATTEMPTS):
         path, report, seconds = client.call(start, goal)
-        stamp = (path.header.stamp.sec, path.header.stamp.nanosec)
-        expanded = listener.wait_for_expanded(stamp)
-        if expanded is not None:
+        with suppress(PlannerClientError):
+            has_arrived = partial(expanded.__contains__, stamp_of(path))
+            client.wait_for(has_arrived, 'the expanded cells', 1.0)
             break
     print_plan((start, goal), report, len(path.poses), seconds)
-    save_picture(picture_of_plan(grid_map, (start, goal), path, expanded, report), picture)
+    cells = expanded.get(stamp_of(path))
+    save_picture(picture_of_plan(grid_map, (start, goal), path, cells, report), picture)
     print(f'picture    {picture}')
     return report.code == 0
 

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from cachetools import FIFOCache
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.messages.fields import status_values
+from llm_astar_msgs_adapter.messages.fields import stamp_of, status_values
 from llm_astar_msgs_adapter.messages.report import PlanReport, report_from_message
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from rclpy.client import Client
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import SpinThread
@@ -46,24 +46,29 @@ class PlannerClient:
         # As the planner names itself in /diagnostics: with its namespace, without the slash.
         self._planner = node.resolve_service_name(planner)[1:]
         self._arrived = threading.Condition()
-        self._reports: OrderedDict[tuple[int, int], PlanReport] = OrderedDict()
+        self._reports: FIFOCache[int, PlanReport] = FIFOCache(KEPT_REPORTS)
         self._health: dict[str, dict[str, Any]] = {}
         self._client = node.create_client(GetPlan, f'{planner}/get_plan')
-        node.create_subscription(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS)
-        node.create_subscription(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
+        self.listen(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS)
+        self.listen(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
         self._thread = SpinThread(node)
 
     def __enter__(self) -> PlannerClient:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._thread.close()
+
+    def listen(self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile) -> None:
+        """Subscribe to a topic: `take` gets each message, then `wait_for` looks again."""
+
+        def on_message(message: Any) -> None:  # noqa: ANN401 - of this kind
+            with self._arrived:
+                take(message)
+                self._arrived.notify_all()
+
+        self.node.create_subscription(kind, topic, on_message, qos)
 
     def wait_for(self, condition: Callable[[], bool], what: str, seconds: float) -> None:
         """Wait until a condition on the messages that have arrived holds.
@@ -118,9 +123,9 @@ class PlannerClient:
         begin = time.perf_counter()
         path = self.ask(self._client, request, seconds).plan
         round_trip = time.perf_counter() - begin
-        key = (path.header.stamp.sec, path.header.stamp.nanosec)
-        self.wait_for(lambda: key in self._reports, 'the report of a plan', seconds)
-        return path, self._reports.pop(key), round_trip
+        stamp = stamp_of(path)
+        self.wait_for(lambda: stamp in self._reports, 'the report of a plan', seconds)
+        return path, self._reports.pop(stamp), round_trip
 
     def ask(self, client: Client, request: Any, seconds: float = DISCOVERY_SECONDS) -> Any:  # noqa: ANN401 - any service
         """Call a service of the graph. Raises PlannerClientError without a response."""
@@ -135,15 +140,7 @@ class PlannerClient:
         return future.result()
 
     def _on_report(self, message: DiagnosticArray) -> None:
-        stamp = message.header.stamp
-        with self._arrived:
-            self._reports[stamp.sec, stamp.nanosec] = report_from_message(message, PlanReport)
-            if len(self._reports) > KEPT_REPORTS:
-                self._reports.popitem(last=False)
-            self._arrived.notify_all()
+        self._reports[stamp_of(message)] = report_from_message(message, PlanReport)
 
     def _on_health(self, message: DiagnosticArray) -> None:
-        with self._arrived:
-            for status in message.status:
-                self._health[status.name] = status_values(status)
-            self._arrived.notify_all()
+        self._health.update((status.name, status_values(status)) for status in message.status)

@@ -82,8 +82,7 @@ class Recorder(Node):
         super().__init__(NAME, namespace=namespace)
         self._bag = bag
         self._report = report
-        self.wanted = topics
-        self._waiting = set(topics)
+        self._waiting = dict.fromkeys(topics)
         self._subscribed: dict[str, Subscription] = {}
         self.create_timer(DISCOVERY_PERIOD_S, self._discover)
 
@@ -96,7 +95,7 @@ class Recorder(Node):
             if not offered:
                 continue
             if name in self._waiting:
-                self._waiting.discard(name)
+                del self._waiting[name]
                 self._begin(name, types[0], offered)
             elif requests_too_much(self._subscribed[name].qos_profile, offered):
                 self._subscribe(name, self._subscribed[name].msg_type, offered)
@@ -143,7 +142,7 @@ class Recorder(Node):
     @property
     def missing(self) -> list[str]:
         """The topics that had no publisher so far."""
-        return [name for name in self.wanted if name in self._waiting]
+        return list(self._waiting)
 
 
 def record(
