@@ -227,7 +227,7 @@ def test_the_client_is_given_the_rules_that_the_planner_plans_by(world):
     assert known == [99, 0.25]
 
 
-def test_the_last_path_is_looked_at_on_a_new_map_and_replanned_only_if_broken(world):
+def test_the_last_path_is_checked_on_a_new_map_and_replanned_only_if_broken(world):
     forget(world)
     path, _, _ = world.caller.call(START, GOAL)
     world.caller._reports.clear()
@@ -252,7 +252,7 @@ def test_the_last_path_is_looked_at_on_a_new_map_and_replanned_only_if_broken(wo
     world.show()
 
 
-def test_a_question_that_fails_does_not_stop_the_replanning_of_a_broken_path(world):
+def test_a_request_that_fails_does_not_stop_the_replanning_of_a_broken_path(world):
     forget(world)
     path, _, _ = world.caller.call(START, GOAL)
     world.client.go.clear()
@@ -267,7 +267,7 @@ def test_a_question_that_fails_does_not_stop_the_replanning_of_a_broken_path(wor
     world.show()
 
 
-def test_replan_on_map_replans_a_path_that_stands(world):
+def test_replan_on_map_replans_a_path_that_is_still_valid(world):
     forget(world)
     world.set(replan_on_map=True)
     try:
@@ -281,7 +281,7 @@ def test_replan_on_map_replans_a_path_that_stands(world):
     world.show()
 
 
-def test_a_path_that_cannot_be_replanned_is_told_with_its_code(world):
+def test_a_path_that_cannot_be_replanned_is_reported_with_its_code(world):
     forget(world)
     world.caller.call(START, GOAL)
     world.show(*[(20, y) for y in range(25, 30)])
@@ -295,7 +295,7 @@ def test_a_path_that_cannot_be_replanned_is_told_with_its_code(world):
     assert world.reports == []
 
 
-def test_paths_end_as_the_goal_looks_or_as_they_arrive(world):
+def test_paths_end_with_the_orientation_of_the_goal_or_of_their_last_move(world):
     goal_yaw = yaws(world.caller.call(START, GOAL)[0])[-1]
     assert goal_yaw == pytest.approx(GOAL.yaw)
     world.set(use_final_approach_orientation=True)
@@ -409,7 +409,7 @@ def test_a_managed_node_tells_its_state_while_a_parameter_waits_for_the_map(monk
         setting.join()
 
 
-def test_a_path_of_before_a_deactivation_is_not_replanned_after_it():
+def test_a_path_planned_before_a_deactivation_is_not_replanned_after_it():
     node = node_of(AGAIN, autostart=False, llm_client='')
     with running(node), calling(AGAIN) as caller:
         maps = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)

@@ -186,7 +186,7 @@ def test_a_fallback_serves_where_the_robots_pose_is_not_known():
     assert converter(known).poses(goal, MAP).start[:2] == (3.0, 4.0)
 
 
-def test_a_pose_that_is_not_finite_is_no_pose():
+def test_a_pose_that_is_not_finite_is_refused():
     goal = PlanGoal((pose(math.nan, 1.0),), pose(2.0, 2.0))
     assert refusal(converter(), goal) == ('UNKNOWN', 'goal: holds a number that is not finite')
     with pytest.raises(GridMapError):
@@ -199,7 +199,7 @@ def test_the_callers_tolerance_counts_where_it_states_one(asked, counts):
     assert to_request(converter(), goal).tolerance == counts
 
 
-def test_a_tolerance_that_is_not_finite_is_the_cores_to_refuse():
+def test_the_planner_refuses_a_tolerance_that_is_not_finite():
     goal = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), math.nan)
     request = to_request(converter(), goal)
     assert Planner(MAP).plan(request).code.name == 'INVALID_PLANNER'
@@ -332,7 +332,7 @@ any_pose = st.builds(
     st.sampled_from([0.0, 0.4]),
 )
 @settings(max_examples=80)
-def test_whatever_is_asked_there_is_a_code_and_a_sentence(
+def test_any_request_gets_a_code_and_a_sentence(
     start, goals, tolerance, planner_id, parameters, robot_radius
 ):
     cells = np.random.default_rng(3).choice([0, 0, 0, 40, 100, -1], (20, 30)).astype(np.int8)
@@ -351,7 +351,7 @@ def test_whatever_is_asked_there_is_a_code_and_a_sentence(
     assert (plan.code is ResultCode.NONE) == (len(plan.path) > 0)
 
 
-def test_a_number_a_hair_out_of_its_range_is_refused_as_the_planner_refuses_it():
+def test_a_number_just_out_of_its_range_is_refused():
     ranged = [one for one in PLANNER if isinstance(one.default, float)]
     assert 'robot_radius' in {one.name for one in ranged}
     for one in ranged:

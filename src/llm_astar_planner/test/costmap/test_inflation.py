@@ -76,7 +76,7 @@ def test_inflation_is_what_its_definition_says_in_bands_of_any_height(body, band
 
 @settings(max_examples=60)
 @given(bodies())
-def test_the_last_check_bars_the_cells_that_inflation_blocks(body):
+def test_the_collision_checker_blocks_the_cells_that_inflation_blocks(body):
     grid_map, rules = body
     rows, columns = np.indices(grid_map.cells.shape).reshape(2, -1)
     barred = CollisionChecker(grid_map, rules)[rows, columns]
@@ -102,7 +102,7 @@ def test_costs_decay_as_nav2s_do_and_stay_below_inscribed():
     assert row == [100, 98, 98, *decay, 0, 0, 0, 0]
 
 
-def test_a_map_however_fine_takes_no_more_than_its_cells():
+def test_the_inflation_of_a_very_fine_map_needs_no_more_memory_than_its_cells():
     rules = CostmapConfig(inflation_radius=0.55, cost_scaling_factor=0.0)
     _, cost = inflate(post(resolution=2e-6), rules)
     assert sorted(set(cost.flat)) == [98, 100]
@@ -133,7 +133,7 @@ def test_a_costmaps_bands_block_from_99_and_grade_below():
     assert Planner(GridMap(cells, 0.05)).costmap.blocked[2, 18]
 
 
-def test_a_path_keeps_off_the_walls_it_need_not_hug():
+def test_a_path_keeps_away_from_walls_if_there_is_room():
     """Beside a long wall, with room on the other side."""
     cells = np.zeros((30, 80), dtype=np.int8)
     cells[10, 10:70] = 100
@@ -148,7 +148,7 @@ def test_a_path_keeps_off_the_walls_it_need_not_hug():
     assert keeping.length > hugging.length
 
 
-def test_a_gap_narrower_than_the_robot_is_none():
+def test_a_gap_narrower_than_the_robot_is_closed():
     cells = np.zeros((20, 20), dtype=np.int8)
     cells[:, 10] = 100
     cells[8:13, 10] = 0  # five cells: 0.25 m
@@ -169,7 +169,7 @@ def test_a_gap_narrower_than_the_robot_is_none():
         ('cost_travel_multiplier', math.nan),
     ],
 )
-def test_rules_no_robot_can_have_are_refused_by_name(name, value):
+def test_impossible_rules_are_refused_by_name(name, value):
     with pytest.raises(ValueError, match=name):
         CostmapConfig(**{name: value})
 

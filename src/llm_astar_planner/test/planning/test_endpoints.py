@@ -78,13 +78,13 @@ def test_a_goal_out_of_tolerance_keeps_its_own_code(goal, code):
 
 
 @pytest.mark.parametrize('far', [10**9, 10**18, -(10**300)])
-def test_a_goal_at_the_end_of_the_world_is_outside_whatever_the_tolerance(far):
+def test_a_goal_very_far_away_is_outside_whatever_the_tolerance(far):
     for tolerance in (0.0, 1000.0):
         request = PlanRequest((2, 2), (far, far), tolerance=tolerance, start_tolerance=1.0)
         assert planner(shelf()).plan(request).code is ResultCode.GOAL_OUTSIDE_MAP
 
 
-def test_a_start_in_inflation_is_left_by_the_nearest_free_cell():
+def test_a_start_in_inflation_is_moved_to_the_nearest_free_cell():
     cells = empty()
     cells[10, :20] = 100
     inflated = planner(cells, robot_radius=0.3)
@@ -102,7 +102,7 @@ def test_a_start_in_inflation_is_left_by_the_nearest_free_cell():
     assert 'within 0.1 m' in near.message
 
 
-def test_nobody_escapes_through_a_wall():
+def test_the_start_is_not_moved_through_a_wall():
     """Its own side has no free cell within reach, the other, the goal's, has: no way out."""
     cells = empty()
     cells[10] = 100
@@ -113,7 +113,7 @@ def test_nobody_escapes_through_a_wall():
     assert plan.code is ResultCode.START_OCCUPIED
 
 
-def test_a_start_on_an_obstacle_is_left_on_the_side_it_is_nearest_to():
+def test_a_start_on_an_obstacle_is_moved_to_the_nearest_side():
     cells = empty()
     cells[9:13, :20] = 100
     request = PlanRequest((5, 12), (5, 2), start_tolerance=0.6)
@@ -122,7 +122,7 @@ def test_a_start_on_an_obstacle_is_left_on_the_side_it_is_nearest_to():
     assert plan.start == (5, 13)
 
 
-def test_an_escape_leads_to_where_the_goal_is():
+def test_a_blocked_start_is_moved_to_a_cell_connected_to_the_goal():
     """A pocket is nearer, but the goal is not in it."""
     cells = empty()
     cells[3:8, 3:8] = 100
@@ -138,7 +138,7 @@ def test_an_escape_leads_to_where_the_goal_is():
     assert plan.start == (6, 5)
 
 
-def test_an_escape_leads_to_the_goal_itself_before_a_place_near_it():
+def test_a_cell_connected_to_the_goal_is_preferred_to_one_connected_to_its_surroundings():
     cells = np.full((20, 30), -1)
     cells[5, 6] = 0  # nearer, and within the tolerance of the goal
     cells[8, 5:10] = 0
@@ -147,7 +147,7 @@ def test_an_escape_leads_to_the_goal_itself_before_a_place_near_it():
     assert (plan.start, plan.goal) == ((5, 8), (9, 8))
 
 
-def test_an_escape_leads_to_where_the_goal_is_within_its_tolerance():
+def test_a_blocked_start_is_moved_to_a_cell_connected_to_one_within_the_goals_tolerance():
     cells = np.full((20, 30), -1)
     cells[13, 6:13] = 0  # nearer, but it ends 0.42 m off the goal
     cells[10, 8:14] = 0
@@ -156,7 +156,7 @@ def test_an_escape_leads_to_where_the_goal_is_within_its_tolerance():
     assert (plan.start, plan.goal) == ((8, 10), (13, 10))
 
 
-def test_an_escape_is_no_longer_than_allowed_in_any_direction():
+def test_a_start_is_moved_no_farther_than_its_tolerance_in_any_direction():
     cells = np.full((20, 30), -1)
     cells[13:, 13:] = 0  # 0.42 m off, aslant
     request = PlanRequest((10, 10), (20, 15), start_tolerance=0.3)
@@ -173,7 +173,7 @@ def test_a_goal_moved_onto_the_start_is_one_cell():
 
 @settings(max_examples=100)
 @given(st.data())
-def test_nearest_is_the_nearest(data):
+def test_the_nearest_labelled_cell_is_the_nearest_by_brute_force(data):
     width, height = data.draw(st.integers(1, 40)), data.draw(st.integers(1, 40))
     random = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
     labels = (random.random((height, width)) < data.draw(st.sampled_from([0.002, 0.3]))) * 7

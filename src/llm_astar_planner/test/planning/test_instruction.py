@@ -77,7 +77,7 @@ def test_an_instruction_is_followed_through_its_waypoints_in_order(method, ends)
     assert PLANNER.path_problem(plan.path, START, GOAL) is None
 
 
-def test_what_cannot_be_passed_is_left_out_and_said():
+def test_waypoints_that_cannot_be_passed_are_left_out_and_counted():
     points = [EAST[0], (20.0, 10.0), (float('inf'), 8.0), (99.0, 1.0), EAST[1]]
     plan = PLANNER.plan(request(Follower(points)))
     assert plan.via == ((28, 8), (28, 12))
@@ -190,7 +190,7 @@ def test_a_cancel_ends_the_wait_for_an_answer():
     assert plan.instruction == 'ignored: source follower did not answer in time'
 
 
-def test_no_plan_stays_no_plan_and_says_so():
+def test_an_instruction_does_not_hide_that_there_is_no_plan():
     cells = CELLS.copy()
     cells[10] = 100
     plan = Planner(GridMap(cells)).plan(request(Follower(EAST)))

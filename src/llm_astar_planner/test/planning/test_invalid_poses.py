@@ -16,21 +16,21 @@ def test_free_poses_are_valid_however_far_apart():
     assert invalid((3, 3)) == []
 
 
-def test_poses_on_obstacles_and_off_the_map_are_told():
+def test_poses_on_obstacles_and_off_the_map_are_invalid():
     assert invalid((5, 4), (6, 4), (7, 4)) == [1]
     assert invalid((-1, 0), (0, 0), (0, 10), (12, 3)) == [0, 2, 3]
 
 
-def test_a_leg_through_an_obstacle_makes_the_pose_it_leads_to_invalid():
+def test_a_segment_through_an_obstacle_makes_the_pose_it_leads_to_invalid():
     assert invalid((2, 5), (10, 5), (11, 5)) == [1]
     assert invalid((5, 5), (7, 5)) == [1]
 
 
-def test_a_leg_may_pass_a_corner_as_the_poses_of_other_planners_do():
+def test_a_segment_may_pass_a_corner_as_the_paths_of_other_planners_do():
     assert invalid((4, 3), (7, 0)) == []
 
 
-def test_what_lies_behind_the_robot_does_not_count():
+def test_poses_behind_the_robot_are_not_checked():
     assert invalid((6, 4), (7, 4), (8, 4), first=1) == []
     assert invalid((2, 5), (10, 5), (6, 5), first=1) == [2]
 

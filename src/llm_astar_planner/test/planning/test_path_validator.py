@@ -1,4 +1,4 @@
-"""The last check against the rules taken one by one, and straight legs against geometry."""
+"""The last check against the rules taken one by one, and straight segments against geometry."""
 
 import re
 from itertools import pairwise
@@ -68,14 +68,14 @@ def test_an_end_is_moved_no_farther_than_allowed():
 
 
 def meets(begin, end, blocked, corner_cutting):
-    """Whether a leg passes through a blocked cell's inside, or by one's corner."""
-    leg = shapely.LineString([begin, end])
+    """Whether a segment passes through a blocked cell's inside, or by one's corner."""
+    segment = shapely.LineString([begin, end])
     for y, x in np.argwhere(blocked):
         square = shapely.box(x - 0.5, y - 0.5, x + 0.5, y + 0.5)
-        if leg.intersection(square).length > 1e-6 or tuple(begin) == (x, y):
+        if segment.intersection(square).length > 1e-6 or tuple(begin) == (x, y):
             return True
         corners = shapely.points(list(square.exterior.coords))
-        if not corner_cutting and (shapely.distance(corners, leg) < 1e-9).any():
+        if not corner_cutting and (shapely.distance(corners, segment) < 1e-9).any():
             return True
     return False
 
@@ -85,8 +85,8 @@ def meets(begin, end, blocked, corner_cutting):
     st.lists(st.tuples(st.integers(0, 8), st.integers(0, 6)), min_size=2, max_size=3),
     st.booleans(),
 )
-def test_legs_are_stopped_by_the_cells_and_corners_they_meet(seed, points, corner_cutting):
+def test_segments_are_stopped_by_the_cells_and_corners_they_meet(seed, points, corner_cutting):
     blocked = np.random.default_rng(seed).random((7, 9)) < 0.08
     problem = segments_problem(np.array(points), blocked, corner_cutting=corner_cutting)
-    met = any(meets(*leg, blocked, corner_cutting) for leg in pairwise(points))
+    met = any(meets(*segment, blocked, corner_cutting) for segment in pairwise(points))
     assert (problem is not None) == met

@@ -50,11 +50,11 @@ def plan():
     return BEFORE.plan(REQUEST)
 
 
-def test_a_path_stands_on_a_map_that_changed_elsewhere(plan):
+def test_a_path_is_kept_on_a_map_that_changed_elsewhere(plan):
     assert reuse_problem(plan, BEFORE.grid_map, changed((2, 28))) is None
 
 
-def test_a_path_that_the_new_map_blocks_does_not_stand(plan):
+def test_a_path_that_the_new_map_blocks_is_not_kept(plan):
     blocked = tuple(plan.path[len(plan.path) // 2].tolist())
     problem = reuse_problem(plan, BEFORE.grid_map, changed(blocked))
     assert 'obstacle' in problem
@@ -88,7 +88,7 @@ def test_rules_that_changed_may_break_a_path_too(plan):
         GridMap(WALL, frame_id='odom'),
     ],
 )
-def test_a_path_does_not_stand_on_a_map_that_lies_elsewhere(plan, other):
+def test_a_path_is_not_kept_on_a_map_with_another_size_or_origin(plan, other):
     assert 'another' in reuse_problem(plan, BEFORE.grid_map, Planner(other))
 
 
@@ -137,7 +137,7 @@ def test_waypoints_that_were_not_all_accepted_are_not_kept():
 @pytest.mark.parametrize(
     'changes', [{'goal': (34, 6)}, {'instruction': 'keep south'}, {'start': (5, 28)}]
 )
-def test_another_goal_wish_or_far_start_is_another_question(changes):
+def test_another_goal_instruction_or_far_start_is_another_query(changes):
     assert asked(Source(*CORNER), (BEFORE, {}), (changed((2, 28)), changes))[0] == [1, 2]
 
 
@@ -158,12 +158,12 @@ def test_a_waypoint_the_robot_stands_at_is_passed():
     assert [(point.x, point.y) for point in plans[1].checked_waypoints] == [CORNER[1]]
 
 
-def test_waypoints_of_a_map_that_lay_elsewhere_are_asked_for_again():
+def test_waypoints_of_a_map_with_another_resolution_are_asked_for_again():
     finer = Planner(GridMap(changed((2, 28)).grid_map.cells, resolution=0.5))
     assert asked(Source(*CORNER), (BEFORE, {}), (finer, {}))[0] == [1, 2]
 
 
-def test_a_robot_driven_off_the_map_is_told_so():
+def test_a_robot_off_the_map_gets_that_code():
     goal = {'goal': (38, 5)}
     off = {**goal, 'start': (40, 5)}
     plans = asked(Source(*CORNER), (BEFORE, goal), (BEFORE, off))[1]

@@ -92,7 +92,7 @@ def test_a_waypoint_that_the_robots_body_cannot_take_is_occupied():
     assert planner.plan(request).checked_waypoints[0].status is WaypointStatus.OCCUPIED
 
 
-def test_a_plan_whose_waypoints_all_fell_is_guided_by_none():
+def test_a_plan_whose_waypoints_were_all_dropped_is_guided_by_none():
     plan = PLANNER.plan(PlanRequest(START, GOAL, source=Source([(40, 7)])))
     unguided = PLANNER.plan(PlanRequest(START, GOAL))
     assert plan.guided_by == 'none'
@@ -153,7 +153,7 @@ def test_a_gap_lets_the_path_through():
     assert [4, 7] in plan.path.tolist()
 
 
-def test_a_diagonal_gap_is_a_way_only_where_corners_may_be_cut():
+def test_a_diagonal_gap_is_passable_only_if_corners_may_be_cut():
     cells = np.zeros((6, 6), dtype=np.int8)
     cells[:3, 3] = 100
     cells[3:, 2] = 100
@@ -222,7 +222,7 @@ def test_another_thread_cancels_a_search():
     assert 'cancelled after' in plans[0].message
 
 
-def test_a_limitless_request_is_fine():
+def test_a_request_without_a_time_limit_is_planned():
     plan = PLANNER.plan(PlanRequest(START, GOAL, time_limit=float('inf')))
     assert plan.code is ResultCode.NONE
 

@@ -123,7 +123,7 @@ def test_a_search_that_is_canceled_draws_no_picture():
     assert planner.plan(asked).expanded.any()
 
 
-def test_a_failure_to_answer_is_told_while_the_search_goes_on():
+def test_a_source_that_fails_is_reported_while_the_search_goes_on():
     class Broken(Source):
         def waypoints(self, query):
             self.asked.set()
@@ -214,8 +214,8 @@ def test_landmarks_are_carried_from_map_to_map_while_cells_only_become_blocked()
     keeper.close()
 
 
-LEGS = np.zeros((9, 9), dtype=bool)
-LEGS[4, 4] = True
+SEGMENT_CELLS = np.zeros((9, 9), dtype=bool)
+SEGMENT_CELLS[4, 4] = True
 
 
 @pytest.mark.parametrize(
@@ -232,6 +232,8 @@ LEGS[4, 4] = True
         ([[2, 2]], False, None),
     ],
 )
-def test_legs_at_any_angle_are_checked_cell_by_cell(points, corner_cutting, problem):
-    found = segments_problem(np.array(points, dtype=np.int32), LEGS, corner_cutting=corner_cutting)
+def test_segments_at_any_angle_are_checked_cell_by_cell(points, corner_cutting, problem):
+    found = segments_problem(
+        np.array(points, dtype=np.int32), SEGMENT_CELLS, corner_cutting=corner_cutting
+    )
     assert found is None if problem is None else problem in found

@@ -1,4 +1,4 @@
-"""Paths through via cells: legs, planned one after the other on one deadline."""
+"""Paths through via cells: segments, planned one after the other on one deadline."""
 
 import threading
 import time
@@ -30,16 +30,19 @@ def test_a_path_passes_its_via_cells_in_order_and_adds_up(method):
     assert via_problem(plan.path, VIA) is None
     assert via_problem(plan.path, VIA[::-1]) is not None
     places = [START, *VIA, GOAL]
-    legs = [PLANNER.plan(PlanRequest(start, goal, method)) for start, goal in pairwise(places)]
-    assert plan.length == pytest.approx(sum(leg.length for leg in legs))
-    assert plan.cost == pytest.approx(sum(leg.cost for leg in legs))
-    assert plan.expansions == sum(leg.expansions for leg in legs)
-    assert plan.storage == sum(leg.storage for leg in legs)
-    assert len(plan.path) == sum(len(leg.path) for leg in legs) - len(VIA)
+    segments = [PLANNER.plan(PlanRequest(start, goal, method)) for start, goal in pairwise(places)]
+    assert plan.length == pytest.approx(sum(segment.length for segment in segments))
+    assert plan.cost == pytest.approx(sum(segment.cost for segment in segments))
+    assert plan.expansions == sum(segment.expansions for segment in segments)
+    assert plan.storage == sum(segment.storage for segment in segments)
+    assert len(plan.path) == sum(len(segment.path) for segment in segments) - len(VIA)
     if method == 'exact_astar':
         assert plan.suboptimality_bound == 1.0
     if not np.isnan(plan.suboptimality_bound):
-        assert plan.suboptimality_bound <= max(leg.suboptimality_bound for leg in legs) + 1e-9
+        assert (
+            plan.suboptimality_bound
+            <= max(segment.suboptimality_bound for segment in segments) + 1e-9
+        )
 
 
 def test_a_bound_holds_for_the_whole_path():
@@ -68,8 +71,8 @@ def test_an_any_angle_path_still_turns_at_its_via_cells():
     assert plan.any_angle.length <= plan.length
 
 
-def test_each_leg_has_its_share_of_one_deadline(monkeypatch):
-    """The first leg, however much it could prove, leaves the others their time."""
+def test_each_segment_has_its_share_of_one_deadline(monkeypatch):
+    """The first segment, however much it could prove, leaves the others their time."""
     deadlines = []
     search = SegmentPlanner.search
 
@@ -86,7 +89,7 @@ def test_each_leg_has_its_share_of_one_deadline(monkeypatch):
     assert shares[2] == pytest.approx(1000.0, abs=60.0)
 
 
-def test_a_cancel_ends_every_leg():
+def test_a_cancel_ends_every_segment():
     planner = Planner(GridMap(np.zeros((2500, 2500), dtype=np.int8)))
     _ = planner.costmap.components
     stop, plans = no_stop(), []

@@ -103,7 +103,7 @@ def test_waypoints_the_path_passes_in_another_order_are_marked():
     assert marked == ['accepted', 'out_of_order', 'accepted', 'accepted']
 
 
-def test_of_every_list_as_few_are_marked_as_can_be():
+def test_as_few_waypoints_as_possible_are_out_of_order():
     for places in product(range(1, 5), repeat=5):
         marked = mark_out_of_order(checked(*((x, 5, 'accepted') for x in places)), PATH)
         kept = [point.x for point in marked if point.status.value == 'accepted']
@@ -127,7 +127,7 @@ def test_without_a_path_there_is_no_order():
     assert mark_out_of_order(points, PATH[:0]) == tuple(points)
 
 
-def test_snapping_takes_back_only_what_metres_lost():
+def test_snapping_only_undoes_rounding_errors():
     assert snap(25.999999999) == 26.0
     assert snap(25.5) == 25.5
     assert np.isnan(snap(float('nan')))
