@@ -13,14 +13,12 @@ from llm_astar_planner.planning.parameters import (
     NODES,
     costmap_config,
     defaults,
-    documented,
-    markdown,
     request_fields,
-    yaml_text,
 )
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import SOURCES
+from make_reference import documented, markdown, yaml_text
 
 ROOT = Path(__file__).parents[4]
 ENTRIES = [(node, item) for node, table in NODES.items() for item in table]
