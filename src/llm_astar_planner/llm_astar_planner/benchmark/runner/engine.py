@@ -177,7 +177,8 @@ def run_tasks(
             if not pending:
                 return
             done, _ = wait(pending, return_when=FIRST_COMPLETED)
-            for future in done:
+            # `done` is a set; rows are kept in the order of the tasks.
+            for future in [future for future in pending if future in done]:
                 keep(pending.pop(future), future.result())
     finally:
         for future in pending:

@@ -2,7 +2,7 @@
 
 import math
 import pickle
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -119,6 +119,20 @@ def test_tasks_run_in_parallel_up_to_the_limit(dataset):
         run_tasks(tasks, executor, 8, lambda _, outcomes: rows.extend(outcomes))
     assert len(rows) == 3 * len(tasks)
     assert 2 <= source.most <= 4
+
+
+def test_rows_of_tasks_that_finish_at_once_come_in_the_order_of_the_tasks(dataset):
+    class Immediate(Executor):
+        def submit(self, call, task):
+            future = Future()
+            future.set_result(call(task))
+            return future
+
+    tasks = tasks_of(load_samples(dataset), methods=['llm_astar'])
+    kept = []
+    run_tasks(tasks, Immediate(), len(tasks), lambda task, _: kept.append(task))
+    assert len(tasks) > 3
+    assert kept == tasks
 
 
 def test_a_row_can_be_planned_again_to_see_what_it_expanded(dataset):
