@@ -149,11 +149,13 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.png:
         # Importing matplotlib takes most of a second.
         from llm_astar_planner.visualization.figures import (  # noqa: PLC0415
+            drawable_map,
             picture_of,
             save_picture,
         )
 
-        picture = picture_of(plan, planner.grid_map, plan.start, plan.goal, offset)
+        grid_map = drawable_map(planner.grid_map, planner.config)
+        picture = picture_of(plan, grid_map, plan.start, plan.goal, offset)
         save_picture(picture, arguments.png)
         if not arguments.json:
             print(f'picture    {arguments.png}')

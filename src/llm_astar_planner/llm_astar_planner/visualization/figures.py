@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import fill
 
 import matplotlib as mpl
 import numpy as np
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.result import Cell
 
@@ -58,6 +59,13 @@ def picture_of(
     else:
         title = f'{plan.method}: {plan.code.name}, {plan.message}'
     return Picture(grid_map, start, goal, plan.path, plan.expanded, waypoints, title, offset)
+
+
+def drawable_map(grid_map: GridMap, costmap: CostmapConfig | None) -> GridMap:
+    """Return a map for drawing: lethal cells by the rules are occupied, other known ones free."""
+    threshold = (costmap or CostmapConfig()).occupied_threshold
+    cells = np.where(grid_map.cells >= threshold, OCCUPIED, np.minimum(grid_map.cells, FREE))
+    return replace(grid_map, cells=cells.astype(np.int8))
 
 
 def describe_guidance(method: str, guided_by: str) -> str:

@@ -190,6 +190,29 @@ def test_the_picture_is_drawn_where_asked(capsys, tmp_path):
         assert len(image.convert('RGB').getcolors(1 << 20)) > 10
 
 
+def test_the_picture_has_the_obstacles_of_the_rules(capsys, tmp_path):
+    grey = np.full((20, 20), 255, dtype=np.uint8)
+    grey[8:12, 8:12] = 128  # occupancy 50
+    Image.fromarray(grey).save(tmp_path / 'x.pgm')
+    (tmp_path / 'x.yaml').write_text(
+        'image: x.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\nmode: scale\n'
+        'occupied_thresh: 0.9\nfree_thresh: 0.1\n'
+    )
+    words = ('--map', str(tmp_path / 'x.yaml'), '--start', '1', '1', '--goal', '18', '1')
+    shares = []
+    for threshold in ('40', '90'):
+        picture = tmp_path / f'{threshold}.png'
+        rule = ('--occupied-threshold', threshold)
+        code, *_ = run(capsys, 'plan', *words, *rule, '--png', str(picture))
+        assert code == 0
+        with Image.open(picture) as image:
+            pixels = np.array(image.convert('RGB'))
+        shares.append(np.mean(np.all(pixels == 0x22, axis=-1)))
+    # The obstacle covers a twenty-fifth of the map, which fills more than half of the picture.
+    assert shares[0] > 0.02
+    assert shares[1] < 0.002
+
+
 @pytest.mark.parametrize(
     ('arguments', 'words'),
     [

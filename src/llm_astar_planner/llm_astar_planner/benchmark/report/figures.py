@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
-from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -17,10 +16,8 @@ from PIL import Image, ImageDraw
 
 from llm_astar_planner.benchmark.analysis.summary import Growth, VariantSummary, is_baseline
 from llm_astar_planner.benchmark.analysis.trace import Trace, trace
-from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.benchmark.report.sentences import method_label
 from llm_astar_planner.benchmark.results import Variant
-from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.visualization.figures import OBSTACLE, draw, picture_of
@@ -39,13 +36,6 @@ SHOWCASE_WAYPOINTS: tuple[Cell, ...] = ((2, 8), (7, 8))
 # and of the headline.
 FRAMES, FRAME_MS, LAST_MS = 60, 80, 2500
 GAP, HEADING = 12, 18
-
-
-def drawable_map(grid_map: GridMap, costmap: CostmapConfig | None) -> GridMap:
-    """Return a map for drawing: lethal cells by the rules are occupied, other known ones free."""
-    threshold = (costmap or GRID_CONFIG).occupied_threshold
-    cells = np.where(grid_map.cells >= threshold, OCCUPIED, np.minimum(grid_map.cells, FREE))
-    return replace(grid_map, cells=cells.astype(np.int8))
 
 
 def comparison_figure(

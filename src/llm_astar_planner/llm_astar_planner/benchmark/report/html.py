@@ -25,7 +25,7 @@ from llm_astar_planner.benchmark.analysis.summary import (
 )
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.benchmark.report import markdown as tables
-from llm_astar_planner.benchmark.report.figures import drawable_map, variant_label
+from llm_astar_planner.benchmark.report.figures import variant_label
 from llm_astar_planner.benchmark.report.sentences import (
     growth_sentence,
     headline,
@@ -34,6 +34,7 @@ from llm_astar_planner.benchmark.report.sentences import (
 )
 from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.visualization.figures import drawable_map
 
 # RGBA of walls and of unknown cells.
 WALL_COLOUR, UNKNOWN_COLOUR = (31, 36, 48, 255), (154, 160, 172, 96)

@@ -26,7 +26,6 @@ from llm_astar_planner.benchmark.analysis.trace import trace
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.benchmark.report.figures import (
     comparison_figure,
-    drawable_map,
     growth_figure,
     ratio_figure,
     save_animation,
@@ -40,6 +39,7 @@ from llm_astar_planner.benchmark.results import PAPER_ASTAR, ResultsFolder, Row,
 from llm_astar_planner.benchmark.runner.engine import SearchSettings, plan_again
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.waypoint_filter import target_list
+from llm_astar_planner.visualization.figures import drawable_map
 
 DPI = 90
 Pictures = list[tuple[Path, str]]

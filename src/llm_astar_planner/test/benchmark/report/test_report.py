@@ -15,12 +15,12 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import by_variant
 from llm_astar_planner.benchmark.datasets.generate import generate
-from llm_astar_planner.benchmark.report.figures import drawable_map
 from llm_astar_planner.benchmark.report.html import html_report
 from llm_astar_planner.benchmark.report.markdown import markdown_table, percent, replace_section
 from llm_astar_planner.benchmark.report.write import write_report
 from llm_astar_planner.benchmark.results import ResultsFolder, Variant, describe_run
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.visualization.figures import drawable_map
 
 
 def test_a_grid_is_drawn_with_the_walls_of_the_planner():
