@@ -11,7 +11,7 @@ from llm_astar_planner.benchmark.datasets.generate import MapRules, generate
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.visibility import LineOfSightChecker
-from llm_astar_planner.waypoints.baselines import any_angle_length
+from llm_astar_planner.waypoints.baselines import shortest_route
 from llm_astar_planner.waypoints.learned.features import featurise, place_nodes
 from llm_astar_planner.waypoints.learned.network import hop_logits, read_weights
 from llm_astar_training.batches import (
@@ -70,7 +70,7 @@ def test_the_best_route_over_the_nodes_is_about_the_shortest_path(batches):
         for n, barriers in enumerate(batch.barriers):
             grid_map = barrier_map_of(barriers, batch.size[n]).to_grid()
             start, goal = (tuple(map(int, end)) for end in batch.endpoints[n])
-            best = any_angle_length(Costmap(grid_map), start, goal)
+            best = shortest_route(Costmap(grid_map), start, goal)[1]
             assert best - 1e-3 <= lengths_to_goal(batch.distances[n])[0] <= 1.05 * best + 1
 
 

@@ -18,12 +18,12 @@ from llm_astar_planner.benchmark.runner.engine import (
     run_task,
 )
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
-from llm_astar_planner.waypoints.baselines import OracleSource
+from llm_astar_planner.waypoints.baselines import baseline_sources
 
 HALL = BarrierMap(
     3, (0, 51), (0, 31), (Barrier(10, 0, 25),), (), (Sample((5, 5), (5, 15), 'go round'),)
 )
-WITH_ORACLE = [SourceSpec(), SourceSpec(OracleSource(), 'oracle')]
+WITH_ORACLE = [SourceSpec(), SourceSpec(baseline_sources()['oracle'], 'oracle')]
 
 
 def tasks_of(samples, sources=WITH_ORACLE, methods=ALL_METHODS, scale=1):

@@ -8,8 +8,9 @@ same answer to the same query.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from cachetools import LRUCache, cached
@@ -44,103 +45,72 @@ class TooManyCornersError(LlmAstarError, RuntimeError):
 
 
 @dataclass(frozen=True)
-class StraightSource:
-    """Three points at a quarter, a half and three quarters of the straight line to the goal."""
+class BaselineSource:
+    """A source that computes its points from the query alone."""
 
-    name: str = 'straight'
-
-    def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Divide the line from start to goal; each point is rounded to its cell."""
-        start, goal = np.array(query.start), np.array(query.goal)
-        points = [start + (goal - start) * part for part in (0.25, 0.5, 0.75)]
-        return points_reply(self.name, [(float(round(x)), float(round(y))) for x, y in points])
-
-
-@dataclass(frozen=True)
-class OracleSource:
-    """The corners of the shortest any-angle path, found in a visibility graph."""
-
-    name: str = 'oracle'
+    name: str
+    points: Callable[[WaypointQuery], Sequence[Waypoint]]
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Return the corners in order; none where start sees the goal or no path exists."""
-        return corners_reply(self.name, query, lambda corners: corners)
-
-
-@dataclass(frozen=True)
-class ReversedSource:
-    """The oracle's corners in reverse order."""
-
-    name: str = 'reversed'
-
-    def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Return the oracle's corners, last first."""
-        return corners_reply(self.name, query, lambda corners: corners[::-1])
-
-
-@dataclass(frozen=True)
-class NoisySource:
-    """The oracle's corners, each displaced by up to three cells (times the scale) in x and y."""
-
-    seed: int = 0
-    name: str = 'noisy'
-
-    def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Displace every corner; the result may lie on an obstacle or off the map."""
-        reach = NOISE_CELLS * (query.sample.scale if query.sample else 1)
-        random = query.random_generator(f'{self.name} {self.seed}')
-
-        def displace(corners: Corners) -> Corners:
-            shifts = random.integers(-reach, reach, size=(len(corners), 2), endpoint=True)
-            return tuple((x + dx, y + dy) for (x, y), (dx, dy) in zip(corners, shifts))
-
-        return corners_reply(self.name, query, displace)
-
-
-@dataclass(frozen=True)
-class RandomSource:
-    """Free cells drawn at random."""
-
-    seed: int = 0
-    points: int = RANDOM_POINTS
-    name: str = 'random'
-
-    def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Draw from all free cells with equal probability, with replacement."""
-        ys, xs = np.nonzero(~query.costmap.blocked)
-        random = query.random_generator(f'{self.name} {self.seed}')
-        drawn = random.integers(len(xs), size=self.points)
-        return points_reply(self.name, [(float(xs[i]), float(ys[i])) for i in drawn])
+        """Return the points; the reply is an ERROR where the map has too many corners for them."""
+        try:
+            points = self.points(query)
+        except TooManyCornersError as error:
+            return WaypointReply(label=self.name, status=SourceStatus.ERROR, detail=str(error))
+        status = SourceStatus.OK if points else SourceStatus.NO_WAYPOINTS
+        waypoints = tuple((float(x), float(y)) for x, y in points)
+        return WaypointReply(waypoints, label=self.name, status=status)
 
 
 def baseline_sources(seed: int = 0) -> dict[str, WaypointSource]:
     """Return every baseline source by name; `noisy` and `random` draw from `seed`."""
-    sources: list[WaypointSource] = [
-        StraightSource(),
-        OracleSource(),
-        NoisySource(seed),
-        RandomSource(seed),
-        ReversedSource(),
-    ]
-    return {source.name: source for source in sources}
+    points: dict[str, Callable[[WaypointQuery], Sequence[Waypoint]]] = {
+        'straight': straight_points,
+        'oracle': oracle_points,
+        'noisy': partial(noisy_points, seed=seed),
+        'random': partial(random_points, seed=seed),
+        'reversed': reversed_points,
+    }
+    return {name: BaselineSource(name, function) for name, function in points.items()}
 
 
-def corners_reply(
-    label: str, query: WaypointQuery, change: Callable[[Corners], Corners]
-) -> WaypointReply:
-    """Reply with the oracle's corners after `change`; ERROR where the map has too many."""
-    try:
-        corners = shortest_corners(query.costmap, query.start, query.goal)
-    except TooManyCornersError as error:
-        return WaypointReply(label=label, status=SourceStatus.ERROR, detail=str(error))
-    return points_reply(label, change(corners))
+def straight_points(query: WaypointQuery) -> list[Waypoint]:
+    """Return the cells at a quarter, a half and three quarters of the line from start to goal."""
+    start, goal = np.array(query.start), np.array(query.goal)
+    points = [start + (goal - start) * part for part in (0.25, 0.5, 0.75)]
+    return [(round(x), round(y)) for x, y in points]
 
 
-def points_reply(label: str, points: list[Waypoint] | Corners) -> WaypointReply:
-    """Reply with these points, NO_WAYPOINTS where there are none."""
-    status = SourceStatus.OK if points else SourceStatus.NO_WAYPOINTS
-    waypoints = tuple((float(x), float(y)) for x, y in points)
-    return WaypointReply(waypoints, label=label, status=status)
+def oracle_points(query: WaypointQuery) -> Corners:
+    """Return the corners of the shortest any-angle path, found in a visibility graph.
+
+    Empty where start sees the goal or no path exists. Raises TooManyCornersError.
+    """
+    return shortest_route(query.costmap, query.start, query.goal)[0]
+
+
+def reversed_points(query: WaypointQuery) -> Corners:
+    """Return the oracle's corners, last first."""
+    return oracle_points(query)[::-1]
+
+
+def noisy_points(query: WaypointQuery, seed: int) -> list[Waypoint]:
+    """Return the oracle's corners, each displaced by up to three cells in x and y.
+
+    On a scaled map the displacement is scaled too. The points may lie on obstacles or off the map.
+    """
+    corners = oracle_points(query)
+    reach = NOISE_CELLS * (query.sample.scale if query.sample else 1)
+    random = query.random_generator(f'noisy {seed}')
+    shifts = random.integers(-reach, reach, size=(len(corners), 2), endpoint=True)
+    return [(x + dx, y + dy) for (x, y), (dx, dy) in zip(corners, shifts)]
+
+
+def random_points(query: WaypointQuery, seed: int) -> list[Waypoint]:
+    """Return RANDOM_POINTS free cells, drawn with equal probability and with replacement."""
+    ys, xs = np.nonzero(~query.costmap.blocked)
+    drawn = query.random_generator(f'random {seed}').integers(len(xs), size=RANDOM_POINTS)
+    return list(zip(xs[drawn], ys[drawn]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,26 +160,17 @@ def visibility_graph(costmap: Costmap) -> VisibilityGraph:
     return VisibilityGraph(costmap.line_of_sight, corners, distances)
 
 
-def shortest_corners(costmap: Costmap, start: Cell, goal: Cell) -> Corners:
-    """Return where the shortest any-angle path bends: free cells near wall ends, in order.
-
-    Empty where start sees the goal and where no path exists. Raises TooManyCornersError.
-    """
-    return shortest_route(costmap, start, goal)[0]
-
-
-def any_angle_length(costmap: Costmap, start: Cell, goal: Cell) -> float:
-    """Return the length in cells of the shortest any-angle path, infinity where there is none."""
-    return shortest_route(costmap, start, goal)[1]
-
-
 @cached(
     LRUCache(ROUTES_KEPT),
     key=lambda costmap, start, goal: (costmap.key, start, goal),
     lock=threading.Lock(),
 )
 def shortest_route(costmap: Costmap, start: Cell, goal: Cell) -> tuple[Corners, float]:
-    """Return the corners of the shortest any-angle path, and its length in cells."""
+    """Return the corners of the shortest any-angle path, and its length in cells.
+
+    The corners are free cells near wall ends, in order; there are none where start sees the goal,
+    and where no path exists: the length is then infinite. Raises TooManyCornersError.
+    """
     graph = visibility_graph(costmap)
     endpoints = np.array([start, goal])
     if graph.sight.clear(endpoints[:1], endpoints[1:])[0]:

@@ -12,10 +12,9 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.benchmark.datasets.generate import generate
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import (
-    RandomSource,
-    any_angle_length,
+    RANDOM_POINTS,
     baseline_sources,
-    shortest_corners,
+    shortest_route,
 )
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus, WaypointQuery
 
@@ -32,20 +31,20 @@ def test_straight_points_lie_on_the_line_whatever_is_there():
 
 def test_the_oracle_turns_at_the_free_cell_next_to_the_barriers_end():
     assert baseline_sources()['oracle'].waypoints(ROUND).waypoints == ((26.0, 10.0),)
-    assert any_angle_length(HALL, (5, 5), (5, 15)) == pytest.approx(2 * np.hypot(21, 5))
+    assert shortest_route(HALL, (5, 5), (5, 15))[1] == pytest.approx(2 * np.hypot(21, 5))
 
 
 def test_the_oracle_has_no_waypoints_where_none_are_needed_or_none_help():
-    assert shortest_corners(HALL, (5, 5), (40, 5)) == ()
+    assert shortest_route(HALL, (5, 5), (40, 5))[0] == ()
     cut = Costmap(BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 50),)).to_grid())
     reply = baseline_sources()['oracle'].waypoints(WaypointQuery(cut, (5, 5), (5, 15)))
     assert reply.status is SourceStatus.NO_WAYPOINTS
-    assert any_angle_length(cut, (5, 5), (5, 15)) == float('inf')
+    assert shortest_route(cut, (5, 5), (5, 15))[1] == float('inf')
 
 
 def test_a_start_on_a_corner_cell_is_no_obstacle():
-    assert shortest_corners(HALL, (26, 10), (5, 15)) == ()
-    assert shortest_corners(HALL, (26, 9), (5, 15)) == ((26.0, 10.0),)
+    assert shortest_route(HALL, (26, 10), (5, 15))[0] == ()
+    assert shortest_route(HALL, (26, 9), (5, 15))[0] == ((26.0, 10.0),)
 
 
 def test_every_segment_of_the_oracle_is_a_line_of_sight_also_at_scale_ten():
@@ -54,22 +53,22 @@ def test_every_segment_of_the_oracle_is_a_line_of_sight_also_at_scale_ten():
             scaled = barrier_map.scale(scale)
             costmap = Costmap(scaled.to_grid())
             for sample in scaled.samples:
-                corners = shortest_corners(costmap, sample.start, sample.goal)
+                corners = shortest_route(costmap, sample.start, sample.goal)[0]
                 assert corners
                 assert costmap.line_of_sight.clear_along([sample.start, *corners, sample.goal])
 
 
 def test_noise_is_bounded_and_scales_with_the_map():
     source = baseline_sources(seed=1)['noisy']
-    corner = np.array(shortest_corners(HALL, ROUND.start, ROUND.goal))
+    corner = np.array(shortest_route(HALL, ROUND.start, ROUND.goal)[0])
     scaled = WaypointQuery(HALL, ROUND.start, ROUND.goal, sample=SampleKey(0, 0, 10))
     assert np.abs(np.array(source.waypoints(ROUND).waypoints) - corner).max() <= 3
     assert np.abs(np.array(source.waypoints(scaled).waypoints) - corner).max() <= 30
 
 
-def test_random_points_are_free_cells_as_many_as_asked():
-    reply = RandomSource(seed=2, points=8).waypoints(ROUND)
-    assert len(reply.waypoints) == 8
+def test_random_points_are_free_cells():
+    reply = baseline_sources(seed=2)['random'].waypoints(ROUND)
+    assert len(reply.waypoints) == RANDOM_POINTS
     assert not any(HALL.blocked[int(y), int(x)] for x, y in reply.waypoints)
 
 
@@ -106,7 +105,7 @@ def test_the_oracle_agrees_with_the_reference_lengths():
     with gzip.open(folder / 'golden_maps_00_49.json.gz') as file:
         records = json.load(file)['records']
     agree = [
-        any_angle_length(maps[r['map']], tuple(r['start']), tuple(r['goal']))
+        shortest_route(maps[r['map']], tuple(r['start']), tuple(r['goal']))[1]
         == pytest.approx(r['anyangle_length'], abs=1e-6)
         for r in records
     ]

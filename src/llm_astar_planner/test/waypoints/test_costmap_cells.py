@@ -8,8 +8,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.waypoints.baselines import (
-    any_angle_length,
-    shortest_corners,
+    shortest_route,
     visibility_graph,
 )
 from llm_astar_planner.waypoints.config import SourceSettings
@@ -62,9 +61,9 @@ def test_the_oracle_goes_through_the_gap_where_the_search_may(grid_map, config, 
             WaypointQuery(costmap, START, GOAL)
         )
         assert reply.status is (SourceStatus.OK if is_open else SourceStatus.NO_WAYPOINTS)
-    points = [START, *shortest_corners(costmap, START, GOAL), GOAL]
+    points = [START, *shortest_route(costmap, START, GOAL)[0], GOAL]
     assert costmap.line_of_sight.clear_along(points) == is_open
-    assert np.isfinite(any_angle_length(costmap, START, GOAL)) == is_open
+    assert np.isfinite(shortest_route(costmap, START, GOAL)[1]) == is_open
 
 
 @CASES

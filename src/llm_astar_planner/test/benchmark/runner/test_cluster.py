@@ -17,7 +17,7 @@ from llm_astar_planner.benchmark.runner.engine import (
     run_tasks,
 )
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
-from llm_astar_planner.waypoints.baselines import OracleSource
+from llm_astar_planner.waypoints.baselines import baseline_sources
 
 CLUSTER = """
 import sys
@@ -44,7 +44,7 @@ def cluster(tmp_path):
 
 @pytest.mark.filterwarnings('default')
 def test_rows_are_the_same_row_for_row(cluster):
-    sources = [SourceSpec(), SourceSpec(OracleSource(), 'oracle')]
+    sources = [SourceSpec(), SourceSpec(baseline_sources()['oracle'], 'oracle')]
     (barrier_map,) = generate(2, 1)
     bare = replace(barrier_map, samples=())
     samples = [(BenchmarkSample(bare, i, s), 1) for i, s in enumerate(barrier_map.samples)]
