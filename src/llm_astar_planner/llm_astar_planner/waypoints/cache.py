@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Hashable
 from dataclasses import replace
-from typing import NamedTuple
 
 from cachetools import LRUCache
 
-from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.waypoints.async_query import WaypointQueryTask
 from llm_astar_planner.waypoints.source import (
-    SampleKey,
     SourceStatus,
     WaypointQuery,
     WaypointReply,
@@ -23,17 +21,6 @@ from llm_astar_planner.waypoints.source import (
 MAX_PENDING = 16
 # A reply without a route is an answer too and is kept; after a failure the source is asked again.
 _KEPT = (SourceStatus.OK, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED)
-
-
-class QueryKey(NamedTuple):
-    """What a reply depends on."""
-
-    digest: str
-    config: CostmapConfig
-    start: tuple[int, int]
-    goal: tuple[int, int]
-    sample: SampleKey | None
-    instruction: str
 
 
 class CachedSource:
@@ -60,8 +47,8 @@ class CachedSource:
         self._prompt = prompt
         self._timeout_s = timeout_s
         self._lock = threading.Lock()
-        self._replies: LRUCache[QueryKey, WaypointReply] = LRUCache(size)
-        self._running: dict[QueryKey, WaypointQueryTask] = {}
+        self._replies: LRUCache[Hashable, WaypointReply] = LRUCache(size)
+        self._running: dict[Hashable, WaypointQueryTask] = {}
 
     @property
     def name(self) -> str:
@@ -72,9 +59,7 @@ class CachedSource:
         """Return the reply in memory, else wait up to `timeout_s` or the query's time limit."""
         started = time.monotonic()
         query = replace(query, time_limit=min(self._timeout_s, query.time_limit))
-        key = QueryKey(
-            *query.costmap.key, query.start, query.goal, query.sample, query.instruction
-        )
+        key = (query.costmap.key, query.start, query.goal, query.sample, query.instruction)
         with self._lock:
             kept = self._replies.get(key)
             if kept is not None:
@@ -93,7 +78,7 @@ class CachedSource:
         detail = f'no answer within {query.time_limit:.1f} s; a late one is kept for the next time'
         return self._failure(SourceStatus.TIMEOUT, detail, started)
 
-    def _store(self, key: QueryKey, reply: WaypointReply) -> None:
+    def _store(self, key: Hashable, reply: WaypointReply) -> None:
         with self._lock:
             if reply.status in _KEPT:
                 self._replies[key] = reply

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
@@ -25,15 +24,6 @@ NOT_RECORDED = 'replay: the recording was made without this instruction'
 
 class ReplayError(LlmAstarError, ValueError):
     """It is not clear which exchanges to replay; the message lists what the transcript holds."""
-
-
-class ExchangeKey(NamedTuple):
-    """What a replay looks an exchange up by."""
-
-    sample: SampleKey
-    model: str
-    prompt: str
-    instruction: str = ''
 
 
 class ReplaySource:
@@ -63,20 +53,36 @@ class ReplaySource:
         exchanges = read_transcript(self._path)
         self.model, self.prompt = self._choose(exchanges, model, prompt)
         self._resolver = SampleResolver(dataset)
-        self._exchanges: dict[ExchangeKey, Exchange] = {}
+        self._exchanges: dict[tuple[SampleKey, str], Exchange] = {}
         for exchange in exchanges:
-            key = ExchangeKey(
-                exchange.sample, exchange.model, exchange.prompt, exchange.instruction
-            )
+            if (exchange.model, exchange.prompt) != (self.model, self.prompt):
+                continue
+            key = exchange.sample, exchange.instruction
             if exchange.response or key not in self._exchanges:
                 self._exchanges[key] = exchange
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the recorded answer in grid coordinates; MISSING where there is none."""
         sample, lattice = self._resolver.resolve(query)
-        exchange, lattice = self._find(query, sample, lattice)
-        if exchange is None:
-            return self._missing(query, sample)
+        # An exchange with the query's own instruction is preferred to one without. An exchange
+        # about a sample of the dataset may have been recorded live, under the key of its cells.
+        for instruction in (query.instruction, ''):
+            for key, own in ((sample, lattice), (query.live_key, Lattice())):
+                exchange = self._exchanges.get((key, instruction))
+                if exchange is not None:
+                    return self._replay(query, exchange, own)
+        return WaypointReply(
+            label=f'replay:{self.model}',
+            status=SourceStatus.MISSING,
+            detail=f'{self._path}: no exchange for map {sample.map}, pair {sample.pair}, '
+            f'scale {sample.scale}, model {self.model}, prompt {self.prompt}',
+            model=self.model,
+            prompt=self.prompt,
+            instruction=NOT_RECORDED if query.instruction else '',
+        )
+
+    def _replay(self, query: WaypointQuery, exchange: Exchange, lattice: Lattice) -> WaypointReply:
+        """Return the reply of an exchange whose points are in the coordinates of `lattice`."""
         answer = read_answer(exchange.response)
         if not exchange.response:
             detail = f'recorded without an answer: {exchange.status.value}'
@@ -98,34 +104,6 @@ class ReplaySource:
             completion_tokens=exchange.completion_tokens,
             seconds=exchange.seconds,
             instruction=replayed_instruction(query, exchange, answer),
-        )
-
-    def _find(
-        self, query: WaypointQuery, sample: SampleKey, lattice: Lattice
-    ) -> tuple[Exchange | None, Lattice]:
-        """Return the exchange recorded for a query, and the lattice of its points.
-
-        An exchange with the query's own instruction is preferred to one without. An exchange
-        about a sample of the dataset may have been recorded live, under the key of its cells.
-        """
-        for instruction in (query.instruction, ''):
-            for key, own in ((sample, lattice), (query.live_key, Lattice())):
-                exchange = self._exchanges.get(
-                    ExchangeKey(key, self.model, self.prompt, instruction)
-                )
-                if exchange is not None:
-                    return exchange, own
-        return None, Lattice()
-
-    def _missing(self, query: WaypointQuery, sample: SampleKey) -> WaypointReply:
-        return WaypointReply(
-            label=f'replay:{self.model}',
-            status=SourceStatus.MISSING,
-            detail=f'{self._path}: no exchange for map {sample.map}, pair {sample.pair}, '
-            f'scale {sample.scale}, model {self.model}, prompt {self.prompt}',
-            model=self.model,
-            prompt=self.prompt,
-            instruction=NOT_RECORDED if query.instruction else '',
         )
 
     def _choose(self, exchanges: list[Exchange], model: str, prompt: str) -> tuple[str, str]:

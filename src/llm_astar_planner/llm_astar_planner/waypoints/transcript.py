@@ -76,11 +76,7 @@ class Exchange:
         record = {name: getattr(self, name) for name in _FIELDS}
         record['messages'] = [message._asdict() for message in self.messages]
         record['status'] = self.status.value
-        if self.unit != 1:
-            record['unit'] = self.unit
-        if self.instruction:
-            record['instruction'] = self.instruction
-        return record
+        return {name: value for name, value in record.items() if value != _DEFAULTS.get(name)}
 
 
 _FIELDS: dict[str, tuple[type, ...]] = {
@@ -95,7 +91,11 @@ _FIELDS: dict[str, tuple[type, ...]] = {
     'completion_tokens': (int,),
     'seconds': (int, float),
     'status': (str,),
+    'unit': (int,),
+    'instruction': (str,),
 }
+# The fields that a line may leave out.
+_DEFAULTS = {'unit': 1, 'instruction': ''}
 
 
 def read_transcript(path: str | Path) -> list[Exchange]:
@@ -126,29 +126,25 @@ def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
     """Validate one record. Raises TranscriptError that begins with `where` and names the field."""
     if not isinstance(record, dict):
         raise TranscriptError(f'{where}: an object is expected, not {str(record)[:60]!r}')
+    values: dict[str, Any] = _DEFAULTS | record
     for name, types in _FIELDS.items():
-        if name not in record:
+        if name not in values:
             raise TranscriptError(f'{where}: {name}: is missing')
-        check_type(record[name], types, f'{where}: {name}')
-    unit = record.get('unit', 1)
-    check_type(unit, (int,), f'{where}: unit')
-    for name, value in (('scale', record['scale']), ('unit', unit)):
-        if value < 1:
-            raise TranscriptError(f'{where}: {name}: {value} is not 1 or more')
-    values = {name: record[name] for name in _FIELDS}
+        check_type(values[name], types, f'{where}: {name}')
+    for name in ('scale', 'unit'):
+        if values[name] < 1:
+            raise TranscriptError(f'{where}: {name}: {values[name]} is not 1 or more')
     values['messages'] = tuple(
         parse_message(message, f'{where}: messages[{index}]')
-        for index, message in enumerate(record['messages'])
+        for index, message in enumerate(values['messages'])
     )
     try:
-        values['status'] = SourceStatus(record['status'])
+        values['status'] = SourceStatus(values['status'])
     except ValueError:
         known = ', '.join(status.value for status in SourceStatus)
-        message = f'{where}: status: {record["status"]!r} is none of {known}'
+        message = f'{where}: status: {values["status"]!r} is none of {known}'
         raise TranscriptError(message) from None
-    instruction = record.get('instruction', '')
-    check_type(instruction, (str,), f'{where}: instruction')
-    return Exchange(**values, unit=unit, instruction=instruction)
+    return Exchange(**{name: values[name] for name in _FIELDS})
 
 
 def check_type(value: object, types: tuple[type, ...], name: str) -> None:
@@ -309,9 +305,7 @@ class RecordingSource:
     def _exchange(self, query: WaypointQuery, reply: WaypointReply) -> Exchange:
         sample, _ = self._resolver.resolve(query)
         return Exchange(
-            map=sample.map,
-            pair=sample.pair,
-            scale=sample.scale,
+            *sample,
             model=reply.model,
             prompt=reply.prompt,
             messages=reply.messages,
