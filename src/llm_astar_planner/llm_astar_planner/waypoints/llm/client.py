@@ -46,7 +46,7 @@ class ChatClient:
         self,
         messages: Sequence[Message],
         deadline: float,
-        schema: dict[str, Any] | None = None,
+        schema: dict[str, Any],
         late_s: float = 0.0,
     ) -> Completion:
         """Return the model's answer before `deadline` (of time.monotonic).
@@ -78,7 +78,7 @@ class ChatClient:
         self,
         messages: Sequence[Message],
         deadline: float,
-        schema: dict[str, Any] | None,
+        schema: dict[str, Any],
         late_s: float,
     ) -> Completion:
         attempt = 0

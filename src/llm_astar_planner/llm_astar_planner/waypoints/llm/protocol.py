@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -18,17 +19,12 @@ from llm_astar_planner.waypoints.source import Message, SourceStatus
 
 RESPONSE_FORMATS = ('text', 'json_object', 'json_schema')
 # What servers write when the prompt does not fit: OpenAI, vLLM, llama.cpp, Ollama, Anthropic.
-_TOO_LONG = (
-    'context_length',
-    'context length',
-    'context size',
-    'context window',
-    'exceed_context',
-    'prompt is too long',
-    'prompt too long',
-    'too many tokens',
-    'maximum context',
+_TOO_LONG = re.compile(
+    'context[_ ]length|context size|context window|exceed_context|maximum context'
+    '|prompt is too long|prompt too long|too many tokens',
+    re.IGNORECASE,
 )
+_NAMES_FORMAT = re.compile('response_format|json_schema|json_object|grammar', re.IGNORECASE)
 MAX_ERROR_CHARS = 2000
 _STATUS_OF = {401: SourceStatus.AUTH, 403: SourceStatus.AUTH, 429: SourceStatus.REFUSED}
 
@@ -43,7 +39,7 @@ class Dialect:
     tokens_field: str = 'max_tokens'
 
     def body(
-        self, model: str, messages: Sequence[Message], schema: dict[str, Any] | None = None
+        self, model: str, messages: Sequence[Message], schema: dict[str, Any]
     ) -> dict[str, Any]:
         """Return the JSON body of a request that is not streamed."""
         body: dict[str, Any] = {
@@ -56,20 +52,19 @@ class Dialect:
             body[self.tokens_field] = self.max_output_tokens
         if self.temperature is not None:
             body['temperature'] = self.temperature
-        if schema is not None and self.response_format == 'json_schema':
+        if self.response_format == 'json_schema':
             named = {'name': 'reply', 'strict': True, 'schema': schema}
             body['response_format'] = {'type': 'json_schema', 'json_schema': named}
-        elif schema is not None and self.response_format == 'json_object':
+        elif self.response_format == 'json_object':
             body['response_format'] = {'type': 'json_object'}
         return body
 
-    def adapted(self, error: str) -> Dialect | None:
-        """Return the dialect to try after a 400 with this text, None where nothing is left."""
-        error = error.lower()
-        names_format = any(
-            word in error for word in ('response_format', 'json_schema', 'json_object', 'grammar')
-        )
-        if names_format and self.response_format != 'text':
+    def adapted_to(self, failure: EndpointFailure) -> Dialect | None:
+        """Return the dialect to try after a failure, None where another would not help."""
+        if failure.http not in (400, 422) or is_context_too_long(failure.body):
+            return None
+        error = failure.body.lower()
+        if self.response_format != 'text' and _NAMES_FORMAT.search(failure.body):
             weaker = RESPONSE_FORMATS[RESPONSE_FORMATS.index(self.response_format) - 1]
             return replace(self, response_format=weaker)
         if self.tokens_field and ('max_tokens' in error or 'max_completion_tokens' in error):
@@ -79,17 +74,10 @@ class Dialect:
             return replace(self, temperature=None)
         return None
 
-    def adapted_to(self, failure: EndpointFailure) -> Dialect | None:
-        """Return the dialect to try after a failure, None where another would not help."""
-        if failure.http not in (400, 422) or is_context_too_long(failure.body):
-            return None
-        return self.adapted(failure.body)
-
 
 def is_context_too_long(error: str) -> bool:
     """Return whether an error text says that the prompt does not fit the model's context."""
-    error = error.lower()
-    return any(words in error for words in _TOO_LONG)
+    return _TOO_LONG.search(error) is not None
 
 
 class Completion(NamedTuple):

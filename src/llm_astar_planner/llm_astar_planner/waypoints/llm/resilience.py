@@ -8,7 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from email.utils import parsedate_to_datetime
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -28,6 +28,7 @@ HOUR_S = 3600.0
 DAY_S = 86400.0
 
 
+@dataclass(eq=False, repr=False)
 class EndpointFailure(LlmAstarError, RuntimeError):  # noqa: N818 - a failure outside, no bug
     """A request to an endpoint, or all its retries, brought no completion.
 
@@ -37,27 +38,19 @@ class EndpointFailure(LlmAstarError, RuntimeError):  # noqa: N818 - a failure ou
     endpoint did not cause, such as a limit of ours.
     """
 
-    def __init__(
-        self,
-        status: SourceStatus,
-        detail: str,
-        *,
-        http: int = 0,
-        body: str = '',
-        retryable: bool = False,
-        retry_after: float | None = None,
-        is_ours: bool = False,
-    ) -> None:
-        """Keep the facts; `detail` is cut to MAX_DETAIL characters."""
-        detail = ' '.join(detail.split())[:MAX_DETAIL]
-        super().__init__(detail)
-        self.status = status
-        self.detail = detail
-        self.http = http
-        self.body = body
-        self.retryable = retryable
-        self.retry_after = retry_after
-        self.is_ours = is_ours
+    status: SourceStatus
+    detail: str
+    _: KW_ONLY
+    http: int = 0
+    body: str = ''
+    retryable: bool = False
+    retry_after: float | None = None
+    is_ours: bool = False
+
+    def __post_init__(self) -> None:
+        """Cut `detail` to MAX_DETAIL characters in one line."""
+        self.detail = ' '.join(self.detail.split())[:MAX_DETAIL]
+        super().__init__(self.detail)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,12 @@
 
 import pytest
 from llm_astar_planner.waypoints.llm.protocol import Dialect, is_context_too_long
+from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
+from llm_astar_planner.waypoints.source import SourceStatus
+
+
+def refusal(body):
+    return EndpointFailure(SourceStatus.ERROR, body, http=400, body=body)
 
 
 def test_a_dialect_drops_one_field_after_the_other():
@@ -10,7 +16,7 @@ def test_a_dialect_drops_one_field_after_the_other():
     steps = []
     while dialect is not None:
         steps.append((dialect.response_format, dialect.tokens_field, dialect.temperature))
-        dialect = dialect.adapted(everything)
+        dialect = dialect.adapted_to(refusal(everything))
     assert steps == [
         ('json_schema', 'max_tokens', 0.0),
         ('json_object', 'max_tokens', 0.0),
@@ -19,7 +25,7 @@ def test_a_dialect_drops_one_field_after_the_other():
         ('text', '', 0.0),
         ('text', '', None),
     ]
-    assert Dialect().adapted('something else') is None
+    assert Dialect().adapted_to(refusal('something else')) is None
 
 
 @pytest.mark.parametrize(
