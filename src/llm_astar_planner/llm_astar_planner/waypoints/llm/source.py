@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Sequence
+from dataclasses import KW_ONLY, InitVar, dataclass, field
 from typing import NamedTuple
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
@@ -73,37 +74,38 @@ def answer_of(completion: Completion) -> Answer:
     return answer
 
 
+class Turn(NamedTuple):
+    """The messages sent to the model, its text, and what the text says."""
+
+    messages: tuple[Message, ...] = ()
+    text: str = ''
+    answer: Answer = read_answer('')
+    waypoints: tuple[Waypoint, ...] = ()  # those of the answer, in grid coordinates
+
+
+@dataclass
 class EndpointSource:
     """Describes the map to a model, reads its reply, and asks again where that may help.
 
     A reply without a list of points is asked for once more. With `repair_rounds`, the model is
-    asked to correct a route that collides.
+    asked to correct a route that collides. A request that is running when the time is up goes on
+    for `late_s` seconds, for callers that keep a late answer. `dataset` makes prompts use the
+    coordinates of its maps.
     """
+
+    client: ChatClient
+    template: Template
+    _: KW_ONLY
+    timeout_s: float = 4.0
+    max_prompt_tokens: int = 2000
+    repair_rounds: int = 0
+    late_s: float = 0.0
+    dataset: InitVar[Sequence[BarrierMap] | None] = None
 
     name = 'endpoint'
 
-    def __init__(
-        self,
-        client: ChatClient,
-        template: Template,
-        *,
-        timeout_s: float = 4.0,
-        max_prompt_tokens: int = 2000,
-        repair_rounds: int = 0,
-        late_s: float = 0.0,
-        dataset: Sequence[BarrierMap] | None = None,
-    ) -> None:
-        """Take the client that requests are made with.
-
-        A request that is running when the time is up goes on for `late_s` seconds, for callers
-        that keep a late answer. `dataset` makes prompts use the coordinates of its maps.
-        """
-        self.client = client
-        self.template = template
-        self._timeout_s = timeout_s
-        self._max_prompt_tokens = max_prompt_tokens
-        self._repair_rounds = repair_rounds
-        self._late_s = late_s
+    def __post_init__(self, dataset: Sequence[BarrierMap] | None) -> None:
+        """Make what finds a query in the dataset."""
         self._resolver = SampleResolver(dataset)
 
     @property
@@ -113,15 +115,15 @@ class EndpointSource:
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Ask the model; a failure is a reply with its status. Returns by the time limit."""
-        deadline = time.monotonic() + min(self._timeout_s, query.time_limit)
-        conversation = Conversation(self.client, self.template, query, deadline, self._late_s)
+        deadline = time.monotonic() + min(self.timeout_s, query.time_limit)
+        conversation = Conversation(self, query, deadline)
         try:
             self._ask(conversation, query)
         except EndpointFailure as failure:
-            return conversation.reply(Answer((), failure.status, str(failure)), self.label)
+            return conversation.reply(Answer((), failure.status, str(failure)))
         conversation.ask_for_a_list()
-        conversation.repair(self._repair_rounds)
-        return conversation.reply(conversation.answer, self.label)
+        conversation.repair(self.repair_rounds)
+        return conversation.reply(conversation.turn.answer)
 
     def _ask(self, conversation: Conversation, query: WaypointQuery) -> None:
         """Ask, and once more with a coarser map where the prompt does not fit the context."""
@@ -131,7 +133,7 @@ class EndpointSource:
             query.start,
             query.goal,
             lattice=lattice,
-            max_tokens=self._max_prompt_tokens,
+            max_tokens=self.max_prompt_tokens,
         )
         try:
             conversation.ask(description)
@@ -142,114 +144,105 @@ class EndpointSource:
             conversation.ask(coarser)
 
 
+@dataclass
 class Conversation:
-    """One query to a model: the messages so far, what they cost, and the best answer."""
+    """One query to a model: the turn that counts so far, and what all turns took.
 
-    def __init__(
-        self,
-        client: ChatClient,
-        template: Template,
-        query: WaypointQuery,
-        deadline: float,
-        late_s: float,
-    ) -> None:
-        """Start without messages; `deadline` is a time of time.monotonic."""
-        self.answer = read_answer('')
-        self._client = client
-        self._template = template
-        self._query = query
-        self._deadline = deadline
-        self._late_s = late_s
-        self._started = time.monotonic()
-        self._lattice = Lattice()
-        self._messages: tuple[Message, ...] = ()
-        self._text = ''
-        self._waypoints: tuple[Waypoint, ...] = ()
-        self._prompt_tokens = 0
-        self._completion_tokens = 0
-        self._last_seconds = 0.0
+    `deadline` and `started` are times of time.monotonic.
+    """
+
+    source: EndpointSource
+    query: WaypointQuery
+    deadline: float
+    turn: Turn = field(default_factory=Turn)
+    lattice: Lattice = field(default_factory=Lattice)
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    last_seconds: float = 0.0
+    started: float = field(default_factory=time.monotonic)
 
     def ask(self, description: Description) -> None:
         """Ask for a path on the described map. Raises EndpointFailure."""
-        self._lattice = description.lattice
-        instruction = self._query.instruction
-        section = instruction_section(instruction, self._query.grid_map, self._lattice)
-        messages = self._template.render(description, section if instruction else '')
-        if self._client.dialect.response_format != 'text':
-            messages = ask_for_json(messages, thinks=self._template.thinks)
-        self._messages = messages
+        template, instruction = self.source.template, self.query.instruction
+        self.lattice = description.lattice
+        section = instruction_section(instruction, self.query.grid_map, self.lattice)
+        messages = template.render(description, section if instruction else '')
+        if self.source.client.dialect.response_format != 'text':
+            messages = ask_for_json(messages, thinks=template.thinks)
+        self.turn = Turn(messages)
         self._send(messages)
 
     def ask_for_a_list(self) -> None:
         """Ask once more where the reply held no list; a failure of that changes nothing."""
-        if self.answer.status is SourceStatus.MALFORMED and self._has_time():
+        if self.turn.answer.status is SourceStatus.MALFORMED and self._has_time():
             with contextlib.suppress(EndpointFailure):
-                self._send(self._followed_by(ASK_FOR_A_LIST))
+                self._follow_up(ASK_FOR_A_LIST)
 
     def repair(self, rounds: int) -> None:
         """Tell the model what collides, up to `rounds` times; keep the route with least faults."""
         faults = self._faults() if rounds else []
         for _ in range(rounds):
-            if not faults or self.answer.status is not SourceStatus.OK or not self._has_time():
+            before = self.turn
+            if not faults or before.answer.status is not SourceStatus.OK or not self._has_time():
                 return
-            before = self.answer, self._waypoints, self._text, self._messages
             try:
-                self._send(self._followed_by(follow_up(faults, self._lattice)))
+                self._follow_up(follow_up(faults, self.lattice))
             except EndpointFailure:
                 return
             new_faults = self._faults()
-            if self.answer.status is not SourceStatus.OK or len(new_faults) > len(faults):
-                self.answer, self._waypoints, self._text, self._messages = before
+            if self.turn.answer.status is not SourceStatus.OK or len(new_faults) > len(faults):
+                self.turn = before
                 return
             faults = new_faults
 
-    def reply(self, answer: Answer, label: str) -> WaypointReply:
+    def reply(self, answer: Answer) -> WaypointReply:
         """Return the reply to the query, given the answer that counts."""
-        if answer.status is SourceStatus.OK:
+        instruction = ''
+        if self.query.instruction and answer.status is SourceStatus.OK:
             instruction = FOLLOWED
-        elif answer.status is SourceStatus.NO_WAYPOINTS:
+        elif self.query.instruction and answer.status is SourceStatus.NO_WAYPOINTS:
             instruction = 'the model gave no waypoints'
-        else:
-            instruction = ''
         return WaypointReply(
-            waypoints=self._waypoints if answer.status is SourceStatus.OK else (),
-            label=label,
+            waypoints=self.turn.waypoints,
+            label=self.source.label,
             status=answer.status,
             detail=answer.detail,
-            text=self._text,
-            model=self._client.model,
-            prompt=self._template.name,
-            prompt_tokens=self._prompt_tokens,
-            completion_tokens=self._completion_tokens,
-            seconds=time.monotonic() - self._started,
-            messages=self._messages,
-            unit=self._lattice.unit,
-            instruction=instruction if self._query.instruction else '',
+            text=self.turn.text,
+            model=self.source.client.model,
+            prompt=self.source.template.name,
+            prompt_tokens=self.prompt_tokens,
+            completion_tokens=self.completion_tokens,
+            seconds=time.monotonic() - self.started,
+            messages=self.turn.messages,
+            unit=self.lattice.unit,
+            instruction=instruction,
         )
 
     def _has_time(self) -> bool:
         """Return whether an answer as slow as the last one would still come in time."""
-        return time.monotonic() + self._last_seconds < self._deadline
+        return time.monotonic() + self.last_seconds < self.deadline
 
     def _faults(self) -> list[Fault]:
-        query = self._query
-        return find_faults(query.costmap, query.start, query.goal, self._waypoints)
+        query = self.query
+        return find_faults(query.costmap, query.start, query.goal, self.turn.waypoints)
 
-    def _followed_by(self, question: str) -> tuple[Message, ...]:
-        answer = self._text[-MAX_QUOTED_CHARS:].strip() or '(no answer)'
-        return (*self._messages, Message('assistant', answer), Message('user', question))
+    def _follow_up(self, question: str) -> None:
+        """Quote the last answer to the model and ask about it. Raises EndpointFailure."""
+        answer = self.turn.text[-MAX_QUOTED_CHARS:].strip() or '(no answer)'
+        quoted = Message('assistant', answer), Message('user', question)
+        self._send((*self.turn.messages, *quoted))
 
     def _send(self, messages: tuple[Message, ...]) -> None:
         """Send the messages and read the answer. Raises EndpointFailure."""
         asked = time.monotonic()
-        schema = path_schema(thinks=self._template.thinks)
-        completion = self._client.complete(messages, self._deadline, schema, self._late_s)
-        self._last_seconds = time.monotonic() - asked
-        self._prompt_tokens += completion.prompt_tokens
-        self._completion_tokens += completion.completion_tokens
-        self._messages = messages
-        self._text = completion.text
-        self.answer = answer_of(completion)
-        self._waypoints = self._lattice.to_cells(
-            self.answer.waypoints, self._query.costmap, (self._query.start, self._query.goal)
+        schema = path_schema(thinks=self.source.template.thinks)
+        completion = self.source.client.complete(
+            messages, self.deadline, schema, self.source.late_s
         )
+        self.last_seconds = time.monotonic() - asked
+        self.prompt_tokens += completion.prompt_tokens
+        self.completion_tokens += completion.completion_tokens
+        answer = answer_of(completion)
+        endpoints = self.query.start, self.query.goal
+        waypoints = self.lattice.to_cells(answer.waypoints, self.query.costmap, endpoints)
+        self.turn = Turn(messages, completion.text, answer, waypoints)
