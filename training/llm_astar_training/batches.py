@@ -25,7 +25,10 @@ HELD_OUT_SEED = 1000 * STEPS_PER_SEED
 
 @dataclass(frozen=True)
 class Batch:
-    """n problems of B barriers each, N = 2 + 2 B nodes; see `routes` for the labels."""
+    """n problems of B barriers each, N = 2 + 2 B nodes; see `routes` for the labels.
+
+    The arrays are in the order in which `fill_batch` takes them.
+    """
 
     kind: int
     barriers: Ints  # [n, B, 4]
@@ -40,8 +43,7 @@ class Batch:
 def make_batch(seed: int, kind: int, barriers: int, count: int) -> Batch:
     """Draw `count` problems of one kind and number of barriers."""
     nodes = 2 + 2 * barriers
-    batch = Batch(
-        kind,
+    arrays = [
         np.zeros((count, barriers, 4), np.int32),
         np.zeros((count, 2), np.int32),
         np.zeros((count, 2, 2), np.int32),
@@ -49,12 +51,9 @@ def make_batch(seed: int, kind: int, barriers: int, count: int) -> Batch:
         np.zeros((count, nodes, nodes), np.float32),
         np.zeros((count, nodes, nodes), np.float32),
         np.zeros((count, nodes), np.float32),
-    )
-    fill_batch(
-        seed, kind, batch.barriers, batch.size, batch.endpoints,
-        batch.usable, batch.distances, batch.hops, batch.weights,
-    )  # fmt: skip
-    return batch
+    ]
+    fill_batch(seed, kind, *arrays)
+    return Batch(kind, *arrays)
 
 
 def step_batch(seed: int, step: int, most: int = MAX_MAPS) -> Batch:

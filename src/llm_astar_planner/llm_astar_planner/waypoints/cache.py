@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Hashable
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, replace
 
 from cachetools import LRUCache
 
@@ -23,31 +23,27 @@ MAX_PENDING = 16
 _KEPT = (SourceStatus.OK, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED)
 
 
+@dataclass(eq=False)
 class CachedSource:
     """Answers from memory where it can; queries `inner` once for identical concurrent queries.
 
     When a caller's time is up the query continues in the background, as long as `inner` lets it,
     and its late reply goes to the cache. Keyed by the costmap (map and rules), start, goal,
     sample and instruction; of more than `size` replies the least recently used is dropped.
-    Thread-safe.
+    `model` and `prompt` label the replies of failures. Thread-safe.
     """
 
-    def __init__(
-        self,
-        inner: WaypointSource,
-        *,
-        model: str = '',
-        prompt: str = '',
-        size: int = 256,
-        timeout_s: float = 4.0,
-    ) -> None:
-        """Wrap `inner`; `model` and `prompt` label the replies of failures."""
-        self.inner = inner
-        self._model = model
-        self._prompt = prompt
-        self._timeout_s = timeout_s
+    inner: WaypointSource
+    _: KW_ONLY
+    model: str = ''
+    prompt: str = ''
+    size: int = 256
+    timeout_s: float = 4.0
+
+    def __post_init__(self) -> None:
+        """Start with an empty cache and no running query."""
         self._lock = threading.Lock()
-        self._replies: LRUCache[Hashable, WaypointReply] = LRUCache(size)
+        self._replies: LRUCache[Hashable, WaypointReply] = LRUCache(self.size)
         self._running: dict[Hashable, WaypointQueryTask] = {}
 
     @property
@@ -58,7 +54,7 @@ class CachedSource:
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the reply in memory, else wait up to `timeout_s` or the query's time limit."""
         started = time.monotonic()
-        query = replace(query, time_limit=min(self._timeout_s, query.time_limit))
+        query = replace(query, time_limit=min(self.timeout_s, query.time_limit))
         key = (query.costmap.key, query.start, query.goal, query.sample, query.instruction)
         with self._lock:
             kept = self._replies.get(key)
@@ -86,11 +82,11 @@ class CachedSource:
 
     def _failure(self, status: SourceStatus, detail: str, started: float) -> WaypointReply:
         return WaypointReply(
-            label=f'{self.name}:{self._model}',
+            label=f'{self.name}:{self.model}',
             status=status,
             detail=detail,
-            model=self._model,
-            prompt=self._prompt,
+            model=self.model,
+            prompt=self.prompt,
             seconds=time.monotonic() - started,
         )
 

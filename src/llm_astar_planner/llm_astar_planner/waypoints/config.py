@@ -102,10 +102,8 @@ class SourceSettings:
             problem = entry.problem(getattr(self, name))
             if problem:
                 raise SettingsError(problem)
-        if self.source == 'endpoint':
-            self._check_endpoint()
-
-    def _check_endpoint(self) -> None:
+        if self.source != 'endpoint':
+            return
         try:
             Endpoint(self.base_url, self.api_key_env)
             load_template(self.prompt or DEFAULT_PROMPT)

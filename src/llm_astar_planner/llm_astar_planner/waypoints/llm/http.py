@@ -69,9 +69,7 @@ async def post(
     try:
         async with (
             httpx.AsyncClient(
-                trust_env=use_proxies,
-                verify=tls_context(),
-                timeout=timeout,
+                trust_env=use_proxies, verify=tls_context(), timeout=timeout
             ) as client,
             client.stream('POST', url, json=body, headers=dict(headers)) as response,
         ):
@@ -96,23 +94,19 @@ async def post(
         # Raised for a proxy variable that is malformed, or that needs another package.
         detail = f'the proxy settings of the environment do not work: {type(error).__name__}'
         raise EndpointFailure(SourceStatus.ERROR, detail) from None
-    except httpx.RemoteProtocolError as error:
-        # Its text quotes the response, which may echo the request with its key.
-        raise unreachable(url, error, str(error).partition(':')[0]) from None
     except (httpx.TransportError, OSError) as error:
-        raise unreachable(url, error, str(error)) from None
+        words = str(error)
+        if isinstance(error, httpx.RemoteProtocolError):
+            # Its text quotes the response, which may echo the request with its key.
+            words = words.partition(':')[0]
+        detail = f'{httpx.URL(url).host} is unreachable: {type(error).__name__}: {words}'
+        raise EndpointFailure(SourceStatus.UNREACHABLE, detail, retryable=True) from None
 
 
 @functools.lru_cache(maxsize=1)
 def tls_context() -> ssl.SSLContext:
     """Return the TLS context, made once: loading the certificates takes tens of ms."""
     return httpx.create_ssl_context()
-
-
-def unreachable(url: str, error: Exception, words: str) -> EndpointFailure:
-    """Return the failure of a host that cannot be reached; it may be retried."""
-    detail = f'{httpx.URL(url).host} is unreachable: {type(error).__name__}: {words}'
-    return EndpointFailure(SourceStatus.UNREACHABLE, detail, retryable=True)
 
 
 def timed_out(limit: float) -> EndpointFailure:

@@ -83,7 +83,7 @@ class Turn(NamedTuple):
     waypoints: tuple[Waypoint, ...] = ()  # those of the answer, in grid coordinates
 
 
-@dataclass
+@dataclass(eq=False)
 class EndpointSource:
     """Describes the map to a model, reads its reply, and asks again where that may help.
 
@@ -144,7 +144,7 @@ class EndpointSource:
             conversation.ask(coarser)
 
 
-@dataclass
+@dataclass(eq=False)
 class Conversation:
     """One query to a model: the turn that counts so far, and what all turns took.
 

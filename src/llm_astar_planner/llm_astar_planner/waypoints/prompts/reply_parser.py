@@ -131,16 +131,13 @@ def bracket_group(match: re.Match[str]) -> BracketGroup:
 
 def group_runs(text: str, items: list[BracketGroup]) -> list[GroupRun]:
     """Split the bracket groups where other text stands between them."""
-    runs: list[GroupRun] = []
-    group: list[BracketGroup] = []
+    runs: list[list[BracketGroup]] = []
     for item in items:
-        if group and not _BETWEEN.fullmatch(text, group[-1].end, item.start):
-            runs.append(make_run(text, group))
-            group = []
-        group.append(item)
-    if group:
-        runs.append(make_run(text, group))
-    return runs
+        if runs and _BETWEEN.fullmatch(text, runs[-1][-1].end, item.start):
+            runs[-1].append(item)
+        else:
+            runs.append([item])
+    return [make_run(text, run) for run in runs]
 
 
 def make_run(text: str, items: list[BracketGroup]) -> GroupRun:
@@ -154,28 +151,19 @@ def make_run(text: str, items: list[BracketGroup]) -> GroupRun:
 
 def points_in_json(text: str) -> list[Waypoint] | None:
     """Return the last list of points where the reply or its last fenced block is valid JSON."""
-    for candidate in json_candidates(text):
-        try:
-            value = json.loads(candidate)
-        except (ValueError, RecursionError):
-            continue
-        lists = list(point_lists(value, labelled=True, depth=0))
-        if lists:
-            return lists[-1]
-    return None
-
-
-def json_candidates(text: str) -> Iterator[str]:
-    """Yield the parts of a reply that may be JSON: the whole, or its last fenced block."""
-    stripped = text.strip()
-    if stripped[:1] in ('[', '{'):
-        yield stripped
-        return
-    fences = _FENCE.findall(text)
-    if fences:
-        if text.rpartition('```')[2].strip():
-            return  # the text after the block may hold the conclusion
-        yield fences[-1].strip()
+    text = text.strip()
+    if not text.startswith(('[', '{')):
+        fences = _FENCE.findall(text)
+        # Text after the last block may hold the conclusion.
+        if not fences or text.rpartition('```')[2].strip():
+            return None
+        text = fences[-1].strip()
+    try:
+        value = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    lists = list(point_lists(value, labelled=True, depth=0))
+    return lists[-1] if lists else None
 
 
 def point_lists(value: Any, *, labelled: bool, depth: int) -> Iterator[list[Waypoint]]:  # noqa: ANN401 - any JSON value
