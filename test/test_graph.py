@@ -396,7 +396,10 @@ def test_an_impossible_parameter_is_one_line_at_start(name, parameter, words):
 def test_a_node_refuses_names_of_other_nodes_in_its_own_section_only(tmp_path):
     own, shared = tmp_path / 'own.yaml', tmp_path / 'shared.yaml'
     own.write_text('/**/map_node: {ros__parameters: {base_url: x}}')
-    shared.write_text('/**: {ros__parameters: {base_url: x, weight: 3.0, use_sim_time: false}}')
+    shared.write_text(
+        '/**: {ros__parameters: {base_url: x, weight: 3.0, use_sim_time: false, '
+        'robot_description: x, plugin: {type: y}}}'
+    )
     with process('map_node', '--params-file', str(shared), namespace=ALONE) as node:
         wait_for(lambda: 'published' in ''.join(node.output), 'the map')
     assert node.returncode == 0

@@ -128,7 +128,7 @@ def parameters_of(config: type) -> dict[str, Parameter]:
     return {item.name: Parameter(item.name, item.default, **item.metadata) for item in declared}
 
 
-def nearest_name(name: str, known: Iterable[str]) -> str:
+def nearest_name(name: str, known: Iterable[str], likeness: float = 0.5) -> str:
     """Return the end of a sentence about an unknown name: which known one may be meant."""
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=likeness)
     return f'; did you mean {near[0]}?' if near else ''

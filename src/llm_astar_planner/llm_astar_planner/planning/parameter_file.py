@@ -77,13 +77,14 @@ def check_sections(
 ) -> None:
     """Raise ParameterError for a name in a section of `tables`' nodes that does not exist.
 
-    `tables` names, for each node as sections call it, its entry in NODES.
+    In a wildcard section only misspellings are refused: others may be of another package. `tables`
+    names, for each node as sections call it, its entry in NODES.
     """
     for name, parameters in sections:
         if name in tables:
             check_names(tables[name], parameters)
         elif name in WILDCARDS:
-            check_names('planner_node', parameters, shared=True)
+            check_names('planner_node', parameters, wildcard=True)
 
 
 def _collect(

@@ -223,6 +223,10 @@ DEPRECATED: dict[str, tuple[DeprecatedParameter, ...]] = {
 ROS_NAMES = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 
 
+# How alike (0 to 1) two names are if one is a misspelling of the other.
+MISSPELT = 0.8
+
+
 def defaults(parameters: Iterable[Parameter], *, cli: bool = False) -> dict[str, Any]:
     """Return the default of each parameter by name: a node's, or the command line's."""
     return {
@@ -237,19 +241,26 @@ def known_names(node: str) -> set[str]:
     return own | {old.name for old in DEPRECATED.get(node, ())}
 
 
-def check_names(node: str, names: Iterable[str], *, shared: bool = False) -> None:
+def check_names(
+    node: str, names: Iterable[str], *, shared: bool = False, wildcard: bool = False
+) -> None:
     """Raise ParameterError for the first name that no parameter of the node has.
 
-    `shared` names may come from a section for several nodes: those of the other nodes are fine.
+    `shared` names are meant for several nodes: those of this package's other nodes are fine.
+    `wildcard` names are meant for any node, so an unknown one may be of another package; only one
+    that looks like a misspelling is refused.
     """
     known = known_names(node)
     who = f'{node} has no'
-    if shared:
+    if shared or wildcard:
         known, who = known.union(*map(known_names, NODES)), 'no node of this package has a'
     for name in names:
-        if name not in known and name.partition('.')[0] not in ROS_NAMES:
-            near = nearest_name(name, known_names(node)) or nearest_name(name, known)
-            raise ParameterError(f'{name}: {who} parameter of this name{near}')
+        if name in known or name.partition('.')[0] in ROS_NAMES:
+            continue
+        if wildcard and not nearest_name(name, known, MISSPELT):
+            continue
+        near = nearest_name(name, known_names(node)) or nearest_name(name, known)
+        raise ParameterError(f'{name}: {who} parameter of this name{near}')
 
 
 def costmap_config(values: Mapping[str, Any]) -> CostmapConfig:

@@ -166,6 +166,7 @@ def test_an_unknown_name_is_refused_and_the_nearest_one_named(tmp_path, text, ex
     'text',
     [
         '/**: {ros__parameters: {base_url: x, map_id: 3, use_sim_time: true, weight: 3.0}}',
+        '/**: {ros__parameters: {robot_description: x, plugin: {type: y}, weight: 3.0}}',
         'planner_node: {ros__parameters: {use_sim_time: true, weight: 3.0, '
         'qos_overrides./map.subscription.depth: 1, start_type_description_service: false}}',
         'planner_node: {ros__parameters: {weight: 3.0, qos_overrides: {/map: {subscription: '

@@ -16,7 +16,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 
 from llm_astar_planner.parameter import Parameter, ParameterError
-from llm_astar_planner.planning.parameter_file import check_sections, read_sections
+from llm_astar_planner.planning.parameter_file import WILDCARDS, check_sections, read_sections
 from llm_astar_planner.planning.parameters import DEPRECATED, NODES, check_names
 
 # Given the values a change would lead to, returns what is wrong with them, None for nothing.
@@ -58,9 +58,13 @@ class Parameters:
         self._check = check
         # rclpy shows overrides that nobody declares in no other way.
         given = {name: override.value for name, override in node._parameter_overrides.items()}
-        check_names(table, given, shared=True)
+        for_any_node: set[str] = set()
         for path in parameter_files(sys.argv):
-            check_sections(read_sections(path), {node.get_name(): table})
+            sections = read_sections(path)
+            check_sections(sections, {node.get_name(): table})
+            for_any_node.update(*(names for section, names in sections if section in WILDCARDS))
+        own = [name for name in given if name.partition('.')[0] not in for_any_node]
+        check_names(table, own, shared=True)
         self._declare(given)
         problem = self._problem(self.values())
         if problem:
