@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from llm_astar_planner.waypoints.learned.source import Route, follow
@@ -43,7 +44,7 @@ class Batch:
 def make_batch(seed: int, kind: int, barriers: int, count: int) -> Batch:
     """Draw `count` problems of one kind and number of barriers."""
     nodes = 2 + 2 * barriers
-    arrays = [
+    arrays: list[Any] = [
         np.zeros((count, barriers, 4), np.int32),
         np.zeros((count, 2), np.int32),
         np.zeros((count, 2, 2), np.int32),
