@@ -2,7 +2,6 @@
 
 import csv
 import signal
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.visibility import LineOfSightChecker
 from llm_astar_planner.waypoints.baselines import shortest_route
 from llm_astar_planner.waypoints.learned.features import featurise, place_nodes
-from llm_astar_planner.waypoints.learned.network import hop_logits, read_weights
+from llm_astar_planner.waypoints.learned.network import hop_logits, read_weights, write_weights
 from llm_astar_training.batches import (
     HELD_OUT_SEED,
     MAX_BARRIERS,
@@ -23,13 +22,9 @@ from llm_astar_training.batches import (
     step_batch,
     valid_share,
 )
-from llm_astar_training.curve import draw
 from llm_astar_training.evaluate import figures
-from llm_astar_training.export import export
 from llm_astar_training.maps import BOXES, KINDS, RECIPE, ROOMS, SCATTERED
 from llm_astar_training.routes import lengths_to_goal
-
-ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope='module')
@@ -108,7 +103,7 @@ def test_the_benchmarks_maps_are_not_among_the_training_maps():
 
 def test_exported_weights_are_read_back(tmp_path):
     arrays = {'enter.weight': np.arange(6, dtype=np.float32).reshape(2, 3)}
-    export(arrays, {'layers': 2}, tmp_path / 'model.npz')
+    write_weights(tmp_path / 'model.npz', arrays, {'layers': 2})
     weights = read_weights((tmp_path / 'model.npz').read_bytes())
     assert dict(weights.shape) == {'layers': 2}
     assert np.array_equal(weights.arrays['enter.weight'], arrays['enter.weight'])
@@ -191,8 +186,3 @@ def test_a_complete_run_trains_no_more_and_a_checkpoint_of_another_run_is_refuse
             train(2, *other)
         assert 'checkpoint.pt: ' in capsys.readouterr().err
     assert steps_of(tmp_path) == [1]
-
-
-def test_the_curve_of_a_run_is_drawn(tmp_path):
-    draw(ROOT / 'training', tmp_path / 'curve.png')
-    assert (tmp_path / 'curve.png').read_bytes().startswith(b'\x89PNG')

@@ -1,1 +1,1 @@
-"""Training of the embedded waypoint model: maps, labels, network, trainer and export."""
+"""Training of the embedded waypoint model: maps, labels, network, trainer and evaluation."""

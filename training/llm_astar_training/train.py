@@ -27,13 +27,13 @@ import numpy as np
 import torch
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_planner.waypoints.learned.features import featurise
+from llm_astar_planner.waypoints.learned.network import write_weights
 from torch import Tensor
 from torch.nn import functional as fn
 from tqdm import tqdm
 
 from llm_astar_training import batches
 from llm_astar_training.batches import Batch
-from llm_astar_training.export import export
 from llm_astar_training.maps import RECIPE
 from llm_astar_training.network import Network, Shape
 
@@ -179,7 +179,7 @@ class Trainer:
         os.replace(partial, self.out / 'checkpoint.pt')
         arrays = {name: value.numpy() for name, value in network.state_dict().items()}
         model = self.out / 'model.npz'
-        export(arrays, asdict(network.shape), model)
+        write_weights(model, arrays, asdict(network.shape))
         valid = (f'{100 * row[f"valid_{name}"]:.1f} %' for name in ('recipe', 'wide'))
         return f'{model}: step {self.step}, valid greedy, recipe and wider: {" and ".join(valid)}'
 

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -75,7 +76,7 @@ def packaged_weights() -> Weights:
 
 
 def read_weights(data: bytes, name: str = 'weights') -> Weights:
-    """Read a file that `llm_astar_training.export` wrote. Raises WeightsError."""
+    """Read a file that `write_weights` wrote. Raises WeightsError."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as held:
             header = json.loads(held['header'].tobytes())
@@ -85,6 +86,13 @@ def read_weights(data: bytes, name: str = 'weights') -> Weights:
     if header.pop('format', None) != FORMAT:
         raise WeightsError(f'{name}: format: is not {FORMAT}; export the weights again')
     return Weights(arrays, header, hashlib.sha256(data).hexdigest()[:12])
+
+
+def write_weights(path: Path, arrays: Mapping[str, Floats], shape: Mapping[str, int]) -> None:
+    """Write weights as float16 under their torch names, and the network's sizes, to one .npz."""
+    halves: dict[str, Any] = {name: array.astype(np.float16) for name, array in arrays.items()}
+    header = json.dumps({'format': FORMAT, **shape}, sort_keys=True)
+    np.savez_compressed(path, header=np.frombuffer(header.encode(), np.uint8), **halves)
 
 
 def hop_logits(weights: Weights, features: Features) -> Floats:
