@@ -1,4 +1,7 @@
-"""`llm-astar bench`: runs methods with and without waypoints over a dataset."""
+"""Plan the samples of a dataset with every method and waypoint source.
+
+Write a results folder: rows, summary, report.md, report.html, pictures.
+"""
 
 from __future__ import annotations
 
@@ -72,16 +75,8 @@ the optimal one in the dataset, 130 interrupted
 """
 
 
-def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the sub-command `bench`."""
-    parser = subparsers.add_parser(
-        'bench',
-        description='Plan the samples of a dataset with every method and waypoint source, and '
-        'write a results folder: rows, summary, report.md, report.html, pictures.',
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.set_defaults(run=run, command='bench')
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     add_samples(parser.add_argument_group('samples'))
     add_variants(parser.add_argument_group('methods and sources'))
     add_running(parser.add_argument_group('running'), 'out/bench')

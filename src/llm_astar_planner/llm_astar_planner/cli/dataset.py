@@ -1,11 +1,10 @@
-"""`llm-astar dataset`: generates barrier-map datasets, checks them, converts them to bags."""
+"""Generate datasets of samples, check them, or convert them to bags."""
 
 from __future__ import annotations
 
 import argparse
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.bags.messages import GET_PLAN_EVENT, MAP
@@ -19,11 +18,8 @@ from llm_astar_planner.resources import find_file
 OK, BAD_INPUT = 0, 2
 
 
-def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the sub-command `dataset` with `generate`, `check` and `to-bag`."""
-    parser = subparsers.add_parser(
-        'dataset', description='Generate, check or convert datasets of samples.'
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the actions `generate`, `check` and `to-bag`."""
     actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
     make = actions.add_parser(
         'generate', help='generate a dataset; the same seed gives the same one'
@@ -39,11 +35,9 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     )  # fmt: skip
     make.add_argument('--out', required=True, metavar='FILE', help='the JSON file to write')
     make.add_argument('--pictures', metavar='DIR', help='also draw every map into this folder')
-    make.set_defaults(run=run)
     check = actions.add_parser('check', help='validate a dataset file')
     check.add_argument('file', metavar='FILE')
     check.add_argument('--json', action='store_true', help='print the problems found as JSON')
-    check.set_defaults(run=run)
     bag = actions.add_parser(
         'to-bag',
         help='write the samples as a bag of maps and requests, as a robot would record them',
@@ -55,7 +49,6 @@ def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its ty
     bag.add_argument('--maps', metavar='IDS', help='which maps, such as 50-59 (default: all)')
     bag.add_argument('--out', required=True, metavar='DIR', help='the folder of the new bag')
     bag.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap')
-    bag.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,4 +1,9 @@
-"""`llm-astar demo`: run the whole graph, three nodes and a client, for one plan."""
+"""Run the whole graph for one plan: three nodes and a client.
+
+Start map_node, llm_client_node and planner_node as processes, call the planner's GetPlan as
+another stack would, print and draw the plan, and stop everything. The waypoints come from the
+embedded learned model, which is not an LLM and needs no key and no network.
+"""
 
 from __future__ import annotations
 
@@ -29,16 +34,8 @@ STOP_SECONDS = 10.0
 RADIUS = tuple(item for item in COSTMAP if item.name == 'robot_radius')
 
 
-def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the command to `llm-astar`."""
-    parser = commands.add_parser(
-        'demo',
-        description='Start map_node, llm_client_node and planner_node as processes, call the '
-        "planner's GetPlan as another stack would, print and draw the plan, and stop everything. "
-        'The waypoints come from the embedded learned model, which is not an LLM and needs no key '
-        'and no network.',
-    )
-    parser.set_defaults(run=run)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument(
         '--png', default='out/demo.png', metavar='FILE', help='picture (default: %(default)s)'
     )

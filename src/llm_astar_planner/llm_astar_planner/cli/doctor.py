@@ -1,4 +1,7 @@
-"""`llm-astar doctor`: what is installed, what is missing, and how to get it."""
+"""Check everything that the planner uses, and say how to install what is missing.
+
+The exit code is 1 if something required is missing.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,6 @@ import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from llm_astar_planner.resources import find_file
 
@@ -58,14 +60,8 @@ OPTIONAL_ROS = {
 }
 
 
-def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the command to `llm-astar`."""
-    parser = commands.add_parser(
-        'doctor',
-        description='Check everything that the planner uses. Exit code 1 if something required is '
-        'missing.',
-    )
-    parser.set_defaults(run=run)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument('--json', action='store_true', help='print one JSON object')
 
 

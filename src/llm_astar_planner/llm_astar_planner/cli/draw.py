@@ -1,11 +1,13 @@
-"""`llm-astar draw`: draws A* and LLM-A* on one sample as a picture or an animation."""
+"""Draw the cells that A* and LLM-A* expand on one sample.
+
+The file is a picture (.png, .svg, .pdf) or an animation (.gif).
+"""
 
 from __future__ import annotations
 
 import argparse
 import math
 from pathlib import Path
-from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map, load_barrier_maps
 
@@ -23,14 +25,8 @@ from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import SOURCES
 
 
-def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the sub-command `draw`."""
-    parser = subparsers.add_parser(
-        'draw',
-        description='Draw the cells that A* and LLM-A* expand on one sample: a picture (.png, '
-        '.svg, .pdf) or an animation (.gif).',
-    )
-    parser.set_defaults(run=run)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument(
         '--dataset', default='samples_1000.json', metavar='FILE',
         help='barrier-map JSON, a path or a name in maps/ (default: %(default)s)',

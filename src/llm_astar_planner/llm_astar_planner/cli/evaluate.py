@@ -1,4 +1,8 @@
-"""`llm-astar evaluate`: plan the requests of recorded bags, without a robot, graph or display."""
+"""Plan every request in rosbag2 bags (mcap or sqlite3) with every method and source.
+
+Compare with the recorded plans, and write a results folder like that of bench. No robot, graph
+or display is needed.
+"""
 
 from __future__ import annotations
 
@@ -94,16 +98,9 @@ did not answer, 130 interrupted
 """
 
 
-def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the sub-command `evaluate`."""
-    parser = subparsers.add_parser(
-        'evaluate',
-        description='Plan every request in rosbag2 bags (mcap or sqlite3) with every method and '
-        'source, compare with the recorded plan, and write a results folder like that of bench.',
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.set_defaults(run=run, command='evaluate', seed=0)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(seed=0)
     parser.add_argument('bags', nargs='+', metavar='BAG', help='a folder, or an mcap or db3 file')
     add_input(parser.add_argument_group('input'))
     add_variants(parser.add_argument_group('methods and sources'))

@@ -14,8 +14,9 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_planner import __version__
 from llm_astar_planner.parameter import ParameterError, nearest_name
 
-# Each command is a module of its name, imported only for that command: `doctor` must run where
-# what the others need is missing.
+# Each command is a module of its name, with its description as docstring, `add_arguments`, `run`
+# and optionally an EPILOG. It is imported only for that command: `doctor` must run where what the
+# others need is missing.
 COMMANDS = {
     'plan': 'plan from start to goal on a map, without ROS',
     'watch': 'print the plans of a running planner as they are made',
@@ -81,8 +82,15 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
     for name, summary in COMMANDS.items():
         if argv[:1] == [name]:
-            module = f'llm_astar_planner.cli.{name}'
-            importlib.import_module(module).add_parser(commands)
+            module = importlib.import_module(f'llm_astar_planner.cli.{name}')
+            command = commands.add_parser(
+                name,
+                description=module.__doc__,
+                epilog=getattr(module, 'EPILOG', None),
+                formatter_class=argparse.RawDescriptionHelpFormatter,
+            )
+            command.set_defaults(run=module.run, command=name)
+            module.add_arguments(command)
         else:
             commands.add_parser(name, help=summary)
     arguments, unknown = parser.parse_known_args(argv)

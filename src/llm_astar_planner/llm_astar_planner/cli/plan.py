@@ -1,4 +1,7 @@
-"""`llm-astar plan`: one plan on a barrier map or a grid, without ROS."""
+"""Plan from start to goal on a map, without ROS.
+
+The parameters of the nodes are flags; with the nodes' own --params-file it plans as they do.
+"""
 
 from __future__ import annotations
 
@@ -53,16 +56,8 @@ examples:
 """
 
 
-def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the command to `llm-astar`."""
-    parser = commands.add_parser(
-        'plan',
-        description='Plan from start to goal on a map, without ROS. The parameters of the nodes '
-        "are flags; with the nodes' own --params-file it plans as they do.",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.set_defaults(run=run)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     where = parser.add_argument_group('where')
     where.add_argument(
         '--map',

@@ -1,11 +1,10 @@
-"""`llm-astar record`: record the live graph into a bag, to evaluate it later."""
+"""Record the live graph into a rosbag2 bag, to evaluate it later."""
 
 from __future__ import annotations
 
 import argparse
 import math
 from functools import partial
-from typing import Any
 
 from llm_astar_msgs_adapter.bags.writing import BagWriter
 
@@ -24,15 +23,8 @@ publisher. For the use of the bag see `llm-astar evaluate --help`.
 """
 
 
-def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the command to `llm-astar`."""
-    parser = commands.add_parser(
-        'record',
-        description='Record the live graph into a rosbag2 bag, to evaluate it later.',
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.set_defaults(run=run)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument('--out', required=True, metavar='DIR', help='the bag, a new folder')
     parser.add_argument(
         '--namespace', default='', metavar='NS', help="the robot's, such as /robot1"

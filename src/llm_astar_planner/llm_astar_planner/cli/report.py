@@ -1,10 +1,12 @@
-"""`llm-astar report`: rewrites the reports of a results folder, or a section of a README."""
+"""Rewrite summary, figures and reports of a results folder from its rows.
+
+With --readme, only replace the results section of a README.
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from llm_astar_planner.benchmark.analysis.summary import compare_with_none, summarise
 from llm_astar_planner.benchmark.datasets.samples import load_kept_maps
@@ -12,14 +14,8 @@ from llm_astar_planner.benchmark.report.markdown import replace_section, results
 from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsFolder
 
 
-def add_parser(subparsers: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the sub-command `report`."""
-    parser = subparsers.add_parser(
-        'report',
-        description='Rewrite summary, figures and reports of a results folder from its rows, or, '
-        'with --readme, only replace the results section of a README.',
-    )
-    parser.set_defaults(run=run)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument(
         'folder', metavar='DIR', help='a folder written by `llm-astar bench --out`'
     )

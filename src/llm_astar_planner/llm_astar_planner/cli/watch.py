@@ -1,4 +1,8 @@
-"""`llm-astar watch`: the plans of a running planner, line by line in the terminal."""
+"""Print a line for each plan of a running planner_node.
+
+It prints one for each exchange of its llm_client_node with its source and for each change of
+their state, too.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from llm_astar_planner.parameter import ParameterError
 
@@ -34,16 +38,8 @@ examples:
 """
 
 
-def add_parser(commands: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add the command to `llm-astar`."""
-    parser = commands.add_parser(
-        'watch',
-        description='Print a line for each plan of a running planner_node, each exchange of its '
-        'llm_client_node with its source, and each change of their state.',
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.set_defaults(run=run)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     parser.add_argument('--namespace', default='/', help="the nodes' namespace (default: /)")
     parser.add_argument(
         '--node', default='planner_node', help='name of the planner (default: %(default)s)'

@@ -1,6 +1,5 @@
 """`llm-astar bench`, `dataset` and `report` as a user runs them."""
 
-import argparse
 import csv
 import gzip
 import hashlib
@@ -17,19 +16,14 @@ from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barr
 from llm_astar_planner.benchmark.datasets.generate import generate
 from llm_astar_planner.benchmark.results import ResultsError
 from llm_astar_planner.cli import bench as cli_bench
-from llm_astar_planner.cli import dataset as cli_dataset
-from llm_astar_planner.cli import report as cli_report
+from llm_astar_planner.cli.main import parse
 from llm_astar_planner.waypoints.source import SourceStatus
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter
 
 
 def llm_astar(*words):
     """Run a command in this process and return its exit code."""
-    parser = argparse.ArgumentParser(prog='llm-astar')
-    commands = parser.add_subparsers(required=True)
-    for command in (cli_bench, cli_dataset, cli_report):
-        command.add_parser(commands)
-    args = parser.parse_args([str(word) for word in words])
+    args = parse([str(word) for word in words])
     return args.run(args)
 
 
@@ -303,13 +297,11 @@ def test_replayed_reference_replies_give_the_reference_aggregates(undrawn, out, 
 def test_a_real_interrupt_ends_the_process_with_130(dataset, out):
     """The signal, not a raised exception: the process ends itself and its rows are whole."""
     script = (
-        'import sys, argparse, signal\n'
+        'import sys, signal\n'
         # Processes started in the background of a shell ignore the signal.
         'signal.signal(signal.SIGINT, signal.default_int_handler)\n'
-        'from llm_astar_planner.cli import bench as cli_bench\n'
-        'parser = argparse.ArgumentParser()\n'
-        'cli_bench.add_parser(parser.add_subparsers())\n'
-        'args = parser.parse_args()\n'
+        'from llm_astar_planner.cli.main import parse\n'
+        'args = parse(sys.argv[1:])\n'
         'sys.exit(args.run(args))\n'
     )
     words = ['bench', '--dataset', str(dataset), '--out', str(out), '--scales', '1-9']
