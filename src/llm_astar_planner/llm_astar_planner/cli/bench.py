@@ -26,22 +26,12 @@ from llm_astar_planner.benchmark.results import (
     ResultsError,
     ResultsFolder,
 )
-from llm_astar_planner.benchmark.runner.config import (
-    BenchmarkConfig,
-    progress,
-    run_into_folder,
-    start_run,
-)
+from llm_astar_planner.benchmark.runner.config import BenchmarkConfig, start_run
 from llm_astar_planner.benchmark.runner.engine import SearchSettings
-from llm_astar_planner.benchmark.runner.sources import (
-    GRID_BASELINES,
-    check_grid_options,
-    make_source_specs,
-)
+from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, check_grid_options
 from llm_astar_planner.cli.run_options import (
     BAD_INPUT,
     INCOMPLETE,
-    INTERRUPTED,
     OK,
     add_running,
     add_variants,
@@ -49,10 +39,11 @@ from llm_astar_planner.cli.run_options import (
     complain,
     count,
     deciding_files,
-    live_settings,
-    make_executor,
+    deciding_parameters,
+    run_into,
     seed,
     settle_variants,
+    source_specs,
 )
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.paper import WAYPOINT_METHODS
@@ -125,19 +116,8 @@ def run(args: argparse.Namespace) -> int:
         folder.write_text(MAPS_FILE, format_kept_maps(kept))
     except ResultsError as error:
         return complain(args, str(error), BAD_INPUT)
-    code = OK
     try:
-        with (
-            make_executor(args, config.sources) as (executor, max_pending),
-            progress(len(tasks)) as step,
-        ):
-            metadata['parameters']['jobs'] = args.dask or max_pending // 2
-            run_into_folder(
-                folder, tasks, executor, max_pending, metadata=metadata, step=lambda *_: step()
-            )
-    except KeyboardInterrupt:
-        message = 'interrupted: the rows so far are kept; continue with --resume'
-        code = complain(args, message, INTERRUPTED)
+        code = run_into(args, folder, metadata, tasks, config.sources)
     except ResultsError as error:
         return complain(args, str(error), INCOMPLETE)
     return close_run(args, folder, metadata, code)
@@ -161,15 +141,8 @@ def benchmark_config(
     grids = [item for item in maps if isinstance(item, GridProblem)]
     for problem in grids:
         check_grid_options(problem, scales, args.source)
-    sources = make_source_specs(
-        args.source,
-        args.prompt,
-        args.model,
-        settings=live_settings(args),
-        dataset=[item for item in maps if isinstance(item, BarrierMap)],
-        seed=args.seed,
-        default=GRID_BASELINES if grids else None,
-    )
+    barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
+    sources = source_specs(args, barrier_maps, GRID_BASELINES if grids else None)
     return BenchmarkConfig(
         dataset,
         select_samples(maps, str(dataset), args.maps, args.limit, args.seed),
@@ -187,13 +160,7 @@ def benchmark_config(
 
 def run_parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict[str, Any]:
     """Return the parameters for the metadata of the run."""
-    names = (
-        'maps', 'limit', 'scales', 'scale_samples', 'seed', 'methods', 'source', 'prompt', 'model',
-        'base_url', 'repair_rounds', 'heuristic', 'weight', 'max_suboptimality',
-        'price', 'jobs',
-    )  # fmt: skip
-    parameters = {name: getattr(args, name) for name in names}
-    parameters['time_limit'] = args.max_planning_time
+    parameters = deciding_parameters(args, 'maps', 'limit', 'scales', 'scale_samples')
     # The dataset file only names the grid, so its digest says nothing about the cells.
     grids = [item.digest for item in maps if isinstance(item, GridProblem)]
     return parameters | ({'grid': grids[0]} if grids else {})

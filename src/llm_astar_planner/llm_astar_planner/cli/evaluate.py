@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,20 +30,16 @@ from llm_astar_planner.benchmark.bags.topics import (
     describe_text,
 )
 from llm_astar_planner.benchmark.bags.writing import ResultsBag
-from llm_astar_planner.benchmark.datasets.samples import ProblemMap, format_kept_maps
+from llm_astar_planner.benchmark.datasets.samples import format_kept_maps
 from llm_astar_planner.benchmark.results import (
     MAPS_FILE,
     ResultsError,
     ResultsFolder,
     describe_run,
 )
-from llm_astar_planner.benchmark.runner.config import open_folder, progress, run_into_folder
+from llm_astar_planner.benchmark.runner.config import open_folder
 from llm_astar_planner.benchmark.runner.engine import Outcome, SearchSettings, Task
-from llm_astar_planner.benchmark.runner.sources import (
-    GRID_BASELINES,
-    SourceSpec,
-    make_source_specs,
-)
+from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES
 from llm_astar_planner.cli.parameter_flags import (
     add_parameter_flags,
     add_params_file_flag,
@@ -52,34 +49,23 @@ from llm_astar_planner.cli.parameter_flags import (
 from llm_astar_planner.cli.run_options import (
     BAD_INPUT,
     INCOMPLETE,
-    INTERRUPTED,
     OK,
     add_running,
     add_variants,
     close_run,
     complain,
     deciding_files,
-    live_settings,
-    make_executor,
+    deciding_parameters,
+    run_into,
     settle_variants,
+    source_specs,
 )
-from llm_astar_planner.planning.parameters import (
-    COSTMAP,
-    REQUESTS,
-    costmap_config,
-    defaults,
-)
+from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
 from llm_astar_planner.planning.report import plan_report
 
 # The parameters that have flags of their own; the search has the flags of `bench`.
-RULES = (
-    *COSTMAP,
-    *(
-        item
-        for item in REQUESTS
-        if item.name in ('tolerance', 'start_tolerance', 'robot_base_frame')
-    ),
-)
+OF_REQUESTS = ('tolerance', 'start_tolerance', 'robot_base_frame')
+RULES = (*COSTMAP, *(item for item in REQUESTS if item.name in OF_REQUESTS))
 # The exchanges with models that were found in the bags, in the results folder.
 EXCHANGES = 'exchanges.jsonl'
 EPILOG = """\
@@ -116,31 +102,22 @@ def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pri
     group.add_argument(
         '--namespace', default='', metavar='NAME', help="the robot's, where a bag has several"
     )
-    group.add_argument('--map-topic', default='', metavar='TOPIC', help='(/map)')
+    for flag, text in (
+        ('--map-topic', '(/map)'),
+        ('--plan-topic', "the robot's own plans (/plan)"),
+        ('--odom-topic', 'the start of goals, where tf does not join map and base_link (/odom)'),
+    ):
+        group.add_argument(flag, default='', metavar='TOPIC', help=text)
     group.add_argument(
-        '--plan-topic', default='', metavar='TOPIC', help="the robot's own plans (/plan)"
-    )
-    group.add_argument(
-        '--odom-topic',
-        default='',
-        metavar='TOPIC',
-        help='the start of goals, where tf has no transform from map to base_link (/odom)',
-    )
-    group.add_argument(
-        '--requests',
-        default='auto',
-        metavar='WHAT',
+        '--requests', default='auto', metavar='WHAT',
         help="service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
         'first to last pose; auto: service and goals, or plans where there are neither; or a csv '
         'or json FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
-    )
+    )  # fmt: skip
     group.add_argument(
-        '--plan-window',
-        type=float,
-        default=10.0,
-        metavar='SECONDS',
+        '--plan-window', type=float, default=10.0, metavar='SECONDS',
         help='how long after a request its recorded plan may come (10)',
-    )
+    )  # fmt: skip
     group.add_argument(
         '--results-bag', metavar='DIR', help='also write the plans and reports into this new bag'
     )
@@ -163,49 +140,46 @@ def run(args: argparse.Namespace) -> int:
                 args.transcript = str(save_exchanges(args, bags, selection, folder))
             config = make_config(args, bags, selection, listed, rules)
             files = [*args.bags, *([args.requests] if listed else [])]
-            metadata = describe_run(files, deciding_parameters(args, config), deciding_files(args))
+            metadata = describe_run(files, run_parameters(args, config), deciding_files(args))
             metadata['bags'] = list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))
             done = open_folder(folder, metadata, resume=args.resume)
         except ResultsError as error:
             return complain(args, str(error), BAD_INPUT)
         tasks = BagTasks(config)
+        keep = partial(write_outcomes, results_bag) if results_bag else None
         try:
-            code = plan_tasks(
-                args,
-                folder,
-                metadata,
-                tasks.tasks(done),
-                sources=config.sources,
-                results_bag=results_bag,
-            )
+            with results_bag or nullcontext():
+                left = tasks.tasks(done)
+                code = run_into(
+                    args, folder, metadata, left, config.sources, unit='request', keep=keep
+                )
         except (ResultsError, BagWriteError) as error:
             return complain(args, str(error), INCOMPLETE)
         problems = [unopened, *(bag.problems for bag in bags)]
     metadata['left_out'] = [line for one in problems for line in one.lines()]
     metadata['notes'] = [line for one in problems for line in one.notes]
-    return close(args, folder, metadata, tasks.kept.maps(), code)
+    for line in metadata['notes']:
+        complain(args, f'note: {line}', OK)
+    for line in metadata['left_out']:
+        code = complain(args, f'left out: {line}', code or INCOMPLETE)
+    try:
+        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept.maps()))
+    except ResultsError as error:
+        return complain(args, str(error), INCOMPLETE)
+    return close_run(args, folder, metadata, code)
 
 
-def read_selection(
-    args: argparse.Namespace,
-) -> tuple[TopicSelection, Sequence[ListedRequest]]:
+def read_selection(args: argparse.Namespace) -> tuple[TopicSelection, Sequence[ListedRequest]]:
     """Return the topics to read, and the requests of a file. Raises ValueError."""
     listed: Sequence[ListedRequest] = ()
     requests = args.requests
     if requests not in REQUEST_KINDS:
         listed, requests = load_requests(requests), 'list'
     if not args.plan_window >= 0.0:
-        message = f'--plan-window {args.plan_window} is not 0 seconds or more'
-        raise ValueError(message)
+        raise ValueError(f'--plan-window {args.plan_window} is not 0 seconds or more')
     namespace = args.namespace.strip('/')
-    selection = TopicSelection(
-        f'/{namespace}' if namespace else '',
-        args.map_topic,
-        args.plan_topic,
-        args.odom_topic,
-        requests,
-    )
-    return selection, listed
+    topics = (args.map_topic, args.plan_topic, args.odom_topic)
+    return TopicSelection(f'/{namespace}' if namespace else '', *topics, requests), listed
 
 
 def list_contents(args: argparse.Namespace, selection: TopicSelection) -> int:
@@ -222,10 +196,7 @@ def list_contents(args: argparse.Namespace, selection: TopicSelection) -> int:
 
 
 def save_exchanges(
-    args: argparse.Namespace,
-    bags: Sequence[Bag],
-    selection: TopicSelection,
-    folder: ResultsFolder,
+    args: argparse.Namespace, bags: Sequence[Bag], selection: TopicSelection, folder: ResultsFolder
 ) -> Path:
     """Write the exchanges of the bags into the folder, as the transcript to replay.
 
@@ -238,11 +209,10 @@ def save_exchanges(
     if not args.resume:
         folder.require_new()
     if not write_exchanges(bags, selection, transcript):
-        message = (
+        raise ValueError(
             '--source replay: the bags hold no exchanges with a model (on ~/exchange of '
             'llm_client_node); name a --transcript'
         )
-        raise ValueError(message)
     return transcript
 
 
@@ -268,72 +238,24 @@ def make_config(
         values['start_tolerance'],
         'corner_cutting' not in rules and not args.params_file,
     )
-    sources = make_source_specs(
-        args.source,
-        args.prompt,
-        args.model,
-        settings=live_settings(args),
-        dataset=(),
-        seed=args.seed,
-        default=None if all(BARRIER_MAP in bag.topics for bag in bags) else GRID_BASELINES,
-    )
+    all_barriers = all(BARRIER_MAP in bag.topics for bag in bags)
+    sources = source_specs(args, (), None if all_barriers else GRID_BASELINES)
     selection = replace(selection, base_frame=values['robot_base_frame'])
     return EvaluationConfig(
         bags, selection, args.methods, sources, settings, args.plan_window, listed
     )
 
 
-def deciding_parameters(args: argparse.Namespace, config: EvaluationConfig) -> dict[str, Any]:
-    """Return the parameters of a run for its metadata; --resume compares them."""
-    names = (
-        'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds', 'heuristic',
-        'weight', 'max_suboptimality', 'price', 'jobs', 'requests', 'plan_window',
-    )  # fmt: skip
+def run_parameters(args: argparse.Namespace, config: EvaluationConfig) -> dict[str, Any]:
+    """Return the parameters for the metadata of the run."""
     settings = config.settings
-    return {name: getattr(args, name) for name in names} | {
+    return deciding_parameters(args, 'requests', 'plan_window') | {
         'rules': None if settings.costmap is None else asdict(settings.costmap),
         'tolerance': settings.tolerance,
-        'time_limit': settings.time_limit,
         'start_tolerance': settings.start_tolerance,
         'paper_corners': settings.paper_corners,
         'topics': list(asdict(config.selection).values()),
     }
-
-
-def plan_tasks(
-    args: argparse.Namespace,
-    folder: ResultsFolder,
-    metadata: dict[str, Any],
-    tasks: Iterator[Task],
-    *,
-    sources: Sequence[SourceSpec],
-    results_bag: ResultsBag | None,
-) -> int:
-    """Run tasks into the folder and the bag; return 130 where that is interrupted.
-
-    Raises ResultsError or BagWriteError where the disk is full or fails.
-    """
-    running = make_executor(args, sources)
-    try:
-        with (
-            running as (executor, at_once),
-            progress(None, 'request') as step,
-            results_bag or nullcontext(),
-        ):
-
-            def keep(task: Task, outcomes: list[Outcome]) -> None:
-                if results_bag is not None:
-                    write_outcomes(results_bag, task, outcomes)
-                step()
-
-            metadata['parameters']['jobs'] = args.dask or at_once // 2
-            # Every queued task holds its map, so the queue is short.
-            queued = max(1, at_once // 2)
-            run_into_folder(folder, tasks, executor, queued, metadata=metadata, step=keep)
-    except KeyboardInterrupt:
-        left = 'the rows so far are kept; continue with --resume'
-        return complain(args, f'interrupted: {left}', INTERRUPTED)
-    return OK
 
 
 def write_outcomes(results_bag: ResultsBag, task: Task, outcomes: list[Outcome]) -> None:
@@ -349,22 +271,3 @@ def write_outcomes(results_bag: ResultsBag, task: Task, outcomes: list[Outcome])
                 points=grid_map.grid_to_world(plan.path),
                 report=replace(plan_report(plan, grid_map), seconds_source=row.seconds_source),
             )
-
-
-def close(
-    args: argparse.Namespace,
-    folder: ResultsFolder,
-    metadata: dict[str, Any],
-    maps: Sequence[ProblemMap],
-    code: int,
-) -> int:
-    """Print what was left out, save the maps and write the reports; return the exit code."""
-    for line in metadata['notes']:
-        complain(args, f'note: {line}', OK)
-    for line in metadata['left_out']:
-        code = complain(args, f'left out: {line}', code or INCOMPLETE)
-    try:
-        folder.write_text(MAPS_FILE, format_kept_maps(maps))
-    except ResultsError as error:
-        return complain(args, str(error), INCOMPLETE)
-    return close_run(args, folder, metadata, code)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
 from llm_astar_planner.benchmark.analysis.summary import summarise
 from llm_astar_planner.benchmark.analysis.thresholds import (
@@ -29,9 +31,18 @@ from llm_astar_planner.benchmark.results import (
     ResultsFolder,
 )
 from llm_astar_planner.benchmark.runner.cluster import connect
-from llm_astar_planner.benchmark.runner.config import describe_unanswered
-from llm_astar_planner.benchmark.runner.engine import ALL_METHODS
-from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, SourceSpec, embedded_sources
+from llm_astar_planner.benchmark.runner.config import (
+    describe_unanswered,
+    progress,
+    run_into_folder,
+)
+from llm_astar_planner.benchmark.runner.engine import ALL_METHODS, Outcome, Task
+from llm_astar_planner.benchmark.runner.sources import (
+    GRID_BASELINES,
+    SourceSpec,
+    embedded_sources,
+    make_source_specs,
+)
 from llm_astar_planner.cli.parameter_flags import (
     add_endpoint_arguments,
     add_parameter_flags,
@@ -120,9 +131,14 @@ def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None 
     args.max_suboptimality = args.max_suboptimality or None
 
 
-def live_settings(args: argparse.Namespace) -> SourceSettings:
-    """Return the settings of live sources from the options."""
-    return SourceSettings(
+def source_specs(
+    args: argparse.Namespace, dataset: Sequence[BarrierMap], default: Sequence[str] | None
+) -> list[SourceSpec]:
+    """Return the sources that the options lead to. Raises ValueError.
+
+    `default` names the baselines that are added, None for all of them.
+    """
+    settings = SourceSettings(
         base_url=args.base_url,
         api_key_env=args.api_key_env,
         transcript=args.transcript,
@@ -133,6 +149,19 @@ def live_settings(args: argparse.Namespace) -> SourceSettings:
         max_calls_per_hour=0,
         record=str(ResultsFolder(args.out).transcript),
     )
+    variants = (args.source, args.prompt, args.model)
+    return make_source_specs(
+        *variants, settings=settings, dataset=dataset, seed=args.seed, default=default
+    )
+
+
+def deciding_parameters(args: argparse.Namespace, *more: str) -> dict[str, Any]:
+    """Return the parameters of a run for its metadata; --resume compares them."""
+    names = (
+        'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds', 'heuristic',
+        'weight', 'max_suboptimality', 'price', 'jobs', *more,
+    )  # fmt: skip
+    return {name: getattr(args, name) for name in names} | {'time_limit': args.max_planning_time}
 
 
 def deciding_files(args: argparse.Namespace) -> list[Path]:
@@ -161,6 +190,39 @@ def make_executor(
     finally:
         # Requests that are still in flight may take long, and nothing needs their answers now.
         executor.shutdown(wait=False, cancel_futures=True)
+
+
+def run_into(
+    args: argparse.Namespace,
+    folder: ResultsFolder,
+    metadata: dict[str, Any],
+    tasks: Sequence[Task] | Iterator[Task],
+    sources: Sequence[SourceSpec],
+    *,
+    unit: str = 'sample',
+    keep: Callable[[Task, list[Outcome]], object] | None = None,
+) -> int:
+    """Run tasks into a results folder, with `keep` after each; return the exit code.
+
+    Raises ResultsError where the folder cannot be written to, and what `keep` raises.
+    """
+    total = len(tasks) if isinstance(tasks, Sequence) else None
+    try:
+        with make_executor(args, sources) as (executor, at_once), progress(total, unit) as step:
+
+            def finish(task: Task, outcomes: list[Outcome]) -> None:
+                if keep is not None:
+                    keep(task, outcomes)
+                step()
+
+            metadata['parameters']['jobs'] = args.dask or at_once // 2
+            # Tasks that are made one by one hold a map each, so fewer of them are queued.
+            queued = at_once if total is not None else max(1, at_once // 2)
+            run_into_folder(folder, tasks, executor, queued, metadata=metadata, step=finish)
+    except KeyboardInterrupt:
+        message = 'interrupted: the rows so far are kept; continue with --resume'
+        return complain(args, message, INTERRUPTED)
+    return OK
 
 
 def close_run(
