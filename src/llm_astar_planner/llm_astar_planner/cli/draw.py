@@ -21,8 +21,7 @@ from llm_astar_planner.benchmark.runner.engine import (
 )
 from llm_astar_planner.benchmark.runner.sources import SourceSpec, make_source_specs
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import SOURCES
+from llm_astar_planner.waypoints.config import SOURCE_NAMES, SourceSettings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--pair', type=int, default=0, metavar='N', help='(default: 0)')
     parser.add_argument(
         '--source', default='oracle', metavar='NAME',
-        help=f'waypoint source, one of {", ".join(SOURCES)} (default: %(default)s)',
+        help=f'waypoint source, one of {", ".join(SOURCE_NAMES)} (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument('--transcript', default='', metavar='FILE', help='transcript to replay')
     parser.add_argument('--prompt', default='', metavar='NAME', help='prompt to replay')

@@ -52,8 +52,7 @@ from llm_astar_planner.parameter import Scalar
 from llm_astar_planner.planning.parameters import REQUESTS, SEARCH
 from llm_astar_planner.search.paper import GUIDED
 from llm_astar_planner.waypoints.baselines import baseline_sources
-from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceSettings
-from llm_astar_planner.waypoints.factory import SOURCES
+from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
@@ -75,8 +74,8 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
     )  # fmt: skip
     group.add_argument(
         '--source', type=names, default=[], metavar='NAMES',
-        help=f'of {", ".join(SOURCES)} (default: embedded and all baselines; the baselines are '
-        f'also added to every other source; on a grid only {" and ".join(GRID_BASELINES)}, '
+        help=f'of {", ".join(SOURCE_NAMES)} (default: embedded and all baselines; the baselines '
+        f'are also added to every other source; on a grid only {" and ".join(GRID_BASELINES)}, '
         'because the others need a visibility graph, which is slow there and refused on large '
         'maps)',
     )  # fmt: skip
@@ -121,7 +120,7 @@ def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None 
     if args.methods is None:
         method = (file or {}).get('method', GUIDED)
         args.methods = list(ALL_METHODS) if file is None else [str(method)]
-    known = {'methods': ALL_METHODS, 'source': tuple(SOURCES)}
+    known = {'methods': ALL_METHODS, 'source': SOURCE_NAMES}
     for option, names in known.items():
         for name in getattr(args, option):
             if name not in names:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
@@ -37,13 +37,26 @@ def make_source(settings: SourceSettings, dataset: Dataset = None) -> WaypointSo
     Raises SettingsError for wrong settings, and what the source raises for its files.
     """
     settings.check()
-    return SOURCES[settings.source](settings, dataset)
+    if settings.source == 'none':
+        return NoSource()
+    if settings.source == 'embedded':
+        # Read the weights now, so that a broken file is reported here and not at the first query.
+        packaged_weights()
+        return EmbeddedSource(settings.candidates)
+    if settings.source == 'replay':
+        if not settings.transcript:
+            raise SettingsError(
+                'transcript: name the JSON Lines file that source replay answers from'
+            )
+        return ReplaySource(settings.transcript, settings.model, settings.prompt, dataset)
+    if settings.source == 'endpoint':
+        return make_endpoint_source(settings, dataset)
+    return baseline_sources()[settings.source]
 
 
-def make_client(settings: SourceSettings) -> ChatClient:
-    """Make the client of the endpoint alone. Raises SettingsError."""
-    settings.check()
-    return ChatClient(
+def make_endpoint_source(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
+    """Make the source that asks a language model, with a cache and, if set, a recording."""
+    client = ChatClient(
         Endpoint(settings.base_url, settings.api_key_env),
         settings.model,
         Dialect(settings.max_output_tokens, settings.temperature, settings.response_format),
@@ -51,21 +64,9 @@ def make_client(settings: SourceSettings) -> ChatClient:
         CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
         max_concurrent=settings.max_concurrent,
     )
-
-
-def client_of(source: WaypointSource) -> ChatClient | None:
-    """Return the endpoint's client inside a source, for its state and counts, or None."""
-    inner: object = source
-    while isinstance(inner, (CachedSource, RecordingSource)):
-        inner = inner.inner
-    return inner.client if isinstance(inner, EndpointSource) else None
-
-
-def make_endpoint_source(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
-    """Make the source that asks a language model, with a cache and, if set, a recording."""
     template = load_template(settings.prompt or DEFAULT_PROMPT)
     source: WaypointSource = EndpointSource(
-        make_client(settings),
+        client,
         template,
         timeout_s=settings.timeout_s,
         max_prompt_tokens=settings.max_prompt_tokens,
@@ -84,28 +85,9 @@ def make_endpoint_source(settings: SourceSettings, dataset: Dataset) -> Waypoint
     )
 
 
-def make_replay_source(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
-    """Make the source that replays a transcript."""
-    if not settings.transcript:
-        raise SettingsError('transcript: name the JSON Lines file that source replay answers from')
-    return ReplaySource(settings.transcript, settings.model, settings.prompt, dataset)
-
-
-def make_embedded_source(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
-    """Make the source of the embedded model."""
-    del dataset
-    # Read the weights now, so that a broken file is reported here and not at the first query.
-    packaged_weights()
-    return EmbeddedSource(settings.candidates)
-
-
-SOURCES: dict[str, Callable[[SourceSettings, Dataset], WaypointSource]] = {
-    'none': lambda settings, dataset: NoSource(),  # noqa: ARG005
-    'embedded': make_embedded_source,
-    'replay': make_replay_source,
-    'endpoint': make_endpoint_source,
-    **dict.fromkeys(
-        baseline_sources(),
-        lambda settings, dataset: baseline_sources()[settings.source],  # noqa: ARG005
-    ),
-}
+def client_of(source: WaypointSource) -> ChatClient | None:
+    """Return the endpoint's client inside a source, for its state and counts, or None."""
+    inner: object = source
+    while isinstance(inner, (CachedSource, RecordingSource)):
+        inner = inner.inner
+    return inner.client if isinstance(inner, EndpointSource) else None

@@ -14,8 +14,8 @@ from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.stop import no_stop
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import SOURCES, make_source
+from llm_astar_planner.waypoints.config import SOURCE_NAMES, SourceSettings
+from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
 from llm_astar_planner.waypoints.source import FOLLOWED, SourceStatus, WaypointReply
 
@@ -153,7 +153,7 @@ def test_an_instruction_that_is_not_read_is_ignored_with_the_reason(changes, rea
     assert plain.instruction == ''
 
 
-@pytest.mark.parametrize('name', sorted(set(SOURCES) - {'endpoint', 'replay'}))
+@pytest.mark.parametrize('name', sorted(set(SOURCE_NAMES) - {'endpoint', 'replay'}))
 def test_no_source_ignores_an_instruction_silently(name):
     plan = PLANNER.plan(request(make_source(SourceSettings(source=name))))
     assert plan.code is ResultCode.NONE

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.async_query import query_source
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import SOURCES, make_source
+from llm_astar_planner.waypoints.config import SOURCE_NAMES, SourceSettings
+from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
 from llm_astar_planner.waypoints.prompts.instruction import (
     MAX_INSTRUCTION_CHARS,
@@ -155,7 +155,7 @@ def test_what_was_recorded_with_an_instruction_is_replayed_for_that_instruction_
     assert other.instruction == 'replay: the recording was made without this instruction'
 
 
-@pytest.mark.parametrize('name', sorted(set(SOURCES) - {'endpoint', 'replay'}))
+@pytest.mark.parametrize('name', sorted(set(SOURCE_NAMES) - {'endpoint', 'replay'}))
 def test_every_source_that_cannot_read_instructions_says_so(name):
     source = make_source(SourceSettings(source=name))
     assert query_source(source, QUERY)[0].instruction == ''
