@@ -75,10 +75,9 @@ def draw_recipe(barriers: Ints) -> bool:
         along = WIDTH - 1 if is_horizontal else HEIGHT - 1
         for _ in range(TRIES):
             a, b = draw_between(0, along), draw_between(0, along)
-            barriers[k, 0] = 1 if is_horizontal else 0
-            barriers[k, 1] = draw_between(1, across - 1)
-            barriers[k, 2], barriers[k, 3] = min(a, b), max(a, b)
-            if barriers[k, 3] - barriers[k, 2] >= MIN_BARRIER and not is_too_near(barriers, k):
+            line = draw_between(1, across - 1)
+            barriers[k] = int(is_horizontal), line, min(a, b), max(a, b)
+            if abs(a - b) >= MIN_BARRIER and not is_too_near(barriers, k):
                 break
         else:
             return False
@@ -96,10 +95,9 @@ def draw_scattered(barriers: Ints, first: int, width: int, height: int, reach: f
         if np.random.random() > 0.1:
             length = int(np.random.random() * reach * along)
         begin = draw_between(-length // 2, along - 1 - length // 2)
-        barriers[k, 0] = 1 if is_horizontal else 0
-        barriers[k, 1] = draw_between(1, across - 2)
-        barriers[k, 2] = min(max(begin, 0), along - 1)
-        barriers[k, 3] = min(max(begin + length, barriers[k, 2]), along - 1)
+        line = draw_between(1, across - 2)
+        end = min(max(begin + length, 0), along - 1)
+        barriers[k] = int(is_horizontal), line, min(max(begin, 0), along - 1), end
 
 
 @jit
@@ -120,8 +118,7 @@ def draw_rooms(barriers: Ints, width: int, height: int) -> None:
             stop = draw_between(begin, end)
             if door == 2 or k == total - 1:
                 stop = end if np.random.random() < 0.5 else stop
-            barriers[k, 0] = 1 if is_horizontal else 0
-            barriers[k, 1], barriers[k, 2], barriers[k, 3] = line, begin, stop
+            barriers[k] = int(is_horizontal), line, begin, stop
             begin = stop + 2 + draw_between(0, max(1, along // 12))
             k += 1
 
@@ -134,13 +131,9 @@ def draw_boxes(barriers: Ints, width: int, height: int) -> None:
         box_x, box_y = draw_between(1, max(1, width // 3)), draw_between(1, max(1, height // 3))
         left, low = draw_between(0, width - 1 - box_x), draw_between(0, height - 1 - box_y)
         right, high = left + box_x, low + box_y
-        for horizontal, line, first, last in (
-            (1, low, left, right), (1, high, left, right),
-            (0, left, low, high), (0, right, low, high),
-        ):  # fmt: skip
-            barriers[k, 0], barriers[k, 1] = horizontal, line
-            barriers[k, 2], barriers[k, 3] = first, last
-            k += 1
+        barriers[k], barriers[k + 1] = (1, low, left, right), (1, high, left, right)
+        barriers[k + 2], barriers[k + 3] = (0, left, low, high), (0, right, low, high)
+        k += 4
     draw_scattered(barriers, k, width, height, 0.3)
 
 

@@ -19,7 +19,7 @@ from llm_astar_planner.waypoints.learned.source import EmbeddedSource
 from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.credentials import Endpoint
 from llm_astar_planner.waypoints.llm.protocol import Dialect
-from llm_astar_planner.waypoints.llm.resilience import CallBudget, RetryPolicy
+from llm_astar_planner.waypoints.llm.resilience import CallBudget
 from llm_astar_planner.waypoints.llm.source import EndpointSource
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.replay import ReplaySource
@@ -60,7 +60,7 @@ def make_endpoint_source(settings: SourceSettings, dataset: Dataset) -> Waypoint
         Endpoint(settings.base_url, settings.api_key_env),
         settings.model,
         Dialect(settings.max_output_tokens, settings.temperature, settings.response_format),
-        RetryPolicy(settings.max_retries),
+        settings.max_retries,
         CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
         max_concurrent=settings.max_concurrent,
     )

@@ -15,7 +15,7 @@ from llm_astar_planner.waypoints.llm.resilience import (
     CallBudget,
     CircuitBreaker,
     EndpointFailure,
-    RetryPolicy,
+    retry_delay,
 )
 from llm_astar_planner.waypoints.source import Message, SourceStatus
 
@@ -33,7 +33,7 @@ class ChatClient:
     endpoint: Endpoint
     model: str = ''
     dialect: Dialect = field(default_factory=Dialect)
-    retry: RetryPolicy = field(default_factory=RetryPolicy)
+    max_retries: int = 2
     budget: CallBudget = field(default_factory=CallBudget)
     breaker: CircuitBreaker = field(default_factory=CircuitBreaker)
     max_concurrent: int = 2
@@ -93,7 +93,7 @@ class ChatClient:
                     dialect = adapted
                     continue
                 attempt += 1
-                delay = self.retry.delay(failure, attempt)
+                delay = retry_delay(failure, attempt, self.max_retries)
                 if delay is None or time.monotonic() + delay >= deadline:
                     raise
             else:

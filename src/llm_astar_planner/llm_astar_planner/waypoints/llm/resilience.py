@@ -53,21 +53,18 @@ class EndpointFailure(LlmAstarError, RuntimeError):  # noqa: N818 - a failure ou
         super().__init__(self.detail)
 
 
-@dataclass(frozen=True)
-class RetryPolicy:
-    """Up to `max_retries` retries, 0.5 * 2^n seconds apart, with jitter and a cap."""
+def retry_delay(failure: EndpointFailure, attempt: int, max_retries: int) -> float | None:
+    """Return the seconds to wait after `attempt` failed tries, None to give up.
 
-    max_retries: int = 2
-
-    def delay(self, failure: EndpointFailure, attempt: int) -> float | None:
-        """Return the seconds to wait after `attempt` failed tries, None to give up."""
-        if not failure.retryable or attempt > self.max_retries:
-            return None
-        if failure.retry_after is not None:
-            return failure.retry_after
-        backoff = min(MAX_DELAY_S, FIRST_DELAY_S * 2.0 ** (attempt - 1))
-        # Jitter keeps a fleet of robots from retrying at the same moments; it protects no secret.
-        return backoff * random.uniform(0.75, 1.25)  # noqa: S311
+    The delays are 0.5 * 2^n seconds, with jitter and a cap, or what the server said.
+    """
+    if not failure.retryable or attempt > max_retries:
+        return None
+    if failure.retry_after is not None:
+        return failure.retry_after
+    backoff = min(MAX_DELAY_S, FIRST_DELAY_S * 2.0 ** (attempt - 1))
+    # Jitter keeps a fleet of robots from retrying at the same moments; it protects no secret.
+    return backoff * random.uniform(0.75, 1.25)  # noqa: S311
 
 
 def is_retryable(http: int, body: str) -> bool:

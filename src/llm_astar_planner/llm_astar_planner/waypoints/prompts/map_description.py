@@ -66,15 +66,13 @@ class Lattice(NamedTuple):
             if self.to_lattice(endpoint) == block:
                 return float(endpoint[0]), float(endpoint[1])
         x0, y0 = ((value - low) * self.unit for value, low in zip(block, (self.x, self.y)))
-        centre = x0 + (self.unit - 1) // 2, y0 + (self.unit - 1) // 2
-        if not costmap.grid_map.contains(centre):
-            return float(centre[0]), float(centre[1])
-        rows, columns = np.nonzero(~costmap.blocked[y0 : y0 + self.unit, x0 : x0 + self.unit])
-        if rows.size == 0:
-            return float(centre[0]), float(centre[1])
-        distance = np.hypot(columns + x0 - centre[0], rows + y0 - centre[1])
-        nearest = int(np.argmin(distance))
-        return float(columns[nearest] + x0), float(rows[nearest] + y0)
+        x, y = x0 + (self.unit - 1) // 2, y0 + (self.unit - 1) // 2
+        if costmap.grid_map.contains((x, y)):
+            rows, columns = np.nonzero(~costmap.blocked[y0 : y0 + self.unit, x0 : x0 + self.unit])
+            if rows.size:
+                nearest = np.argmin(np.hypot(columns + x0 - x, rows + y0 - y))
+                x, y = columns[nearest] + x0, rows[nearest] + y0
+        return float(x), float(y)
 
 
 @dataclass(frozen=True)

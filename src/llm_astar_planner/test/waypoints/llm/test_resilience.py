@@ -12,9 +12,9 @@ from llm_astar_planner.waypoints.llm.resilience import (
     CallBudget,
     CircuitBreaker,
     EndpointFailure,
-    RetryPolicy,
     is_retryable,
     retry_after,
+    retry_delay,
 )
 from llm_astar_planner.waypoints.source import SourceStatus
 
@@ -39,15 +39,14 @@ def is_open(breaker):
 
 
 def test_backoff_doubles_with_jitter_under_a_cap():
-    policy = RetryPolicy(max_retries=8)
     for attempt in range(1, 9):
         expected = min(8.0, 0.5 * 2 ** (attempt - 1))
-        delays = [policy.delay(failure(), attempt) for _ in range(50)]
+        delays = [retry_delay(failure(), attempt, 8) for _ in range(50)]
         assert all(0.75 * expected <= delay <= 1.25 * expected for delay in delays)
         assert len(set(delays)) > 1
-    assert policy.delay(failure(), 9) is None
-    assert policy.delay(EndpointFailure(SourceStatus.AUTH, ''), 1) is None
-    assert policy.delay(failure(retry_after=42.0), 1) == 42.0
+    assert retry_delay(failure(), 9, 8) is None
+    assert retry_delay(EndpointFailure(SourceStatus.AUTH, ''), 1, 8) is None
+    assert retry_delay(failure(retry_after=42.0), 1, 8) == 42.0
 
 
 def test_only_errors_that_may_pass_by_themselves_are_retried():
