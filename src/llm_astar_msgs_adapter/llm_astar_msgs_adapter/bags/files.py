@@ -207,6 +207,5 @@ def unzstd(data: bytes, limit: int = LARGEST) -> bytes:
             blocks.append(block)
             size += len(block)
             if size > limit:
-                message = f'it is compressed from more than {limit} bytes'
-                raise ValueError(message)
+                raise ValueError(f'it is compressed from more than {limit} bytes')
     return b''.join(blocks)

@@ -62,7 +62,10 @@ class Bag:
         self.name = bag_name(self.path)
         self.problems = Problems()
         self.topics: dict[str, RecordedTopic] = {}
-        self._unpacked = TemporaryDirectory(prefix='llm-astar-bag-')
+        self._stack = ExitStack()
+        self._unpacked = Path(
+            self._stack.enter_context(TemporaryDirectory(prefix='llm-astar-bag-'))
+        )
         # Each file, and whether it must be read in the order of recording.
         self._files: list[tuple[Storage, bool]] = []
         self._decoder = Decoder()
@@ -86,10 +89,7 @@ class Bag:
 
     def close(self) -> None:
         """Close every file and remove unpacked ones."""
-        for storage, _ in self._files:
-            storage.close()
-        self._files.clear()
-        self._unpacked.cleanup()
+        self._stack.close()
 
     @cached_property
     def start(self) -> int:
@@ -133,8 +133,9 @@ class Bag:
 
     def _open(self, path: Path) -> None:
         """Open a storage file and count its messages."""
-        file = unpack(path, Path(self._unpacked.name), self.problems)
+        file = unpack(path, self._unpacked, self.problems)
         storage: Storage = McapReader(file) if file.suffix == '.mcap' else SqliteReader(file)
+        self._stack.callback(storage.close)
         counts, jump = count_messages(storage)
         if jump:
             self.problems.note(

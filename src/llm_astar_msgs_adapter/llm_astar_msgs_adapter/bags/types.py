@@ -110,8 +110,7 @@ def define(msgtype: str) -> TypeDefinition:
             text = idl_text(store, msgtype)
         return TypeDefinition(msgtype, text, store.hash_rihs01(msgtype))
     except (OSError, TypesysError, ValueError) as error:
-        message = f'{msgtype}: its definition cannot be read: {error}'
-        raise BagTypeError(message) from None
+        raise BagTypeError(f'{msgtype}: its definition cannot be read: {error}') from None
 
 
 def learn(store: Typestore, msgtype: str) -> None:
@@ -159,8 +158,7 @@ def installed_text(package: str, kind: str, name: str) -> str:
         file = Path(prefix, 'share', package, kind, f'{name}.{kind}')
         if file.is_file():
             return file.read_text(encoding='utf-8')
-    message = f'no installed package {package} has {kind}/{name}.{kind}'
-    raise BagTypeError(message)
+    raise BagTypeError(f'no installed package {package} has {kind}/{name}.{kind}')
 
 
 def nested_types(definitions: Iterable[Any]) -> list[str]:
@@ -281,8 +279,7 @@ def parse_definition(channel: Channel) -> dict[str, Any]:
             (element, base), count = detail
             # Arrays of numbers are read at once.
             if element is not Nodetype.BASE or base[0] in ('string', 'wstring'):
-                message = f'{name}: {field}: {count} elements'
-                raise ValueError(message)
+                raise ValueError(f'{name}: {field}: {count} elements')
     return types
 
 

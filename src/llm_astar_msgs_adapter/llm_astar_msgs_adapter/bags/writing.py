@@ -185,8 +185,7 @@ class BagWriter:
         """
         self.folder = Path(folder)
         if self.folder.exists():
-            message = f'{folder}: exists already; name a new folder, or remove this one'
-            raise BagWriteError(message)
+            raise BagWriteError(f'{folder}: exists already; name a new folder, or remove this one')
         self.counts: dict[str, int] = {}
         self._storage = storage
         self._max_bytes = max_bytes or sys.maxsize
@@ -246,8 +245,7 @@ class BagWriter:
             yield
         except (OSError, sqlite3.Error) as error:
             why = getattr(error, 'strerror', None) or error
-            message = f'{self.folder}: {why}; what was written before is kept'
-            raise BagWriteError(message) from None
+            raise BagWriteError(f'{self.folder}: {why}; what was written before is kept') from None
 
     def _connect(self, topic: OfferedTopic) -> None:
         self._connections[topic.name] = self._part.add_connection(

@@ -136,8 +136,7 @@ def benchmark_config(
     """Return what the options ask for. Raises ValueError."""
     scales = parse_ranges(args.scales, '--scales')
     if scales[0] < 1:
-        message = f'--scales {args.scales}: the smallest scale is 1'
-        raise ValueError(message)
+        raise ValueError(f'--scales {args.scales}: the smallest scale is 1')
     grids = [item for item in maps if isinstance(item, GridProblem)]
     for problem in grids:
         check_grid_options(problem, scales, args.source)

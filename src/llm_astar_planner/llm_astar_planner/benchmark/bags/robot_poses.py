@@ -47,8 +47,7 @@ class RobotPoseTracker:
         try:
             own = pose_from_message(pose)
         except GridMapError as error:
-            message = f'{name} cannot be used ({error})'
-            raise PoseError(message) from None
+            raise PoseError(f'{name} cannot be used ({error})') from None
         if frame in ('', map_frame):
             return own
         transform = self._transforms.lookup(map_frame, frame, now)
@@ -75,5 +74,4 @@ class RobotPoseTracker:
                 return self.to_map(value.pose.pose, value.header.frame_id, map_frame, now, name)
             except PoseError as error:
                 problems.append(str(error))
-        message = f'start is not known: {"; ".join(problems)}'
-        raise PoseError(message)
+        raise PoseError(f'start is not known: {"; ".join(problems)}')

@@ -16,9 +16,13 @@ from llm_astar_planner.benchmark.bags.requests import ListedRequest, RequestRead
 from llm_astar_planner.benchmark.bags.topics import TopicSelection
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, ProblemMap
 from llm_astar_planner.benchmark.results import RowKey
-from llm_astar_planner.benchmark.runner.engine import SearchSettings, Task, list_variants
+from llm_astar_planner.benchmark.runner.engine import (
+    SearchSettings,
+    Task,
+    list_variants,
+    make_tasks,
+)
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
-from llm_astar_planner.search.result import Cell
 
 # What a report may show: maps, cells on all of them together, and requests on each.
 MAX_MAPS, MAX_CELLS, MAX_REQUESTS = 100, 4_000_000, 100
@@ -115,39 +119,31 @@ class BagTasks:
             reader = RequestReader(bag, config.selection, config.window, config.listed)
             for request in reader.requests():
                 try:
-                    task = self.task(bag, request)
+                    sample, is_sample = self.sample(request)
                 except GridMapError as error:
                     problem = f'{bag.path}: request {request.index}: {error}'
                     bag.problems.leave_out(problem, f'{bag.path}: requests left out')
                     continue
-                left = tuple(
-                    (variant, index)
-                    for variant, index in self._variants
-                    if (*task.sample.key, 1, variant) not in done
-                )
-                if left:
-                    yield replace(task, variants=left)
+                self.kept.add(sample)
+                settings = config.settings
+                if request.tolerance > 0.0:
+                    settings = replace(settings, tolerance=request.tolerance)
+                plan = RecordedPlan.of(bag.name, request)
+                samples = [(sample, 1)]
+                for task in make_tasks(samples, self._variants, config.sources, settings, done):
+                    yield replace(task, recorded_plan=plan, is_sample=is_sample)
 
-    def task(self, bag: Bag, request: BagRequest) -> Task:
-        """Return the task of a request, without variants. Raises GridMapError for a bad pose."""
-        grid_map = request.grid_map
-        start, goal = (grid_map.world_to_cell(*pose[:2]) for pose in (request.start, request.goal))
-        sample, is_sample = self.sample(request, start, goal)
-        settings = self._config.settings
-        if request.tolerance > 0.0:
-            settings = replace(settings, tolerance=request.tolerance)
-        self.kept.add(sample)
-        plan = RecordedPlan.of(bag.name, request)
-        return Task(sample, 1, (), tuple(self._config.sources), settings, plan, is_sample)
+    def sample(self, request: BagRequest) -> tuple[BenchmarkSample, bool]:
+        """Return a request as a numbered sample, and whether its dataset has the same sample.
 
-    def sample(self, request: BagRequest, start: Cell, goal: Cell) -> tuple[BenchmarkSample, bool]:
-        """Return a request as a numbered sample, and whether its dataset has the same sample."""
+        Raises GridMapError for a bad pose.
+        """
         barriers, grid_map = request.barrier_map, request.grid_map
+        start, goal = (grid_map.world_to_cell(*pose[:2]) for pose in (request.start, request.goal))
         if barriers is None:
             map_id = self._ids.map_id(grid_map.digest, None)
             pair = self._ids.pair(map_id, None, 0)
-            sample = Sample(start, goal)
-            return BenchmarkSample(GridProblem(map_id, grid_map), pair, sample), False
+            return BenchmarkSample(GridProblem(map_id, grid_map), pair, Sample(start, goal)), False
         map_id = self._ids.map_id(grid_map.digest, barriers.id)
         # A dataset's coordinates begin at its range; its cells at 0.
         x_min, y_min = barriers.range_x[0], barriers.range_y[0]
