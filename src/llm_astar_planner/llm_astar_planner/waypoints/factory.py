@@ -8,11 +8,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
 from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.cache import CachedSource
-from llm_astar_planner.waypoints.config import (
-    DEFAULT_PROMPT,
-    SettingsError,
-    SourceSettings,
-)
+from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SettingsError, SourceSettings
 from llm_astar_planner.waypoints.fixed import NoSource
 from llm_astar_planner.waypoints.learned.network import packaged_weights
 from llm_astar_planner.waypoints.learned.source import EmbeddedSource

@@ -9,11 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from llm_astar_planner.waypoints.llm.http import HttpReply
-from llm_astar_planner.waypoints.llm.resilience import (
-    EndpointFailure,
-    is_retryable,
-    retry_after,
-)
+from llm_astar_planner.waypoints.llm.resilience import EndpointFailure, is_retryable, retry_after
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 from llm_astar_planner.waypoints.source import Message, SourceStatus
 

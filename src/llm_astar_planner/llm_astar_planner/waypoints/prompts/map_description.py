@@ -8,11 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_decomposition import (
-    MAX_SIDE,
-    coarsen,
-    decompose_barriers,
-)
+from llm_astar_msgs_adapter.maps.barrier_decomposition import MAX_SIDE, coarsen, decompose_barriers
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from numpy.typing import NDArray
 
@@ -151,9 +147,10 @@ def make_description(
     budget: int,
 ) -> Description:
     """Return the description; the shortest barriers are dropped until the text fits `budget`."""
-    horizontal = [(True, shift(b, lattice.y, lattice.x)) for b in barriers.horizontal_barriers]
-    vertical = [(False, shift(b, lattice.x, lattice.y)) for b in barriers.vertical_barriers]
-    kept = sorted(horizontal + vertical, key=lambda item: item[1].first - item[1].last)
+    horizontal = [shift(b, lattice.y, lattice.x) for b in barriers.horizontal_barriers]
+    vertical = [shift(b, lattice.x, lattice.y) for b in barriers.vertical_barriers]
+    kept = [(True, barrier) for barrier in horizontal] + [(False, barrier) for barrier in vertical]
+    kept.sort(key=lambda item: item[1].first - item[1].last)
     while len(kept) > MIN_BARRIERS and sum(len(str(list(b))) + 2 for _, b in kept) > budget:
         kept.pop()
     height, width = costmap.blocked.shape
@@ -163,10 +160,8 @@ def make_description(
         lattice.to_lattice(goal),
         waypoint_bounds(width, lattice.unit, lattice.x),
         waypoint_bounds(height, lattice.unit, lattice.y),
-        tuple(
-            barrier for is_horizontal, barrier in horizontal if (is_horizontal, barrier) in kept
-        ),
-        tuple(barrier for is_horizontal, barrier in vertical if (is_horizontal, barrier) in kept),
+        tuple(barrier for barrier in horizontal if (True, barrier) in kept),
+        tuple(barrier for barrier in vertical if (False, barrier) in kept),
     )
 
 

@@ -202,12 +202,10 @@ def json_point(value: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
 
 def make_point(x: Any, y: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON value
     """Return the point of two numbers, written as numbers or as text; None if out of range."""
-    if not all(isinstance(value, (int, float, str)) for value in (x, y)):
-        return None
     if isinstance(x, bool) or isinstance(y, bool):
         return None
     try:
         point = float(x), float(y)
-    except (ValueError, OverflowError):
+    except (TypeError, ValueError, OverflowError):
         return None
     return point if all(abs(value) <= _FARTHEST for value in point) else None
