@@ -63,9 +63,8 @@ class Bag:
         self.problems = Problems()
         self.topics: dict[str, RecordedTopic] = {}
         self._stack = ExitStack()
-        self._unpacked = Path(
-            self._stack.enter_context(TemporaryDirectory(prefix='llm-astar-bag-'))
-        )
+        unpacked = TemporaryDirectory(prefix='llm-astar-bag-')
+        self._unpacked = Path(self._stack.enter_context(unpacked))
         # Each file, and whether it must be read in the order of recording.
         self._files: list[tuple[Storage, bool]] = []
         self._decoder = Decoder()

@@ -143,11 +143,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(plan_to_text(plan, offset))
     if arguments.png:
         # Importing matplotlib takes most of a second.
-        from llm_astar_planner.visualization.figures import (  # noqa: PLC0415
-            drawable_map,
-            picture_of,
-            save_picture,
-        )
+        from llm_astar_planner.visualization.figures import drawable_map, picture_of, save_picture  # noqa: PLC0415
 
         grid_map = drawable_map(planner.grid_map, planner.config)
         picture = picture_of(plan, grid_map, plan.start, plan.goal, offset)

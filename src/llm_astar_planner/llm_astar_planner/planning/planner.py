@@ -26,11 +26,7 @@ from llm_astar_planner.planning.path_validator import (
     shift_problem,
     via_problem,
 )
-from llm_astar_planner.planning.segment import (
-    NOT_SEARCHED,
-    SegmentPlanner,
-    concatenate_results,
-)
+from llm_astar_planner.planning.segment import NOT_SEARCHED, SegmentPlanner, concatenate_results
 from llm_astar_planner.planning.types import (
     NOT_ASKED,
     Plan,

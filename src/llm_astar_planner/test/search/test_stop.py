@@ -2,11 +2,7 @@
 
 import time
 
-from llm_astar_planner.search.stop import (
-    POLL_PERIOD_S,
-    deadline_guard,
-    no_stop,
-)
+from llm_astar_planner.search.stop import POLL_PERIOD_S, deadline_guard, no_stop
 
 
 def wait_for(flag):

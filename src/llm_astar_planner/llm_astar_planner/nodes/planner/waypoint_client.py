@@ -25,12 +25,7 @@ from llm_astar_planner.nodes.common.spin import SpinThread
 from llm_astar_planner.nodes.planner.remote_parameters import RemoteParameters
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER
 from llm_astar_planner.planning.waypoint_filter import snap
-from llm_astar_planner.waypoints.source import (
-    SourceStatus,
-    Waypoint,
-    WaypointQuery,
-    WaypointReply,
-)
+from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply
 
 LABEL = 'llm_client'
 # The client publishes its exchange just before it answers; the two may arrive in either order.

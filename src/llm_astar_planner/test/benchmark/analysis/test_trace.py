@@ -4,10 +4,7 @@ import numpy as np
 from benchmark_samples import rows_of, tasks_of
 from llm_astar_planner.benchmark.analysis.trace import trace
 from llm_astar_planner.benchmark.datasets.samples import load_samples
-from llm_astar_planner.benchmark.runner.engine import (
-    SearchSettings,
-    plan_again,
-)
+from llm_astar_planner.benchmark.runner.engine import SearchSettings, plan_again
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.waypoint_filter import KEPT_BY_PAPER
 

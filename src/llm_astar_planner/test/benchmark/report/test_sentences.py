@@ -3,15 +3,8 @@
 import pytest
 from benchmark_samples import MODEL, rows_with
 from llm_astar_planner.benchmark.analysis.statistics import Interval
-from llm_astar_planner.benchmark.analysis.summary import (
-    PairedComparison,
-    compare_with_none,
-)
-from llm_astar_planner.benchmark.report.sentences import (
-    effect_on,
-    headline,
-    sentence,
-)
+from llm_astar_planner.benchmark.analysis.summary import PairedComparison, compare_with_none
+from llm_astar_planner.benchmark.report.sentences import effect_on, headline, sentence
 
 
 @pytest.mark.parametrize(

@@ -4,14 +4,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from benchmark_samples import FakeSource, config_of
-from llm_astar_planner.benchmark.results import (
-    ResultsError,
-    ResultsFolder,
-)
-from llm_astar_planner.benchmark.runner.config import (
-    run_into_folder,
-    start_run,
-)
+from llm_astar_planner.benchmark.results import ResultsError, ResultsFolder
+from llm_astar_planner.benchmark.runner.config import run_into_folder, start_run
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 
 
