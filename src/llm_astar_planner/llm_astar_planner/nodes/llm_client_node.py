@@ -168,8 +168,7 @@ class LlmClientNode(Node):
             'instruction': self._settings['instruction'],
             **(client.budget.values() if client else {}),
         }
-        failed = self._last is not None and self._last.level != DiagnosticStatus.OK
-        level = DiagnosticStatus.WARN if failed else DiagnosticStatus.OK
+        level = self._last.level if self._last else DiagnosticStatus.OK
         message = self._last.summary if self._last else 'not asked yet'
         name = f'{self.get_fully_qualified_name()[1:]}: waypoints'
         stamp = self.get_clock().now().to_msg()
