@@ -134,8 +134,7 @@ class Planner:
                         continue
                     # 3. A better path, while the search goes on.
                     if self.problem(request, endpoints, solution.path) is None:
-                        better = solution.as_result()
-                        yield self.build_plan(request, endpoints, segments, better)
+                        yield self.build_plan(request, endpoints, segments, solution)
                 check_found(request, segments)
             # 4. Only a path that passes the independent check leaves.
             result = concatenate_results(segments)

@@ -51,32 +51,11 @@ class GuidedResult(BoundedResult):
 
 
 @dataclass(frozen=True, eq=False)
-class AnytimeSolution:
-    """A better path, found while the search goes on.
+class AnytimeSolution(BoundedResult):
+    """A better path, found while the search goes on: its result if it were stopped here.
 
-    `path` is int32 [n, 2], `cost` and `lower_bound` are in cells, `suboptimality_bound` = cost /
-    lower_bound is proven, `expansions` counts the expansions so far.
+    Storage, expanded cells and the first path's figures are not counted yet.
     """
-
-    path: NDArray[np.int32]
-    cost: float
-    lower_bound: float
-    suboptimality_bound: float
-    expansions: int
-
-    def as_result(self) -> BoundedResult:
-        """Return the solution as a result of a search that was stopped here."""
-        return BoundedResult(
-            SearchStatus.STOPPED,
-            self.expansions,
-            0,
-            np.zeros((0, 0), dtype=np.bool_),
-            self.path,
-            path_length(self.path),
-            self.cost,
-            self.lower_bound,
-            self.suboptimality_bound,
-        )
 
 
 class GuidedSearch:
@@ -169,7 +148,8 @@ class GuidedSearch:
                 self._result = run.result(want_expanded=want_expanded)
                 raise
             finally:
-                run.close()
+                for one in run.searches:
+                    run.grid.give_back(one.workspace)
 
     def result(self) -> GuidedResult:
         """Return what the run found. Raises RuntimeError before it ended."""
@@ -338,17 +318,13 @@ class _Run:
         if enclosed or grid.blocked[y, x] or grid.blocked[goal_y, goal_x]:
             self.status = SearchStatus.EXHAUSTED
         self.waypoint_search = _Search(query, grid, *self.landmarks, proving=False)
-        self.plain_search: _Search | None = None
+        # The search along waypoints and, once it is needed, the plain A*.
+        self.searches = [self.waypoint_search]
         self.best_search = self.waypoint_search
-        self.best_path: NDArray[np.int32] | None = None
+        self.best_solution: AnytimeSolution | None = None
         self.plain_expansions = 0
         self.first_expansions = 0
         self.first_cost = math.inf
-
-    def close(self) -> None:
-        """Give the workspaces back."""
-        for search in filter(None, (self.waypoint_search, self.plain_search)):
-            self.grid.give_back(search.workspace)
 
     def solutions(self) -> Iterator[AnytimeSolution]:
         """Search to the end; yield each better path."""
@@ -397,9 +373,9 @@ class _Run:
 
     def step_plain(self, quota: int) -> None:
         """Let the plain A* expand `quota` cells, which also raises the work limit."""
-        if self.plain_search is None:
-            self.plain_search = _Search(self.query, self.grid, *self.landmarks, proving=True)
-        plain, search = self.plain_search, self.waypoint_search
+        if len(self.searches) == 1:
+            self.searches.append(_Search(self.query, self.grid, *self.landmarks, proving=True))
+        search, plain = self.searches
         plain.learn(search.best, 0)  # prunes the plain A* too
         ended = plain.advance(quota, self.query.stop)
         if plain.best < search.best:
@@ -431,12 +407,22 @@ class _Run:
         path = self.best_search.workspace.trace(self.grid.width, *endpoints)
         cost, lower_bound, suboptimality_bound = self.costs(path)
         expansions = self.waypoint_search.expansions + self.plain_expansions
-        if self.best_path is None:
+        if self.best_solution is None:
             self.first_expansions, self.first_cost = expansions, cost
-        elif cost > self.costs(self.best_path)[0]:
+        elif cost > self.best_solution.cost:
             return None
-        self.best_path = path
-        return AnytimeSolution(path, cost, lower_bound, suboptimality_bound, expansions)
+        self.best_solution = AnytimeSolution(
+            SearchStatus.STOPPED,
+            expansions,
+            0,
+            np.zeros((0, 0), dtype=np.bool_),
+            path,
+            path_length(path),
+            cost,
+            lower_bound,
+            suboptimality_bound,
+        )
+        return self.best_solution
 
     def costs(self, path: NDArray[np.int32]) -> tuple[float, float, float]:
         """Return the cost of a path and the lower bound, in cells, and their proven ratio."""
@@ -450,15 +436,15 @@ class _Run:
         status = SearchStatus.STOPPED if self.status is None else self.status
         expanded = np.zeros(grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
         storage = 0
-        for search in filter(None, (self.waypoint_search, self.plain_search)):
+        for search in self.searches:
             storage += int(search.control[kernels.G_STORAGE])
             if want_expanded and not self.query.stop[0]:
                 workspace = search.workspace
                 plain_kernels.add_expanded(workspace.records, workspace.generation, expanded)
-        path, length = self.best_path, math.nan
+        path, length = empty_path(), math.nan
         cost, lower_bound, suboptimality_bound = math.inf, math.inf, math.inf
-        if path is not None:
-            length = path_length(path)
+        if self.best_solution is not None:
+            path, length = self.best_solution.path, self.best_solution.length
             cost, lower_bound, suboptimality_bound = self.costs(path)
         elif status is not SearchStatus.EXHAUSTED:
             lower_bound = self.waypoint_search.bound / grid.straight
@@ -467,7 +453,7 @@ class _Run:
             self.waypoint_search.expansions + self.plain_expansions,
             storage,
             expanded,
-            empty_path() if path is None else path,
+            path,
             length,
             cost,
             lower_bound,
