@@ -441,11 +441,11 @@ class _Run:
             if want_expanded and not self.query.stop[0]:
                 workspace = search.workspace
                 plain_kernels.add_expanded(workspace.records, workspace.generation, expanded)
-        path, length = empty_path(), math.nan
+        best, length = self.best_solution, math.nan
         cost, lower_bound, suboptimality_bound = math.inf, math.inf, math.inf
-        if self.best_solution is not None:
-            path, length = self.best_solution.path, self.best_solution.length
-            cost, lower_bound, suboptimality_bound = self.costs(path)
+        if best is not None:
+            length = best.length
+            cost, lower_bound, suboptimality_bound = self.costs(best.path)
         elif status is not SearchStatus.EXHAUSTED:
             lower_bound = self.waypoint_search.bound / grid.straight
         return GuidedResult(
@@ -453,7 +453,7 @@ class _Run:
             self.waypoint_search.expansions + self.plain_expansions,
             storage,
             expanded,
-            path,
+            empty_path() if best is None else best.path,
             length,
             cost,
             lower_bound,

@@ -1,4 +1,4 @@
-"""The publishers, subscriptions, services and timers of one part of a node, closed together."""
+"""The publishers, subscriptions and services of one part of a node, closed together."""
 
 from __future__ import annotations
 
@@ -45,11 +45,6 @@ class Entities:
         made = self.node.create_service(kind, name, callback, callback_group=group)
         self._undo.append(lambda: self.node.destroy_service(made))
         return made
-
-    def timer(self, period: float, callback: Callable[[], None], group: CallbackGroup) -> None:
-        """Create a timer that fires every `period` seconds."""
-        made = self.node.create_timer(period, callback, callback_group=group)
-        self._undo.append(lambda: self.node.destroy_timer(made))
 
     def on_close(self, undo: Callable[[], Any]) -> None:
         """Call `undo` in `close`, in its turn."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from llm_astar_msgs_adapter.messages.writing import status_to_message
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy._rclpy_pybind11 import RCLError
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE
@@ -52,7 +52,10 @@ class PlanStatistics:
 
 
 class DiagnosticsPublisher:
-    """Publishes the state at 1 Hz, and on request."""
+    """Publishes the state at 1 Hz, and on request.
+
+    It has a thread of its own: a monitor must see the node also while every other thread plans.
+    """
 
     def __init__(
         self, entities: Entities, state: Callable[[], tuple[bool, str, dict[str, Any]]]
@@ -61,7 +64,24 @@ class DiagnosticsPublisher:
         self._node = entities.node
         self._state = state
         self._publisher = entities.publisher(DiagnosticArray, '/diagnostics', RELIABLE)
-        entities.timer(PERIOD_S, self.publish, MutuallyExclusiveCallbackGroup())
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self.run, name='diagnostics', daemon=True)
+        self._thread.start()
+        entities.on_close(self.close)
+
+    def run(self) -> None:
+        """Publish the state once a second until `close`, or until the context is shut down."""
+        try:
+            while not self._closed.wait(PERIOD_S):
+                self.publish()
+        except RCLError:
+            if self._node.context.ok():
+                raise
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closed.set()
+        self._thread.join()
 
     def publish(self) -> None:
         """Publish the state now."""
