@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 from llm_astar_planner.nodes.common.spin import spin
-from rclpy._rclpy_pybind11 import RCLError
+from rclpy._rclpy_pybind11 import InvalidHandle, RCLError
 
 GONE = "Failed to add 'rcl_action_server_t' to wait set: action server pointer is invalid"
 
@@ -22,17 +22,23 @@ class Executor:
     def spin_once(self, timeout_sec):
         self.steps += 1
         if self.problems:
-            raise RCLError(self.problems.pop(0))
+            raise self.problems.pop(0)
 
 
 def test_an_action_server_that_leaves_the_graph_does_not_end_the_node():
-    executor = Executor(GONE, GONE)
+    executor = Executor(RCLError(GONE), RCLError(GONE))
     spin(executor, executor.context)
     assert executor.steps == 3
 
 
+def test_an_entity_destroyed_while_the_executor_waits_does_not_end_the_node():
+    executor = Executor(InvalidHandle('destruction was requested'))
+    spin(executor, executor.context)
+    assert executor.steps == 2
+
+
 def test_another_failure_of_the_middleware_ends_the_node():
-    executor = Executor('out of memory', GONE)
+    executor = Executor(RCLError('out of memory'), RCLError(GONE))
     with pytest.raises(RCLError, match='memory'):
         spin(executor, executor.context)
 

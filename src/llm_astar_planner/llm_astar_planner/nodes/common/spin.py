@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 import rclpy
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
+from rclpy._rclpy_pybind11 import InvalidHandle, RCLError, UnknownROSArgsError
 from rclpy.context import Context
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
@@ -40,6 +40,10 @@ def spin_once(executor: Executor, context: Context) -> None:
     try:
         executor.spin_once(timeout_sec=LONGEST_WAIT)
     except ExternalShutdownException:
+        pass
+    except InvalidHandle:
+        # Another thread destroyed an entity while the executor collected what it waits for;
+        # rclpy guards the entities against that, but not their event handlers.
         pass
     except RCLError as error:
         # A signal may end the context between two steps of the executor; and an action server
