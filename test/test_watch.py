@@ -127,9 +127,9 @@ def test_a_line_has_the_figures_of_the_plan():
     for words in (
         'NONE',
         'guided by replay:x',
-        '49 ops',
+        '49 expansions',
         '43.70 m',
-        'ratio 1.000',
+        'bound 1.000',
         'search 0.0 ms',
         'source 0.0 ms OK',
         '2 accepted, 1 out of order',

@@ -242,7 +242,7 @@ def path_lines(plan: Plan) -> list[str]:
     """Return the lines that only a plan with a path has."""
     turns = f'{plan.turns} turn{"" if plan.turns == 1 else "s"}'
     lines = [
-        f'operation  {plan.expansions}',
+        f'expansions {plan.expansions}',
         f'storage    {plan.storage}',
         f'length     {plan.length:.3f} cells over {len(plan.path)} points, {turns}',
     ]

@@ -130,9 +130,9 @@ def plan_words(event: MonitorEvent) -> list[str]:
     return [
         f'{plan["code_name"]:<8}',
         f'{plan["method"] or "-"} by {plan["guided_by"]}',
-        f'{plan["operation"]} ops',
+        f'{plan["operation"]} expansions',
         '' if plan['length'] is None else f'{plan["length"]:.2f} m',
-        '' if plan['ratio'] is None else f'ratio {plan["ratio"]:.3f}',
+        '' if plan['ratio'] is None else f'bound {plan["ratio"]:.3f}',
         f'search {1000 * plan["seconds_search"]:.1f} ms',
         f'source {1000 * plan["seconds_source"]:.1f} ms {plan["source_status"]}',
         ', '.join(f'{count} {status}' for status, count in statuses.items()),
