@@ -178,19 +178,17 @@ class Planner:
         self, request: PlanRequest, endpoints: Endpoints, path: NDArray[np.int32]
     ) -> str | None:
         """Say why a path does not answer the request, or None: the last check."""
-        resolution = self.grid_map.resolution
         start, goal = endpoints.start, endpoints.goal
-        if start != request.start:
-            limit = request.start_tolerance / resolution
-            problem = shift_problem('start', request.start, start, limit)
-            if problem is not None:
-                return problem
-        if goal != request.goal:
-            problem = shift_problem('goal', request.goal, goal, request.tolerance / resolution)
-            if problem is not None:
-                return problem
-        cuts = self.config.corner_cutting
-        problem = path_problem(path, self.checker, start, goal, corner_cutting=cuts)
+        for name, requested, used, tolerance in (
+            ('start', request.start, start, request.start_tolerance),
+            ('goal', request.goal, goal, request.tolerance),
+        ):
+            if used != requested:
+                limit = tolerance / self.grid_map.resolution
+                problem = shift_problem(name, requested, used, limit)
+                if problem is not None:
+                    return problem
+        problem = self.path_problem(path, start, goal)
         if problem is None and request.via:
             return via_problem(path, request.via)
         return problem
