@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='name of its waypoint client (default: %(default)s)',
     )
     parser.add_argument('--count', type=int, metavar='N', help='end after N plans')
-    parser.add_argument('--json', action='store_true', help='print one JSON object a line')
+    parser.add_argument('--json', action='store_true', help='print one JSON object per line')
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -114,7 +114,7 @@ class CollisionChecker:
         return cKDTree(points, balanced_tree=False, compact_nodes=False)
 
 
-def path_problem(  # noqa: PLR0911 - one return a rule
+def path_problem(  # noqa: PLR0911 - one return per rule
     path: NDArray[np.int32],
     blocked: BlockedCells,
     start: Cell,

@@ -71,7 +71,7 @@ class Planner:
         return cls(barrier_map.to_grid(), CostmapConfig(corner_cutting=True), barrier_map)
 
     def prepare(self, *, wait: bool = True) -> Planner:
-        """Do the work that is due once a map now instead of at the first plan.
+        """Do now what each new map needs, instead of at the first plan.
 
         Landmarks are measured in the background; until they are there, plans do without. `wait`
         waits for them.

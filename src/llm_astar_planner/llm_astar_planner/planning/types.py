@@ -61,7 +61,7 @@ class PlanRequest:
     """One request: a path from start to goal, both cells (x, y).
 
     - `method`: one of `search.paper.METHODS`. `heuristic` and `weight` are for the paper's.
-    - `source`: who is asked for waypoints, None for nobody.
+    - `source`: the waypoint source, or None to search without waypoints.
     - `time_limit`: seconds for everything; of these the source gets at most
       `source_time_limit`.
     - `max_suboptimality`: `guided` searches until its path is proven to cost at most this many

@@ -67,9 +67,9 @@ class GuidedSearch:
     when the path is proven to cost at most w times the optimum, without it at the first path.
     `landmarks`, which must be admissible on the grid, make search and proof cheap. It also ends
     at `deadline` (monotonic seconds, looked at between slices of the search) and when another
-    thread sets `stop[0] = 1`; nobody looks at a cancelled search, so its expanded cells are not
-    drawn. `weight` is how greedily waypoints are followed; `work_factor` limits the expansions
-    that they may cost, as a multiple of those surely needed without any.
+    thread sets `stop[0] = 1`; the expanded cells of a search cancelled that way are not returned.
+    `weight` is how greedily waypoints are followed; `work_factor` limits the expansions that they
+    may cost, as a multiple of those surely needed without any.
     """
 
     def __init__(

@@ -90,7 +90,7 @@ class WaypointQuery:
 class WaypointReply:
     """A source's reply: waypoints (x, y) in grid coordinates, not yet checked.
 
-    `label` says who answered, such as `replay:gpt-3.5` or `none`. `text` is the raw answer,
+    `label` names what answered, such as `replay:gpt-3.5` or `none`. `text` is the raw answer,
     bounded in length; `detail` is a sentence on what went wrong, '' if nothing did. `messages`
     are those that led to the answer; `unit` is the lattice step of its coordinates in cells.
     `instruction` is `followed` where the waypoints follow the query's instruction, else the

@@ -36,7 +36,7 @@ class PathMonitor:
         replans: PreemptingGoalSlot,
         cache: CachedWaypointSource | None,
     ) -> None:
-        """Take who replans; `replans` is the slot in which it does.
+        """Take the parts it works with; a replan runs in the slot `replans`.
 
         `cache` is given the waypoints of the paths watched.
         """
@@ -61,7 +61,7 @@ class PathMonitor:
             self.check(newest)  # the map changed while the path was planned
 
     def forget(self) -> None:
-        """Watch no path, because nobody follows one any more."""
+        """Stop watching: no robot follows the path any more."""
         self._watched = None
 
     def check(self, planner: Planner) -> None:

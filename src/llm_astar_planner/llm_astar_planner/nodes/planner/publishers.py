@@ -56,7 +56,7 @@ class PathWriter:
         return path
 
     def write_plan(self, plan: Plan) -> Path:
-        """Write a plan's path; an any-angle one with a pose a cell, as controllers expect."""
+        """Write a plan's path; an any-angle path gets one pose per cell, as controllers expect."""
         if plan.any_angle is None:
             return self.write(plan.path)
         return self.write(interpolate(plan.any_angle.points))

@@ -55,7 +55,7 @@ class RequestConverter:
     def __init__(
         self, settings: Parameters, frames: Frames, source: WaypointSource | None
     ) -> None:
-        """Take the parameters, the transforms, and who is asked for waypoints."""
+        """Take the parameters, the transforms, and the waypoint source."""
         self._settings = settings
         self._frames = frames
         self._source = source

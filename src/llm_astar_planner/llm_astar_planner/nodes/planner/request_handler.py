@@ -123,8 +123,8 @@ class RequestHandler:
     ) -> None:
         """Take the parts it works with.
 
-        `replans` is the slot of plans that nobody has just asked for: publishing a path that
-        somebody has asked for preempts them.
+        `replans` is the slot of replans: publishing a path that a client has just requested
+        preempts them.
         """
         self._is_active = False
         self._running: set[CancellationToken] = set()
@@ -164,7 +164,7 @@ class RequestHandler:
 
         `token` cancels it from another thread: its code is then TIMEOUT and only the report is
         published. `on_better` is called after each better path published on the way.
-        `replan_reason` says why the goal is planned for again, if nobody has just asked.
+        `replan_reason` says why the path monitor plans again, '' if a client requested it.
         """
         stamp = self._node.get_clock().now().to_msg()
         limit = self._settings.current['max_planning_time']
@@ -228,7 +228,7 @@ class RequestHandler:
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request)
 
     def publish(self, path: Path, replan_reason: str) -> None:
-        """Publish a path; one that somebody has just asked for preempts a replan."""
+        """Publish a path; one that a client has just requested preempts a replan."""
         if not replan_reason:
             self._replans.cancel(NEWER_PATH)
         self._publisher.publish_path(path)

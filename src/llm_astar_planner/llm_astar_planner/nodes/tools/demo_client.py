@@ -88,7 +88,7 @@ def print_plan(
         print(f'waypoint {number} ({x:g}, {y:g}) {status.replace("_", " ")}')
     if report.length is not None:
         print(f'path       {report.length:.2f} m, {poses} poses')
-    print(f'work       {report.operation} expansions, {report.storage} states stored')
+    print(f'expansions {report.operation}, {report.storage} states stored')
     print(
         f'time       {1000 * seconds:.1f} ms round trip, {1000 * report.seconds_source:.1f} ms of '
         f'it for waypoints, {1000 * report.seconds_search:.2f} ms for the search'

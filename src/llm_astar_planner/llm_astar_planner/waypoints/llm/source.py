@@ -110,7 +110,7 @@ class EndpointSource:
 
     @property
     def label(self) -> str:
-        """Who answers: the model, or the host where no model is named."""
+        """Name of the model, or of the host if no model is configured."""
         return f'endpoint:{self.client.model or self.client.endpoint.host}'
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
