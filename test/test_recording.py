@@ -92,6 +92,8 @@ def drive(_context, tmp_path_factory):
         for topic in ('map', 'plan', 'planner_node/report', 'llm_client_node/exchange'):
             wait_for(lambda topic=topic: recorder.printed(f'recording {ALONE}/{topic} '), topic)
         wait_for(lambda: recorder.printed(f'recording {EVENT}'), 'service events')
+        # The recorder receives the latched map only after it has subscribed.
+        time.sleep(1.0)
         answers = [caller.call(*pair)[:2] for pair in PAIRS]
         # The last answer's event leaves the planner right after the answer.
         time.sleep(0.5)
