@@ -1,4 +1,4 @@
-"""Imports go one way, room by room: cli, nodes, benchmark, planning, waypoints, search, maps."""
+"""Imports go one way, room by room: cli, nodes, benchmark, planning, instructions, waypoints, search, maps."""
 
 import ast
 from pathlib import Path
@@ -27,14 +27,24 @@ ROOMS = {
     'search': set(),
     'costmap': {'search', 'parameter'},
     'waypoints': {'search', 'costmap', 'parameter', 'resources'},
-    'planning': {'search', 'costmap', 'waypoints', 'parameter', 'resources'},
-    'visualization': {'search', 'costmap', 'planning'},
-    'benchmark': {'search', 'costmap', 'waypoints', 'planning', 'visualization', 'resources'},
+    'instructions': {'search', 'costmap', 'waypoints', 'parameter', 'resources'},
+    'planning': {'search', 'costmap', 'waypoints', 'instructions', 'parameter', 'resources'},
+    'visualization': {'search', 'costmap', 'instructions', 'planning'},
+    'benchmark': {
+        'search',
+        'costmap',
+        'waypoints',
+        'instructions',
+        'planning',
+        'visualization',
+        'resources',
+    },
     'nodes': {
         'parameter',
         'search',
         'costmap',
         'waypoints',
+        'instructions',
         'planning',
         'visualization',
         'benchmark',

@@ -61,6 +61,7 @@ setup(
         NAME: [
             'py.typed',
             'waypoints/prompts/*.txt',
+            'instructions/*.json',
             'waypoints/learned/*.npz',
             'benchmark/report/*.j2',
         ]

@@ -1,0 +1,130 @@
+"""What was understood of an instruction, and who understands instructions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Protocol
+
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+
+from llm_astar_planner.instructions.sentence import canonical_sentence
+from llm_astar_planner.instructions.specification import (
+    NOTHING_ASKED,
+    Specification,
+    Unknown,
+)
+from llm_astar_planner.instructions.specification_json import to_json
+
+MAX_INSTRUCTION_CHARS = 500
+PREFER, REQUIRE = 'prefer', 'require'
+POLICIES = (PREFER, REQUIRE)
+
+
+class InstructionError(LlmAstarError, ValueError):
+    """An instruction cannot be used; the message says why."""
+
+
+class Understanding(Enum):
+    """How much of an instruction was understood."""
+
+    WHOLE = 'understood'
+    PARTLY = 'partly understood'
+    NONE = 'not understood'
+    IRRELEVANT = 'nothing about the route'
+    PENDING = 'not understood yet'
+
+
+@dataclass(frozen=True)
+class Interpretation:
+    """What was understood of an instruction.
+
+    - `text`: the instruction as one clean line.
+    - `specification`: what is enforced and verified.
+    - `understood_by`: 'grammar' or the name of the model; '' if nobody understood anything.
+    - `status`; `detail`: why something was not understood, '' if nothing is to be said.
+    - `seconds`: wall time; `prompt_tokens`, `output_tokens`: of a model, 0 of the grammar.
+    """
+
+    text: str
+    specification: Specification = NOTHING_ASKED
+    understood_by: str = ''
+    status: Understanding = Understanding.NONE
+    detail: str = ''
+    seconds: float = 0.0
+    prompt_tokens: int = 0
+    output_tokens: int = 0
+
+    @property
+    def sentence(self) -> str:
+        """The canonical English sentence of what was understood."""
+        return canonical_sentence(self.specification)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the form of `~/interpretation`, `--json` and transcripts."""
+        return {
+            'text': self.text,
+            'status': self.status.value,
+            'sentence': self.sentence,
+            'specification': to_json(self.specification),
+            'understood_by': self.understood_by,
+            'detail': self.detail,
+            'seconds': self.seconds,
+            'prompt_tokens': self.prompt_tokens,
+            'output_tokens': self.output_tokens,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class RouteInstruction:
+    """An instruction as a plan request carries it.
+
+    - `policy`: `prefer` takes the path that violates the clauses least, `require` gives no path
+      unless every `must` clause is satisfied.
+    - `visited`: the regions already visited on the way, as (index of the clause, index of the
+      region in it).
+    """
+
+    interpretation: Interpretation
+    places: Places = NO_PLACES
+    policy: str = PREFER
+    visited: frozenset[tuple[int, int]] = frozenset()
+
+
+class Interpreter(Protocol):
+    """Understands instructions: the grammar, a model, a replay, or a chain of them."""
+
+    @property
+    def name(self) -> str:
+        """Name in reports: 'grammar', 'endpoint', 'replay'."""
+
+    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
+        """Say what was understood of a clean text within `time_limit` seconds. Never raises."""
+
+
+def status_of(specification: Specification) -> Understanding:
+    """Return how much was understood, judged by the unknown clauses."""
+    known = specification.enforceable
+    if len(known) < len(specification.clauses):
+        return Understanding.PARTLY if known else Understanding.NONE
+    return Understanding.WHOLE if known else Understanding.IRRELEVANT
+
+
+def not_understood(text: str, detail: str, understood_by: str = '') -> Interpretation:
+    """Return the interpretation of a text of which nothing was understood."""
+    clauses = (Unknown(text=text[:80]),) if text else ()
+    return Interpretation(text, Specification(clauses), understood_by, detail=detail)
+
+
+def clean_instruction(text: str) -> str:
+    """Return an instruction as one line: unprintable characters become spaces.
+
+    Raises InstructionError where it is longer than MAX_INSTRUCTION_CHARS.
+    """
+    if len(text) > MAX_INSTRUCTION_CHARS:
+        raise InstructionError(
+            f'instruction: {len(text)} characters are more than {MAX_INSTRUCTION_CHARS}'
+        )
+    printable = ''.join(letter if letter.isprintable() else ' ' for letter in text)
+    return ' '.join(printable.split())
