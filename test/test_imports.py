@@ -1,4 +1,4 @@
-"""Imports go one way, room by room: cli, nodes, benchmark, planning, instructions, waypoints, search, maps."""
+"""Imports go one way, from cli and nodes down to the search and the maps, room by room."""
 
 import ast
 from pathlib import Path
