@@ -22,9 +22,12 @@ needs_install = pytest.mark.skipif(
 @pytest.mark.parametrize('folder', ['maps', 'config'])
 def test_maps_and_parameter_files_are_installed_as_they_are(folder):
     installed = PREFIX / 'share' / 'llm_astar_planner' / folder
-    here = {path.name: path.read_bytes() for path in (ROOT / folder).iterdir()}
-    there = {path.name: path.read_bytes() for path in installed.iterdir()}
-    assert there == here
+    assert contents(installed) == contents(ROOT / folder)
+
+
+def contents(folder):
+    files = (path for path in folder.rglob('*') if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 @needs_install

@@ -21,7 +21,8 @@ data_files = [
     (f'share/{NAME}', ['package.xml']),
     (f'share/{NAME}/launch', glob('launch/*.launch.py')),
     (f'share/{NAME}/config', glob('config/*')),
-    (f'share/{NAME}/maps', glob('maps/*')),
+    (f'share/{NAME}/maps', glob('maps/*.json*')),
+    (f'share/{NAME}/maps/instructions', glob('maps/instructions/*')),
 ]
 if 'bdist_wheel' in sys.argv:
     # colcon puts the entry points below lib/, where `ros2 run` looks; pip does not.
