@@ -22,7 +22,8 @@ empty: `lang` ("en"), `tags`, `style` ("templated" or "free"), `writer` (any nam
 - `expect`: "ok" (default): can be met; "impossible": no path can; "contradiction": its clauses
   exclude each other; "none": it asks nothing of the route.
 - `spec`: the truth, {"clauses": [...]} as in `instructions/route_spec.schema.json` (`via` with
-  `region` is `visit`, a text is a place); "none" has no clauses, the others at least one.
+  `region` is `visit`, a text is a place); "none" has none but `unknown` ones, the others at
+  least one.
 - `accept`: other specifications that count as exactly understood.
 - `checks`: what a path that follows the instruction fulfils; "ok" has at least one. With
   "impossible" and "contradiction" no path fulfils all of them.
@@ -58,3 +59,201 @@ REGION of a check:
 - {"near": REGION, "width": W}: all within W metres of the region, itself included;
   {"walls": W}: all within W metres of occupied cells.
 """
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from llm_astar_msgs_adapter.errors import read_text
+
+from llm_astar_planner.benchmark.instructions.checks import Check, read_check
+from llm_astar_planner.benchmark.instructions.comparison import normal_form
+from llm_astar_planner.benchmark.instructions.maps import MapFinder, read_texts
+from llm_astar_planner.benchmark.instructions.regions import Scene, SuiteError, SuiteMap
+from llm_astar_planner.instructions.specification import Specification, SpecificationError
+from llm_astar_planner.instructions.specification_json import (
+    as_choice,
+    as_mapping,
+    as_numbers,
+    as_text,
+    from_json,
+)
+from llm_astar_planner.search.result import Cell
+
+VERSION = 1
+OK, IMPOSSIBLE, CONTRADICTION, NONE = 'ok', 'impossible', 'contradiction', 'none'
+EXPECTED = (OK, IMPOSSIBLE, CONTRADICTION, NONE)
+STYLES = ('templated', 'free')
+MAX_BYTES = 32_000_000
+MAX_MAPS = 500
+MAX_INSTRUCTIONS = 20_000
+MAX_TEXT_CHARS = 10_000
+MAX_CHECKS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class SuiteInstruction:
+    """One instruction of a suite with its truth; `start` and `goal` are cells of its map."""
+
+    id: str
+    suite_map: SuiteMap
+    start: Cell
+    goal: Cell
+    text: str
+    lang: str
+    tags: tuple[str, ...]
+    style: str
+    writer: str
+    expect: str
+    truth: Specification
+    accepted: tuple[Specification, ...]
+    checks: tuple[Check, ...]
+
+    @property
+    def clause_kinds(self) -> tuple[str, ...]:
+        """The kinds of the truth's clauses, each once, in their order."""
+        return tuple(dict.fromkeys(clause.kind for clause in self.truth.clauses))
+
+
+@dataclass(frozen=True, eq=False)
+class Suite:
+    """A suite: where it was read from, and its instructions in the file's order."""
+
+    path: Path
+    instructions: tuple[SuiteInstruction, ...]
+
+    def find(self, name: str) -> SuiteInstruction:
+        """Return the instruction with an id. Raises SuiteError."""
+        for instruction in self.instructions:
+            if instruction.id == name:
+                return instruction
+        raise SuiteError(f'{self.path}: has no instruction {name!r}')
+
+
+def load_suite(path: str | Path, folders: Sequence[Path] = ()) -> Suite:
+    """Read and check a whole suite; `folders` are searched for its maps, too.
+
+    Raises SuiteError, which names the file, the map or instruction, and the field.
+    """
+    path = Path(path)
+    fields = read_object(path)
+    if fields.get('version') != VERSION:
+        raise SuiteError(f'{path}: version: {fields.get("version")!r} is not {VERSION}')
+    entries, listed = fields.get('maps'), fields.get('instructions')
+    if not isinstance(entries, dict) or not 1 <= len(entries) <= MAX_MAPS:
+        raise SuiteError(f'{path}: maps: is not an object of 1 to {MAX_MAPS} maps')
+    if not isinstance(listed, list) or not 1 <= len(listed) <= MAX_INSTRUCTIONS:
+        raise SuiteError(f'{path}: instructions: is not a list of 1 to {MAX_INSTRUCTIONS}')
+    finder = MapFinder(path, folders)
+    maps = {name: finder.load(name, entry) for name, entry in entries.items()}
+    found: dict[str, SuiteInstruction] = {}
+    for index, item in enumerate(listed):
+        instruction = named_instruction(item, index, maps, path)
+        if instruction.id in found:
+            raise SuiteError(f'{path}: instruction {instruction.id!r}: id: is used twice')
+        found[instruction.id] = instruction
+    return Suite(path, tuple(found.values()))
+
+
+def read_object(path: Path) -> Mapping[str, Any]:
+    """Return the JSON object in a file. Raises SuiteError."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise SuiteError(f'{path}: is larger than {MAX_BYTES} bytes')
+        fields = json.loads(read_text(path, SuiteError))
+    except OSError as error:
+        raise SuiteError(f'{path}: {error.strerror or error}') from None
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, SuiteError):
+            raise
+        raise SuiteError(f'{path}: not JSON: {error}') from None
+    if not isinstance(fields, dict):
+        raise SuiteError(f'{path}: a JSON object is expected')
+    return fields
+
+
+def named_instruction(
+    value: object, index: int, maps: Mapping[str, SuiteMap], path: Path
+) -> SuiteInstruction:
+    """Read an instruction. Raises SuiteError, which names the file and the id or the index."""
+    name = value.get('id') if isinstance(value, dict) else None
+    where = f'{path}: instruction ' + (repr(name) if isinstance(name, str) else f'at {index}')
+    try:
+        return read_instruction(as_mapping(value, 'entry'), maps)
+    except (SuiteError, SpecificationError) as error:
+        raise SuiteError(f'{where}: {error}') from None
+
+
+def read_instruction(fields: Mapping[str, Any], maps: Mapping[str, SuiteMap]) -> SuiteInstruction:
+    """Read an instruction. Raises SuiteError or SpecificationError, which name the field."""
+    suite_map = maps[as_choice(fields.get('map'), 'map', list(maps))]
+    ends = {name: read_point(fields, name, suite_map) for name in ('start', 'goal')}
+    text = fields.get('text')
+    if not isinstance(text, str) or len(text) > MAX_TEXT_CHARS:
+        raise SuiteError(f'text: is not a text of up to {MAX_TEXT_CHARS} characters')
+    expect = as_choice(fields.get('expect', OK), 'expect', EXPECTED)
+    truth = read_specification(fields.get('spec'), 'spec', suite_map)
+    if bool(truth.enforceable) == (expect == NONE):
+        raise SuiteError(f'spec: {len(truth.enforceable)} clauses do not go with expect {expect}')
+    style = fields.get('style') or ''
+    scene = Scene(suite_map, *(suite_map.position(cell) for cell in ends.values()))
+    return SuiteInstruction(
+        id=as_text(fields.get('id'), 'id'),
+        suite_map=suite_map,
+        **ends,
+        text=text,
+        lang=as_text(fields.get('lang', 'en'), 'lang'),
+        tags=read_texts(fields, 'tags', 'instruction'),
+        style=as_choice(style, 'style', ('', *STYLES)),
+        writer=as_text(fields['writer'], 'writer') if fields.get('writer') else '',
+        expect=expect,
+        truth=truth,
+        accepted=read_accepted(fields.get('accept', []), suite_map),
+        checks=read_checks(fields.get('checks', []), scene, expect, len(truth.clauses)),
+    )
+
+
+def read_point(fields: Mapping[str, Any], name: str, suite_map: SuiteMap) -> Cell:
+    """Return the cell of start or goal. Raises SuiteError where it is off the map or occupied."""
+    x, y = as_numbers(fields.get(name), name, 2)
+    grid_map = suite_map.grid_map
+    cell = grid_map.world_to_cell(x, y)
+    if not grid_map.contains(cell):
+        raise SuiteError(f'{name}: ({x:g}, {y:g}) lies off map {suite_map.name!r}')
+    if grid_map.cells[cell[1], cell[0]] >= suite_map.occupied_threshold:
+        raise SuiteError(f'{name}: ({x:g}, {y:g}) is occupied on map {suite_map.name!r}')
+    return cell
+
+
+def read_specification(value: object, where: str, suite_map: SuiteMap) -> Specification:
+    """Read a specification whose places are all on the map. Raises SuiteError."""
+    try:
+        specification = from_json(value)
+        normal_form(specification, suite_map)
+    except (SuiteError, SpecificationError) as error:
+        raise SuiteError(f'{where}: {error}') from None
+    return specification
+
+
+def read_accepted(value: object, suite_map: SuiteMap) -> tuple[Specification, ...]:
+    """Read the other specifications that count as understood. Raises SuiteError."""
+    if not isinstance(value, list) or len(value) > MAX_CHECKS:
+        raise SuiteError(f'accept: is not a list of up to {MAX_CHECKS} specifications')
+    return tuple(
+        read_specification(item, f'accept[{index}]', suite_map) for index, item in enumerate(value)
+    )
+
+
+def read_checks(value: object, scene: Scene, expect: str, clauses: int) -> tuple[Check, ...]:
+    """Read the checks of an instruction. Raises SuiteError or SpecificationError."""
+    if not isinstance(value, list) or len(value) > MAX_CHECKS:
+        raise SuiteError(f'checks: is not a list of up to {MAX_CHECKS} checks')
+    if expect == OK and not value:
+        raise SuiteError('checks: an instruction that can be met has at least one')
+    return tuple(
+        read_check(item, f'checks[{index}]', scene, clauses) for index, item in enumerate(value)
+    )
