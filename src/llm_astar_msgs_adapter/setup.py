@@ -50,6 +50,7 @@ setup(
         'pillow',
         'pyyaml',
         'rosbags',
+        'shapely>=2',
         'zstandard',
     ],
     extras_require={'test': ['pytest', 'hypothesis']},

@@ -17,6 +17,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 
 # The kind of a place that nobody can stand in: a rack, a machine, a wall.
 OBJECT = 'object'
+DEFAULT_KIND = 'area'
 
 
 class PlacesError(LlmAstarError, ValueError):
@@ -33,7 +34,7 @@ class Place:
 
     name: str
     geometry: BaseGeometry
-    kind: str = 'area'
+    kind: str = DEFAULT_KIND
     aliases: tuple[str, ...] = ()
     tags: tuple[str, ...] = ()
 
@@ -119,7 +120,7 @@ def places_from_polygons(entries: Mapping[str, Mapping[str, Any]]) -> Places:
         Place(
             name,
             shapely.Polygon(entry['polygon']),
-            str(entry.get('kind', 'area')),
+            str(entry.get('kind', DEFAULT_KIND)),
             tuple(entry.get('aliases', ())),
             tuple(entry.get('tags', ())),
         )
