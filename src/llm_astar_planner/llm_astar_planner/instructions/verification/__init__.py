@@ -1,0 +1,10 @@
+"""The independent check: a path, measured in metres against what was asked of it.
+
+Nothing here knows how an instruction is enforced. Regions become shapely geometry, the path a
+polyline, and what the best path could do is found by searches of their own.
+"""
+
+from llm_astar_planner.instructions.verification.polyline import PathError
+from llm_astar_planner.instructions.verification.verify import verify, visited_regions
+
+__all__ = ['PathError', 'verify', 'visited_regions']

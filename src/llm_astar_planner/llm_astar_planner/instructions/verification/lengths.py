@@ -1,0 +1,241 @@
+"""Checks of clauses that are about lengths: avoid, stay in, keep a distance, end at."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import ndimage
+
+from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.specification import (
+    SHOULD,
+    Avoid,
+    EndAt,
+    KeepDistance,
+    StayIn,
+)
+from llm_astar_planner.instructions.verification.area import EDGE, Area, polygon_area
+from llm_astar_planner.instructions.verification.measurement import (
+    NEGLIGIBLE,
+    Measurement,
+    Point,
+    length_text,
+    no_size,
+    point_text,
+    satisfied,
+    violated,
+)
+from llm_astar_planner.instructions.verification.polyline import Spans, total
+from llm_astar_planner.instructions.verification.reference import Mask
+
+# A distance may be short by this share or by these metres, whichever is more.
+SHORT_SHARE = 0.02
+SHORT_METRES = 0.05
+
+
+def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
+    """Measure the metres of a path in a region and its margin.
+
+    None is allowed, but for the least possible where start or goal lies inside, or if the clause
+    is a wish.
+    """
+    region = measurement.regions.resolve_avoided(clause.region).area
+    if not region.has_size:
+        return no_size(clause)
+    beyond = clause.margin > EDGE
+    area = region.grown(clause.margin - EDGE) if beyond else region.shrunk(EDGE)
+    spans = measurement.path.spans_in(area)
+    metres = total(spans)
+    if metres <= NEGLIGIBLE:
+        off = '' if measurement.on_map(area) else ', the region lies off the map'
+        return satisfied(clause, f'0.0 m inside{off}')
+    least = measurement.reference.least_inside(area)
+    detail = f'{length_text(metres)} inside, from {point_text(measurement.first_point(spans))}'
+    ends_inside = bool(area.contains([measurement.start, measurement.goal]).any())
+    if ends_inside or clause.strength == SHOULD:
+        if metres <= measurement.allowed(least):
+            return satisfied(clause, f'{detail}, {least_text(least)}', metres, least)
+        impossible = False
+    else:
+        reference = measurement.reference
+        impossible = reference.small_enough and reference.separates(reference.inside(area))
+    return violated(
+        clause,
+        f'{detail}, {least_text(least)}' if least > 0.0 else detail,
+        metres,
+        measurement.first_point(spans),
+        least,
+        impossible=impossible,
+    )
+
+
+def check_stay_in(measurement: Measurement, clause: StayIn) -> ClauseOutcome:
+    """Measure the metres of a path outside of a region: the least possible are allowed.
+
+    A must needs a path that enters the region at all, even where passing by would be less.
+    """
+    region = measurement.regions.resolve(clause.region).area
+    area = region.grown(EDGE)
+    inside = measurement.path.spans_in(area) if region.has_size else np.empty((0, 2))
+    metres = max(0.0, measurement.path.length - total(inside))
+    if len(inside) and metres <= NEGLIGIBLE:
+        return satisfied(clause, '0.0 m outside')
+    where = first_outside(measurement, inside)
+    if not len(inside):
+        reason = unreachable_reason(measurement, area)
+        if reason:
+            return violated(clause, reason, metres, where, impossible=True)
+    least = measurement.reference.least_inside(area, outside=True)
+    both = bool(area.contains([measurement.start, measurement.goal]).all())
+    limit = 0.0 if both and least <= NEGLIGIBLE else measurement.allowed(least)
+    detail = f'{length_text(metres)} outside, from {point_text(where)}'
+    detail += '' if math.isnan(least) else f', {least_text(least)}'
+    if metres <= limit and (clause.strength == SHOULD or total(inside) > 0.0):
+        return satisfied(clause, detail, metres, least)
+    return violated(clause, detail, metres, where, least)
+
+
+def first_outside(measurement: Measurement, inside: Spans) -> Point:
+    """Return where a path is outside of a region for the first time, given where it is inside."""
+    if len(inside) and inside[0, 0] <= NEGLIGIBLE:
+        return measurement.path.point(float(inside[0, 1]))
+    return measurement.start
+
+
+def check_keep_distance(measurement: Measurement, clause: KeepDistance) -> ClauseOutcome:
+    """Measure the least distance of a path to a region or to the walls.
+
+    Where start or goal itself is nearer, the path up to where it first leaves the zone is not
+    counted, as long as it is the least possible.
+    """
+    limit = clause.metres - min(
+        max(SHORT_SHARE * clause.metres, SHORT_METRES), clause.metres / 2.0
+    )
+    if clause.region is None:
+        nearest = measurement.walls.nearest(measurement.path, 2.0 * clause.metres)[0]
+        if nearest >= limit:
+            return satisfied(clause, distance_text(nearest, 2.0 * clause.metres))
+        zone = polygon_area(measurement.walls.zone_near(measurement.path, limit - EDGE))
+        return check_zone(measurement, clause, zone, limit)
+    region = measurement.regions.resolve(clause.region).area
+    if not region.has_size:
+        return no_size(clause)
+    nearest = region.distance(measurement.path.shape)
+    if nearest >= limit:
+        return satisfied(clause, distance_text(nearest))
+    return check_zone(measurement, clause, region.grown(limit - EDGE), limit)
+
+
+def check_zone(
+    measurement: Measurement, clause: KeepDistance, zone: Area, limit: float
+) -> ClauseOutcome:
+    """Judge a path that comes nearer than `limit`, given all that is so near."""
+    spans = measurement.path.spans_in(zone)
+    middle = spans[(spans[:, 0] > NEGLIGIBLE) & (spans[:, 1] < measurement.path.length - EDGE)]
+    counted = spans if clause.strength == SHOULD else middle
+    nearest, where = nearest_in(measurement, clause, counted)
+    lenient = clause.strength == SHOULD or total(middle) <= NEGLIGIBLE
+    if lenient and len(spans):
+        least = least_near(measurement, clause, zone, limit)
+        if total(spans) <= measurement.allowed(least):
+            return satisfied(
+                clause,
+                f'{length_text(total(spans))} nearer, {least_text(least)}',
+                total(spans),
+                least,
+            )
+        nearest, where = nearest_in(measurement, clause, spans)
+    impossible = clause.strength != SHOULD and too_narrow(measurement, clause, zone, limit)
+    detail = f'least distance {length_text(nearest)} of {clause.metres:g} m'
+    detail += f', at {point_text(where)}'
+    return violated(clause, detail, clause.metres - nearest, where, impossible=impossible)
+
+
+def nearest_in(
+    measurement: Measurement, clause: KeepDistance, spans: Spans
+) -> tuple[float, Point]:
+    """Return the least distance of stretches of a path, and the point there."""
+    found = math.inf, measurement.start
+    stretches = [measurement.path.part(first, last) for first, last in spans]
+    for stretch in stretches or [measurement.path]:
+        if clause.region is None:
+            nearest = measurement.walls.nearest(stretch, 2.0 * clause.metres)
+        else:
+            region = measurement.regions.resolve(clause.region).area
+            nearest = region.distance(stretch.shape), region.nearest_point(stretch.shape)
+        found = min(found, nearest)
+    return found
+
+
+def zone_cells(measurement: Measurement, clause: KeepDistance, zone: Area, limit: float) -> Mask:
+    """Return the cells of the whole map whose centres are nearer than `limit`."""
+    if clause.region is None:
+        return measurement.walls.centre_distances() < limit - EDGE
+    return measurement.reference.inside(zone)
+
+
+def least_near(measurement: Measurement, clause: KeepDistance, zone: Area, limit: float) -> float:
+    """Return the least metres that any path has nearer than `limit`, NaN if that is not known."""
+    if clause.region is not None:
+        return measurement.reference.least_inside(zone)
+    if not measurement.reference.small_enough:
+        return math.nan
+    return measurement.reference.least_within(zone_cells(measurement, clause, zone, limit))
+
+
+def too_narrow(measurement: Measurement, clause: KeepDistance, zone: Area, limit: float) -> bool:
+    """Tell whether every path comes nearer than `limit`, away from its ends."""
+    reference = measurement.reference
+    if not reference.small_enough:
+        return False
+    near = zone_cells(measurement, clause, zone, limit) & ~reference.blocked
+    start_x, start_y = measurement.route.start
+    allowed = reference.goal_mask.copy()
+    allowed[start_y, start_x] = True
+    patches, _ = ndimage.label(near, structure=np.ones((3, 3)))
+    own = np.unique(patches[allowed & near])
+    return reference.separates(near & ~np.isin(patches, own[own > 0]))
+
+
+def check_end_at(measurement: Measurement, clause: EndAt) -> ClauseOutcome:
+    """Measure how far the last point of a path is from a region."""
+    region = measurement.regions.resolve(clause.region)
+    if not region.area.has_size:
+        return violated(
+            clause, 'the region has no area', math.nan, measurement.goal, impossible=True
+        )
+    if region.ends.contains([measurement.goal])[0]:
+        return satisfied(clause, f'ends at {point_text(measurement.goal)}')
+    away = region.ends.distance(measurement.path.part(measurement.path.length).shape)
+    reference = measurement.reference
+    reason = ''
+    if not measurement.on_map(region.ends):
+        reason = 'the region lies off the map'
+    elif not (reference.cells_in(region.ends) & reference.reachable).any():
+        reason = 'no free cell of it can be reached'
+    detail = f'ends {length_text(away)} away, at {point_text(measurement.goal)}'
+    return violated(clause, reason or detail, away, measurement.goal, impossible=bool(reason))
+
+
+def unreachable_reason(measurement: Measurement, area: Area) -> str:
+    """Say why no path can touch an area, '' if one can."""
+    if not area.has_size:
+        return 'the region has no area'
+    if not measurement.on_map(area):
+        return 'the region lies off the map'
+    if not measurement.reference.can_touch(area, measurement.reference.reachable):
+        return 'no free cell of it can be reached'
+    return ''
+
+
+def least_text(least: float) -> str:
+    """Say what the least possible is."""
+    return f'the least possible is {length_text(least)}'
+
+
+def distance_text(nearest: float, looked: float = math.inf) -> str:
+    """Say how near a path comes; `looked` is how far was looked."""
+    if math.isinf(nearest):
+        return f'more than {looked:g} m away' if math.isfinite(looked) else 'nothing is near'
+    return f'never nearer than {length_text(nearest)}'

@@ -1,0 +1,97 @@
+"""The check of `pass`: on which side of an object a path goes by."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.specification import Pass
+from llm_astar_planner.instructions.verification.area import EDGE, Area
+from llm_astar_planner.instructions.verification.measurement import (
+    NEGLIGIBLE,
+    Measurement,
+    length_text,
+    no_size,
+    point_text,
+    satisfied,
+    violated,
+)
+from llm_astar_planner.instructions.verification.polyline import Polyline, total
+
+Vector = NDArray[np.float64]
+
+
+def check_pass(measurement: Measurement, clause: Pass) -> ClauseOutcome:
+    """Judge where a path crosses the rays from an object's centre to the side and its opposite."""
+    region = measurement.regions.resolve(clause.region).area
+    if not region.has_size:
+        return no_size(clause)
+    ahead = measurement.regions.direction(clause.side)
+    centre = shapely.get_coordinates(shapely.centroid(region.outline))[0]
+    inside = measurement.path.spans_in(region.shrunk(EDGE))
+    right = crossings(measurement.path, centre, ahead, sure=True)
+    wrong = crossings(measurement.path, centre, -ahead, sure=False)
+    if total(inside) <= NEGLIGIBLE and right and not wrong:
+        at = point_text(measurement.path.point(right[0]))
+        return satisfied(clause, f'passed at {at}')
+    where = measurement.start
+    metres = total(inside)
+    if metres > NEGLIGIBLE:
+        where = measurement.first_point(inside)
+        detail = f'{length_text(metres)} through it, from {point_text(where)}'
+    elif wrong:
+        where = measurement.path.point(wrong[0])
+        detail = f'passed on the other side, at {point_text(where)}'
+    else:
+        detail = 'not passed on this side'
+    impossible = cannot_pass(measurement, region, centre, ahead)
+    return violated(clause, detail, metres, where, impossible=impossible)
+
+
+def crossings(path: Polyline, origin: Vector, ahead: Vector, *, sure: bool) -> list[float]:
+    """Return the places where a path crosses a ray, from one side of it to the other.
+
+    A path that comes to the ray and leaves it on the same side does not cross. One that runs along
+    the ray's line before it leaves on the other side crosses where all of that stretch is on the
+    ray, or, unless `sure`, where any of it is.
+    """
+    off = path.corners - origin
+    across = ahead[0] * off[:, 1] - ahead[1] * off[:, 0]
+    along = off @ ahead
+    beside = np.flatnonzero(np.abs(across) > EDGE)
+    changes = np.flatnonzero(np.diff(np.sign(across[beside])))
+    found = []
+    for before, after in zip(beside[changes], beside[changes + 1]):
+        if after == before + 1:
+            share = across[before] / (across[before] - across[after])
+            on_ray = along[before] + share * (along[after] - along[before]) > 0.0
+            place = path.at[before] + share * (path.at[after] - path.at[before])
+        else:
+            ahead_of_origin = along[before + 1 : after] > 0.0
+            on_ray = ahead_of_origin.all() if sure else ahead_of_origin.any()
+            place = path.at[before + 1]
+        if on_ray:
+            found.append(float(place))
+    return found
+
+
+def cannot_pass(measurement: Measurement, region: Area, centre: Vector, ahead: Vector) -> bool:
+    """Tell whether no path passes the object on the side.
+
+    Every one crosses the object or the ray to the opposite side, or none the ray to the side.
+    """
+    reference = measurement.reference
+    if not reference.small_enough:
+        return False
+    grid_map = measurement.route.costmap.grid_map
+    origin, beyond = grid_map.world_to_grid([centre, centre - ahead])
+    step = beyond - origin
+    line = np.concatenate((origin, step / np.hypot(*step)))
+    reached = reference.reach(reference.inside(region.shrunk(EDGE)), line) > 0
+    if not (reached & reference.goal_mask).any():
+        return True
+    far = centre + ahead * measurement.regions.map_outline.length
+    ray = shapely.LineString([centre, far])
+    return not (reached & reference.near(ray, 2)).any()

@@ -1,0 +1,98 @@
+"""The independent check of a path against a specification."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from numpy.typing import ArrayLike
+
+from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.specification import (
+    Avoid,
+    Before,
+    Clause,
+    EndAt,
+    KeepDistance,
+    Pass,
+    Specification,
+    StayIn,
+    Unknown,
+    Visit,
+)
+from llm_astar_planner.instructions.verification.lengths import (
+    check_avoid,
+    check_end_at,
+    check_keep_distance,
+    check_stay_in,
+)
+from llm_astar_planner.instructions.verification.measurement import Measurement
+from llm_astar_planner.instructions.verification.polyline import polyline
+from llm_astar_planner.instructions.verification.regions import RegionError
+from llm_astar_planner.instructions.verification.sides import check_pass
+from llm_astar_planner.instructions.verification.visits import (
+    check_before,
+    check_visit,
+    visited_regions_of,
+)
+
+
+def verify(
+    specification: Specification, points: ArrayLike, route: Route
+) -> tuple[ClauseOutcome, ...]:
+    """Hold a path against a specification: the outcome of each clause, in their order.
+
+    `points` [n, 2], n > 0, are the path's points in metres in the map's frame, joined by straight
+    segments: the centres of its cells, or any others. It shares no code with what enforces
+    instructions. A clause is only satisfied if the path was measured to satisfy it. Raises
+    PathError for a path without points or with a coordinate that is not finite.
+    """
+    measurement = Measurement(specification, polyline(points), route)
+    return tuple(
+        outcome_of(measurement, clause, index)
+        for index, clause in enumerate(specification.clauses)
+    )
+
+
+def visited_regions(
+    specification: Specification, points: ArrayLike, route: Route
+) -> frozenset[tuple[int, int]]:
+    """Return which regions a path driven so far, [n, 2] metres, n > 0, has visited in their turn.
+
+    As (index of the clause, index of the region in it), with those of `route.visited`; the first
+    region of a `before` clause is its region 0. Raises PathError as `verify` does.
+    """
+    return visited_regions_of(Measurement(specification, polyline(points), route))
+
+
+def outcome_of(measurement: Measurement, clause: Clause, index: int) -> ClauseOutcome:
+    """Judge one clause; what is guessed or does not exist is never satisfied."""
+    try:
+        outcome = checked(measurement, clause, index)
+    except RegionError as problem:
+        return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD, str(problem))
+    if clause.guessed and outcome.status is not ClauseStatus.NOT_UNDERSTOOD:
+        return replace(outcome, status=ClauseStatus.GUESSED)
+    return outcome
+
+
+def checked(measurement: Measurement, clause: Clause, index: int) -> ClauseOutcome:
+    """Judge one clause by what was measured. Raises RegionError if a region does not exist."""
+    match clause:
+        case Avoid():
+            return check_avoid(measurement, clause)
+        case Visit():
+            return check_visit(measurement, clause, index)
+        case Before():
+            return check_before(measurement, clause, index)
+        case StayIn():
+            return check_stay_in(measurement, clause)
+        case Pass():
+            return check_pass(measurement, clause)
+        case KeepDistance():
+            return check_keep_distance(measurement, clause)
+        case EndAt():
+            return check_end_at(measurement, clause)
+        case Unknown():
+            return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD)
+    raise TypeError(type(clause).__name__)

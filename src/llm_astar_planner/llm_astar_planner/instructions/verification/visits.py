@@ -1,0 +1,187 @@
+"""Checks of clauses that are about order: visit and before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from llm_astar_planner.instructions.outcome import ClauseOutcome
+from llm_astar_planner.instructions.specification import Before, Visit
+from llm_astar_planner.instructions.verification.area import EDGE
+from llm_astar_planner.instructions.verification.lengths import unreachable_reason
+from llm_astar_planner.instructions.verification.measurement import (
+    Measurement,
+    Point,
+    length_text,
+    no_size,
+    point_text,
+    satisfied,
+    violated,
+)
+from llm_astar_planner.instructions.verification.polyline import Spans, first_from, total
+from llm_astar_planner.instructions.verification.reference import grown_by_a_cell
+from llm_astar_planner.instructions.verification.regions import RegionError, Resolved
+
+BEFORE_THE_PATH = -math.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """Whether a path visits a region of a visit clause when its turn has come.
+
+    `place` is where on the path it does, inf if nowhere, BEFORE_THE_PATH if it was visited on the
+    way before; `turn` is where on the path its turn begins.
+    """
+
+    clause: int
+    number: int
+    region: Resolved
+    spans: Spans
+    turn: float
+    place: float
+
+    @property
+    def done(self) -> bool:
+        """Whether the region is visited."""
+        return self.place < math.inf
+
+
+def attempts(measurement: Measurement) -> Iterator[list[Attempt]]:
+    """Yield the attempts at the regions of each visit clause, clauses in their order.
+
+    Each region counts at the first place where the path touches it once its turn has come. That
+    decides rightly: the turn of a clause begins where the last region of the one before is first
+    visited, and no choice of visits lets it begin earlier, because (by induction over the
+    clauses) a region's earliest visit after the earliest turn is the earliest of all its visits
+    that are allowed, and the regions of one clause do not depend on each other. So if any choice
+    of places in order exists, this one does. A region that is never visited holds up nothing.
+    Regions that do not exist are left out.
+    """
+    turn = 0.0
+    for index, clause in enumerate(measurement.specification.clauses):
+        if isinstance(clause, Visit):
+            tried = list(attempts_at(measurement, index, clause, turn))
+            yield tried
+            turn = max([turn, *(one.place for one in tried if one.done)])
+
+
+def attempts_at(
+    measurement: Measurement, index: int, clause: Visit, turn: float
+) -> Iterator[Attempt]:
+    """Yield the attempts at the regions of one clause, whose turn begins at a place."""
+    for number, wanted in enumerate(clause.regions):
+        try:
+            region = measurement.regions.resolve(wanted)
+        except RegionError:
+            continue
+        spans = measurement.path.spans_in(region.visited)
+        place = first_from(spans, turn)
+        if (index, number) in measurement.route.visited:
+            place = BEFORE_THE_PATH
+        yield Attempt(index, number, region, spans, turn, place)
+
+
+def check_visit(measurement: Measurement, clause: Visit, index: int) -> ClauseOutcome:
+    """Judge one visit clause in the order of all of them."""
+    for wanted in clause.regions:
+        measurement.regions.resolve(wanted)
+    tried = next(group for group in attempts(measurement) if group and group[0].clause == index)
+    failed = [one for one in tried if not one.done]
+    if not failed:
+        return satisfied(clause, '; '.join(visit_text(measurement, one) for one in tried))
+    reasons = [unreachable_reason(measurement, one.region.visited) for one in failed]
+    worst = next((one for one, reason in zip(failed, reasons) if reason), failed[0])
+    reason = next((reason for reason in reasons if reason), '')
+    detail, metres, where = miss(measurement, worst)
+    return violated(clause, reason or detail, metres, where, impossible=bool(reason))
+
+
+def visit_text(measurement: Measurement, attempt: Attempt) -> str:
+    """Say where a region was visited."""
+    if attempt.place == BEFORE_THE_PATH:
+        return 'visited before'
+    return f'reached at {point_text(measurement.path.point(attempt.place))}'
+
+
+def miss(measurement: Measurement, attempt: Attempt) -> tuple[str, float, Point]:
+    """Say how a path misses a region: a sentence, by how many metres, and where."""
+    rest = measurement.path.part(attempt.turn)
+    metres = attempt.region.visited.distance(rest.shape)
+    where = attempt.region.visited.nearest_point(rest.shape)
+    if len(attempt.spans):
+        early = point_text(measurement.first_point(attempt.spans))
+        return f'reached before its turn, at {early}, and not again', metres, where
+    away = attempt.region.area.distance(measurement.path.shape)
+    if away > 0.0:
+        return f'never nearer than {length_text(away)}', metres, where
+    return f'entered, but {length_text(metres)} short of a visit', metres, where
+
+
+def check_before(measurement: Measurement, clause: Before, index: int) -> ClauseOutcome:
+    """Judge whether a path enters the second region only after it has visited the first."""
+    first = measurement.regions.resolve(clause.first)
+    second = measurement.regions.resolve(clause.second)
+    if not (first.area.has_size and second.area.has_size):
+        return no_size(clause)
+    entered = second.visited if second.is_object else second.area.shrunk(EDGE)
+    spans = measurement.path.spans_in(entered)
+    if not len(spans):
+        return satisfied(clause, 'the second is not entered')
+    entry = float(spans[0, 0])
+    place = first_from(measurement.path.spans_in(first.visited), 0.0)
+    if (index, 0) in measurement.route.visited:
+        return satisfied(clause, 'the first was visited before')
+    where = measurement.path.point(entry)
+    if place <= entry:
+        there = point_text(measurement.path.point(place))
+        return satisfied(clause, f'{there} is reached before {point_text(where)}')
+    metres = total(np.minimum(spans, place))
+    detail = f'entered at {point_text(where)}, before the first is visited'
+    impossible = cannot_be_first(measurement, first, second)
+    return violated(clause, detail, metres, where, impossible=impossible)
+
+
+def cannot_be_first(measurement: Measurement, first: Resolved, second: Resolved) -> bool:
+    """Tell whether no path visits the first region before it enters the second.
+
+    Nor does one reach the goal without entering the second.
+    """
+    reference = measurement.reference
+    if not reference.small_enough:
+        return False
+    removed = reference.inside(second.visited if second.is_object else second.area.shrunk(EDGE))
+    reached = reference.reach(removed) > 0
+    if (reached & reference.goal_mask).any():
+        return False
+    return not reference.can_touch(first.visited, grown_by_a_cell(reached))
+
+
+def visited_regions_of(measurement: Measurement) -> frozenset[tuple[int, int]]:
+    """Return the regions that a path has visited in their turn, with those visited before.
+
+    (index of the clause, index of the region in it); the first region of a `before` clause is
+    region 0 of it. A clause's turn comes when all regions before it are visited, those aside
+    that nobody can visit.
+    """
+    done = set(measurement.route.visited)
+    for tried in attempts(measurement):
+        done |= {(one.clause, one.number) for one in tried if one.done}
+        missing = [one for one in tried if not one.done]
+        if not all(unreachable_reason(measurement, one.region.visited) for one in missing):
+            break
+    for index, clause in enumerate(measurement.specification.clauses):
+        if isinstance(clause, Before) and first_visited(measurement, clause):
+            done.add((index, 0))
+    return frozenset(done)
+
+
+def first_visited(measurement: Measurement, clause: Before) -> bool:
+    """Tell whether a path visits the first region of a `before` clause."""
+    try:
+        first = measurement.regions.resolve(clause.first)
+    except RegionError:
+        return False
+    return bool(len(measurement.path.spans_in(first.visited)))
