@@ -338,14 +338,13 @@ def museum() -> Drawing:
     return made
 
 
-def main() -> None:
-    """Write all maps."""
-    FOLDER.mkdir(exist_ok=True)
+def make_maps(folder: Path) -> None:
+    """Write all maps into a folder."""
     for draw in (warehouse, house, ward, office, workshop, yard, market, museum):
-        draw().save(FOLDER)
+        draw().save(folder)
     for map_id, names in BARRIERS.items():
-        save_barriers(FOLDER, map_id, names)
+        save_barriers(folder, map_id, names)
 
 
 if __name__ == '__main__':
-    main()
+    make_maps(FOLDER)
