@@ -10,6 +10,7 @@ from textwrap import fill
 import matplotlib as mpl
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.result import Cell
+from llm_astar_planner.visualization.places import draw_places, write_names
 
 # Colour and marker by waypoint status; the shapes differ too, for readers who see few colours.
 STATUS_MARKERS = {
@@ -36,6 +38,7 @@ class Picture:
     """What to draw, in grid coordinates: `path` [n, 2], `expanded` bool [height, width].
 
     `waypoints` are (x, y, status). `offset` is the map coordinate of cell (0, 0), for the axes.
+    `places` are drawn with their names.
     """
 
     grid_map: GridMap
@@ -46,10 +49,21 @@ class Picture:
     waypoints: Sequence[tuple[float, float, str]]
     title: str
     offset: Cell = (0, 0)
+    places: Places = NO_PLACES
+
+    def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points [n, 2] in metres of the map's frame in the coordinates of the axes."""
+        return self.grid_map.world_to_grid(points) + self.offset
 
 
 def picture_of(
-    plan: Plan, grid_map: GridMap, start: Cell, goal: Cell, offset: Cell = (0, 0)
+    plan: Plan,
+    grid_map: GridMap,
+    start: Cell,
+    goal: Cell,
+    offset: Cell = (0, 0),
+    *,
+    places: Places = NO_PLACES,
 ) -> Picture:
     """Return the picture of a plan."""
     waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
@@ -58,7 +72,9 @@ def picture_of(
         title = f'{describe_guidance(plan.method, plan.guided_by)}: {outcome}'
     else:
         title = f'{plan.method}: {plan.code.name}, {plan.message}'
-    return Picture(grid_map, start, goal, plan.path, plan.expanded, waypoints, title, offset)
+    return Picture(
+        grid_map, start, goal, plan.path, plan.expanded, waypoints, title, offset, places
+    )
 
 
 def drawable_map(grid_map: GridMap, costmap: CostmapConfig | None) -> GridMap:
@@ -81,8 +97,11 @@ def save_picture(picture: Picture, path: str | Path) -> None:
     """
     aspect = picture.grid_map.width / picture.grid_map.height
     figure = Figure(figsize=(min(14.0, max(7.0, 5.2 * aspect)), 6.0), layout='constrained')
-    draw(figure.add_subplot(), picture)
+    axes = figure.add_subplot()
+    draw(axes, picture)
     figure.legend(loc='outside lower center', ncols=6, frameon=False)
+    ends = np.array([picture.start, picture.goal]) + picture.offset
+    write_names(axes, picture.places, picture.project, ends)
     write_figure(figure, path)
 
 
@@ -97,6 +116,7 @@ def write_figure(figure: Figure, path: str | Path) -> None:
 def draw(axes: Axes, picture: Picture) -> None:
     """Draw on axes in map coordinates, with cell centres at whole numbers."""
     draw_cells(axes, picture)
+    draw_places(axes, picture.places, picture.project)
     if len(picture.path):
         x, y = (picture.path + picture.offset).T
         axes.plot(x, y, color=PATH, linewidth=2, label='path')

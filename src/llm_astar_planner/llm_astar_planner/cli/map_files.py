@@ -1,0 +1,59 @@
+"""The map and the places that a command works on, by its options."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from llm_astar_msgs_adapter.maps.places_file import load_places, places_beside
+from llm_astar_msgs_adapter.maps.places_problems import places_problems
+
+from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps
+from llm_astar_planner.resources import find_file
+
+
+def add_map_options(group: Any, *, default: str | None = None) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add `--map` and `--map-id`."""
+    shown = ' (default: %(default)s)' if default else ''
+    group.add_argument(
+        '--map',
+        default=default,
+        metavar='FILE',
+        help=f'barrier-map JSON, a path or a name in maps/{shown}; or a map_server yaml, or a '
+        'MovingAI x.map.scen',
+    )
+    group.add_argument('--map-id', type=int, metavar='ID', help='map of the file (default: first)')
+
+
+def open_maps(arguments: argparse.Namespace) -> tuple[list[ProblemMap], ProblemMap]:
+    """Return all maps of `--map` and the one of `--map-id`; raises what reading them raises."""
+    maps = load_maps(find_file(arguments.map, 'maps'))
+    if arguments.map_id in (None, maps[0].id):
+        return maps, maps[0]
+    return maps, find_barrier_map(barrier_maps_of(maps), arguments.map_id)
+
+
+def barrier_maps_of(maps: list[ProblemMap]) -> list[BarrierMap]:
+    """Return the maps that are given by barriers."""
+    return [item for item in maps if isinstance(item, BarrierMap)]
+
+
+def open_places(name: str, map_name: str | None) -> Places:
+    """Return the places of a file, or of the one beside the map if `name` is empty.
+
+    Raises PlacesError for a malformed file, FileNotFoundError for one that does not exist.
+    """
+    if name:
+        return load_places(find_file(name, 'maps'))
+    beside = places_beside(find_file(map_name, 'maps')) if map_name else None
+    return NO_PLACES if beside is None else load_places(beside)
+
+
+def warn_of_places(places: Places, grid_map: GridMap) -> None:
+    """Print what is doubtful about places on a map, a line each."""
+    for problem in places_problems(places, grid_map):
+        sys.stderr.write(f'llm-astar: warning: places: {problem}\n')

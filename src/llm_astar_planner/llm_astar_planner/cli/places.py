@@ -1,0 +1,91 @@
+"""Check the named places of a map, list them and draw them.
+
+The file is GeoJSON in metres of the map's frame: drawn in QGIS, written by hand, or the graph of
+nav2_route, whose named nodes are places.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import Any
+
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_msgs_adapter.maps.places_problems import places_problems
+
+from llm_astar_planner.cli.map_files import add_map_options, open_maps, open_places
+
+EPILOG = """\
+examples:
+  llm-astar places depot.places.geojson
+  llm-astar places depot.places.geojson --map depot.yaml --png out/places.png
+  llm-astar places graph.geojson --json
+"""
+HEADINGS = ('name', 'kind', 'tags', 'centre (m)', 'area', 'also called')
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument('file', metavar='FILE', help='GeoJSON file with the places')
+    add_map_options(parser.add_argument_group('the map to check them on'))
+    output = parser.add_argument_group('output')
+    output.add_argument('--png', metavar='FILE', help='draw the places, on the map if it is given')
+    output.add_argument('--json', action='store_true', help='print one JSON object')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check, list and draw places; return 0. Raises PlacesError for a malformed file."""
+    places = open_places(arguments.file, None)
+    grid_map = open_maps(arguments)[1].to_grid() if arguments.map else None
+    problems = places_problems(places, grid_map) if grid_map else []
+    if arguments.json:
+        listed = [place_to_json(place) for place in places]
+        print(json.dumps({'frame': places.frame_id, 'places': listed, 'problems': problems}))
+    else:
+        print(places_to_text(places))
+        for problem in problems:
+            print(f'warning: {problem}')
+    if arguments.png:
+        draw(places, grid_map, arguments.png)
+        if not arguments.json:
+            print(f'picture: {arguments.png}')
+    return 0
+
+
+def draw(places: Places, grid_map: GridMap | None, path: str) -> None:
+    """Draw places into a picture. Raises OSError and ValueError for its name."""
+    # Importing matplotlib takes most of a second.
+    from llm_astar_planner.visualization.figures import write_figure  # noqa: PLC0415
+    from llm_astar_planner.visualization.places import places_figure  # noqa: PLC0415
+
+    write_figure(places_figure(places, grid_map), path)
+
+
+def place_to_json(place: Place) -> dict[str, Any]:
+    """Return a place for a listing; `area` is null for a point."""
+    middle, area = place.geometry.representative_point(), place.geometry.area
+    return {
+        'name': place.name,
+        'kind': place.kind,
+        'tags': list(place.tags),
+        'aliases': list(place.aliases),
+        'centre': [round(middle.x, 3), round(middle.y, 3)],
+        'area': round(area, 3) if area else None,
+    }
+
+
+def places_to_text(places: Places) -> str:
+    """Return a table of places."""
+    rows = [HEADINGS]
+    for place in places:
+        entry = place_to_json(place)
+        x, y = entry['centre']
+        area = 'point' if entry['area'] is None else f'{entry["area"]:.1f} m²'
+        names = (', '.join(entry[field]) or '-' for field in ('tags', 'aliases'))
+        tags, aliases = names
+        rows.append((place.name, place.kind, tags, f'{x:.2f}, {y:.2f}', area, aliases))
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    lines = ['  '.join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    count = f'{len(places)} place{"" if len(places) == 1 else "s"} in frame {places.frame_id}'
+    return '\n'.join([count, *(lines if len(places) else [])])
