@@ -213,7 +213,7 @@ def test_a_costmap_is_kept_until_the_map_or_a_rule_changes(client_node):
     grid_map = GridMap(np.zeros((4, 6), dtype=np.int8))
     client_node.on_map(grid_map)
     first = client_node.costmap()
-    assert set_on(client_node, instruction='hurry', candidates=3) == []
+    assert set_on(client_node, candidates=3) == []
     assert client_node.costmap() is first
     assert set_on(client_node, inflation_radius=1.0) == []
     second = client_node.costmap()

@@ -209,14 +209,13 @@ def test_parameters_reach_the_request():
     changes = {
         'start_tolerance': 0.7,
         'max_suboptimality': 0.0,
-        'instruction': 'keep to the south side',
         'use_waypoints': False,
     }
     goal = PlanGoal((pose(1.0, 1.0), pose(3.0, 3.0), pose(4.1, 5.0)), pose(2.0, 2.0))
     request = to_request(converter(source=object(), **changes), goal, want_expanded=True)
     assert (request.start, request.via, request.goal) == ((4, 4), ((2, 2), (6, 6)), (8, 10))
     assert (request.start_tolerance, request.max_suboptimality) == (0.7, None)
-    assert (request.time_limit, request.instruction) == (2.0, 'keep to the south side')
+    assert request.time_limit == 2.0
     assert request.source is None
     assert request.want_expanded
 

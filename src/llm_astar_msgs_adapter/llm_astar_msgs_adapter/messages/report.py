@@ -29,8 +29,8 @@ class PlanReport:
     `start_shift` and `goal_shift` (m) are how far start and goal were moved to a free cell.
     `unknown_length` (m) is the part of the path through unknown cells, `clearance` (m) its
     smallest distance to a lethal cell, None where there is none. `turns` counts the path's
-    changes of direction. `instruction` says what became of an instruction in plain language, ''
-    where none was given.
+    changes of direction. `instruction` says in one line what became of an instruction, '' where
+    none was given; `instruction_report` says it clause by clause.
     """
 
     code: int
@@ -57,6 +57,7 @@ class PlanReport:
     turns: int = 0
     warnings: tuple[str, ...] = ()
     instruction: str = ''
+    instruction_report: dict[str, Any] | None = None
 
     @property
     def level(self) -> bytes:
@@ -79,8 +80,6 @@ class ExchangeReport:
     `messages` are (role, content). `waypoints` are (x, y) in grid coordinates; `unit` is how many
     cells one step of the reply's own coordinates was. `map_digest` and `pair` (`x0,y0->x1,y1` in
     cells) identify the query, so that the exchange can be replayed from a transcript.
-    `instruction` is the caller's, in plain language, '' for none; `instruction_outcome` says what
-    became of it.
     """
 
     label: str
@@ -96,8 +95,6 @@ class ExchangeReport:
     waypoints: tuple[tuple[float, float], ...]
     map_digest: str
     pair: str
-    instruction: str = ''
-    instruction_outcome: str = ''
     # The longest value is last, so that a list of all values shows the others first.
     messages: tuple[tuple[str, str], ...] = ()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from functools import cached_property
 
 import numpy as np
@@ -108,3 +109,39 @@ class Costmap:
         if occupancy < FREE and not self.config.allow_unknown:
             return 'unknown'
         return f"an obstacle within the robot's radius, {self.config.robot_radius:g} m"
+
+
+class ClosedCostmap(Costmap):
+    """A costmap with more cells blocked than the robot's body demands: no-go areas."""
+
+    def __init__(self, costmap: Costmap, closed: NDArray[np.bool_]) -> None:
+        """Close the cells `closed`, bool [height, width], of a costmap."""
+        super().__init__(costmap.grid_map, costmap.config, costmap.barrier_map)
+        self._costmap = costmap
+        self._closed = closed
+
+    @property
+    def key(self) -> tuple[str, CostmapConfig]:
+        """The digests of the map and of the closed cells, and the rules."""
+        closed = hashlib.sha256(np.packbits(self._closed).tobytes()).hexdigest()[:12]
+        return f'{self.grid_map.digest} {closed}', self.config
+
+    @cached_property
+    def blocked(self) -> NDArray[np.bool_]:
+        """Cells the robot's centre must not be in: bool [height, width]."""
+        return self._costmap.blocked | self._closed
+
+    @cached_property
+    def cost(self) -> NDArray[np.int8]:
+        """Occupancy with inflation, as without the closed cells: int8 [height, width]."""
+        return self._costmap.cost
+
+    @cached_property
+    def rejected_cells(self) -> NDArray[np.bool_]:
+        """Cells on which the paper's methods drop a waypoint, the closed ones included."""
+        return self._costmap.rejected_cells | self._closed
+
+    def describe_blocked(self, cell: Cell) -> str:
+        """Say why a cell (x, y) of the map is blocked."""
+        is_closed = self._closed[cell[1], cell[0]]
+        return 'closed to the path' if is_closed else super().describe_blocked(cell)

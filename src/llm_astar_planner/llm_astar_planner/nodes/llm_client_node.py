@@ -36,7 +36,6 @@ from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.factory import client_of, make_source
-from llm_astar_planner.waypoints.prompts.instruction import clean_instruction
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,
@@ -84,7 +83,6 @@ class LlmClientNode(Node):
             name: value for name, value in values.items() if name not in SET_BY_PLANNER
         }
         try:
-            clean_instruction(values['instruction'])
             if source_values != self._source_values:
                 self._new_source = source_from_parameters(values)
         except (OSError, ValueError) as error:
@@ -123,10 +121,9 @@ class LlmClientNode(Node):
         response.plan.header.stamp = stamp
         if self._grid_map is not None:
             response.plan.header.frame_id = self._grid_map.frame_id
-        instruction = clean_instruction(self._settings['instruction'])
         key = SampleKey('', '')
         try:
-            query = self.make_query(request, instruction)
+            query = self.make_query(request)
             key = query.live_key
             reply, _ = query_source(self._source, query)
             finite = tuple(point for point in reply.waypoints if all(map(math.isfinite, point)))
@@ -135,7 +132,7 @@ class LlmClientNode(Node):
             response.plan = path_to_message(points, query.grid_map.frame_id, stamp)
         except (GridMapError, NoMapError) as error:
             reply = WaypointReply(status=SourceStatus.ERROR, detail=str(error))
-        self._last = exchange_report(reply, key, instruction)
+        self._last = exchange_report(reply, key)
         self._exchange_publisher.publish(report_to_message(self._last, self.get_name(), stamp))
         if self._last.level == DiagnosticStatus.OK:
             self.get_logger().info(self._last.summary)
@@ -143,7 +140,7 @@ class LlmClientNode(Node):
             self.get_logger().warning(self._last.summary)
         return response
 
-    def make_query(self, request: GetPlan.Request, instruction: str) -> WaypointQuery:
+    def make_query(self, request: GetPlan.Request) -> WaypointQuery:
         """Convert a request. Raises NoMapError without a map, GridMapError for a wrong pose.
 
         GetPlan has no field for the caller's time limit, so `tolerance` holds it, in seconds.
@@ -154,7 +151,7 @@ class LlmClientNode(Node):
         limit = self._settings['timeout_s']
         if request.tolerance > 0.0:
             limit = min(limit, request.tolerance)
-        return WaypointQuery(costmap, start, goal, limit, instruction=instruction)
+        return WaypointQuery(costmap, start, goal, limit)
 
     def publish_health(self) -> None:
         """Publish the state of the node on /diagnostics: at 1 Hz, and for every new map."""
@@ -165,7 +162,6 @@ class LlmClientNode(Node):
             'map_digest': self._grid_map.digest if self._grid_map else None,
             'last_status': self._last.status if self._last else None,
             'last_detail': self._last.detail if self._last else None,
-            'instruction': self._settings['instruction'],
             **(client.budget.values() if client else {}),
         }
         level = self._last.level if self._last else DiagnosticStatus.OK
@@ -184,7 +180,7 @@ def cell_of(pose: PoseStamped, name: str, grid_map: GridMap) -> Cell:
     return grid_map.world_to_cell(place.x, place.y)
 
 
-def exchange_report(reply: WaypointReply, key: SampleKey, instruction: str) -> ExchangeReport:
+def exchange_report(reply: WaypointReply, key: SampleKey) -> ExchangeReport:
     """Return what `~/exchange` publishes of a reply; `key` identifies map, start and goal."""
     return ExchangeReport(
         label=reply.label,
@@ -201,8 +197,6 @@ def exchange_report(reply: WaypointReply, key: SampleKey, instruction: str) -> E
         waypoints=reply.waypoints,
         map_digest=str(key.map),
         pair=str(key.pair),
-        instruction=instruction,
-        instruction_outcome=reply.instruction,
     )
 
 

@@ -1,195 +1,270 @@
-"""Plans with an instruction in plain language: the source's waypoints become via points.
-
-The direct path is planned first and is the answer if nothing comes of the instruction. If the
-source answers it, a path through its waypoints is planned in the time that is left. An
-instruction never costs the plan.
-"""
+"""Plans with an instruction: the search keeps to it, and the path is held against it."""
 
 from __future__ import annotations
 
-import math
-import threading
 import time
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import groupby
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
-from llm_astar_planner.planning.waypoint_filter import (
-    CheckedWaypoint,
-    WaypointStatus,
-    check_waypoints,
+from llm_astar_planner.costmap.costmap import ClosedCostmap, Costmap
+from llm_astar_planner.instructions.enforcement import (
+    Enforced,
+    Enforcer,
+    contradictions,
+    demands_of,
 )
-from llm_astar_planner.search.paper import WAYPOINT_METHODS
-from llm_astar_planner.search.result import Cell
-from llm_astar_planner.search.stop import POLL_PERIOD_S
-from llm_astar_planner.waypoints.async_query import query_source
-from llm_astar_planner.waypoints.prompts.instruction import InstructionError, clean_instruction
-from llm_astar_planner.waypoints.source import (
-    FOLLOWED,
-    Waypoint,
-    WaypointQuery,
-    WaypointReply,
-    WaypointSource,
+from llm_astar_planner.instructions.interpretation import REQUIRE, RouteInstruction, Understanding
+from llm_astar_planner.instructions.outcome import (
+    ClauseOutcome,
+    ClauseStatus,
+    InstructionOutcome,
 )
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.sentence import clause_sentence
+from llm_astar_planner.instructions.specification import SHOULD
+from llm_astar_planner.instructions.verification import verify
+from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
+from llm_astar_planner.planning.segment import SegmentPlanner
+from llm_astar_planner.planning.types import (
+    Plan,
+    PlanningFailure,
+    PlanRequest,
+    ResultCode,
+    check_request,
+)
+from llm_astar_planner.search.astar import PathTooLongError
+from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
+from llm_astar_planner.search.layered import LayersTooLargeError
+from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
 
-# The part of a request's time for the source and the direct plan; the rest is for the path
-# through the via points.
-DIRECT_SHARE = 0.9
-# A path so many times as long as the direct one gets a warning.
-DETOUR = 3.0
-MAX_REASON_CHARS = 200
-# An outcome that begins so may be better at the next try.
-NOT_HONOURED = 'not honoured'
+# The part of a request's time for paths that keep to the instruction; the rest is for the direct
+# path if there is none in time.
+INSTRUCTED_SHARE = 0.8
 
 
-class SharedReplySource:
-    """Queries a source once and keeps the reply for whoever needs it after the search."""
+class PathPlanner(Protocol):
+    """What planning with an instruction needs of the planner; see `Planner`."""
 
-    def __init__(self, source: WaypointSource) -> None:
-        """Take the source."""
-        self.name = source.name
-        self._source = source
-        self._answered = threading.Event()
-        self._reply: WaypointReply | None = None
+    costmap: Costmap
+    landmarks: LandmarkManager
 
-    def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Query the source, and keep its reply."""
-        self._reply, _ = query_source(self._source, query)
-        self._answered.set()
-        return self._reply
+    def plan(self, request: PlanRequest, stop: NDArray[np.uint8] | None = None) -> Plan:
+        """Answer a request."""
 
-    def wait_for_reply(self, deadline: float, stop: NDArray[np.uint8]) -> WaypointReply | None:
-        """Wait until `deadline` (monotonic seconds) or `stop`; None if no reply came."""
-        while not self._answered.wait(POLL_PERIOD_S):
-            if stop[0] or time.monotonic() >= deadline:
-                break
-        return self._reply
+    def problem(
+        self, request: PlanRequest, endpoints: Endpoints, path: NDArray[np.int32]
+    ) -> str | None:
+        """Say why a path does not answer the request, or None."""
+
+    def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
+        """Say what is wrong with a path of cells, or None."""
+
+    def build_plan(
+        self,
+        request: PlanRequest,
+        endpoints: Endpoints,
+        segments: Sequence[SegmentPlanner],
+        result: SearchResult | None = None,
+        failure: PlanningFailure | None = None,
+    ) -> Plan:
+        """Build a plan."""
+
+
+class InstructedSearch:
+    """Searches for the path on one route that keeps to an instruction as far as possible."""
+
+    def __init__(
+        self,
+        route: Route,
+        request: PlanRequest,
+        instruction: RouteInstruction,
+        landmarks: Landmarks | None,
+        stop: NDArray[np.uint8],
+    ) -> None:
+        """Take a request whose start and goal are those of the route; its time begins now."""
+        self.deadline = time.monotonic() + INSTRUCTED_SHARE * request.time_limit
+        self.route = route
+        self.request = request
+        self.policy = instruction.policy
+        self.landmarks = landmarks
+        self.stop = stop
+        self.demands = demands_of(instruction.interpretation.specification, route)
+        self.expansions = 0
+
+    @property
+    def can_be_enforced(self) -> bool:
+        """Whether there is anything to enforce."""
+        return any(demand.problem is None for demand in self.demands)
+
+    def search(self) -> SegmentPlanner:
+        """Return the search that found the path that violates the clauses least.
+
+        Raises PlanningFailure where the policy is `require` and no path keeps every `must` clause,
+        and where no path was found in time.
+        """
+        enforcer = Enforcer(self.demands, self.route)
+        problem = enforcer.strict()
+        segment = None if problem is None else self.solve(problem)
+        if segment is None and self.policy == REQUIRE:
+            message = 'no path keeps to every clause of the instruction'
+            raise PlanningFailure(ResultCode.NO_VALID_PATH, message)
+        if segment is None:
+            segment = self.solve(enforcer.relaxed())
+        if segment is None:
+            message = 'every reachable cell was searched'
+            raise PlanningFailure(ResultCode.NO_VALID_PATH, message)
+        return segment
+
+    def solve(self, problem: Enforced) -> SegmentPlanner | None:
+        """Return a search that found a path, None if there is none. Raises PlanningFailure."""
+        costmap = self.route.costmap
+        if problem.closed is not None:
+            costmap = ClosedCostmap(costmap, problem.closed)
+        segment = SegmentPlanner(costmap, self.request, self.deadline, self.stop, self.landmarks)
+        try:
+            if problem.visits is None:
+                for _ in segment.search():
+                    pass
+            else:
+                segment.search_visits(problem.visits)
+        except LayersTooLargeError as error:
+            raise PlanningFailure(ResultCode.UNKNOWN, str(error)) from None
+        self.expansions += segment.result.expansions
+        if len(segment.result.path):
+            return segment
+        if segment.result.status is SearchStatus.STOPPED:
+            reason = 'cancelled' if self.stop[0] else 'out of time'
+            message = f'{reason} after {self.expansions} expansions, short of the goal'
+            raise PlanningFailure(ResultCode.TIMEOUT, message)
+        return None
+
+    def note(self) -> str:
+        """Say which clauses contradict each other, '' if none do."""
+        return '; '.join(
+            f'"{clause_sentence(one)}" contradicts "{clause_sentence(other)}"'
+            for one, other in contradictions(self.demands)
+        )
 
 
 def plan_with_instruction(
+    planner: PathPlanner,
     request: PlanRequest,
-    make: Callable[[PlanRequest], Plan],
-    costmap: Costmap,
+    instruction: RouteInstruction,
     stop: NDArray[np.uint8],
 ) -> Plan:
-    """Answer a request that has an instruction; `stop[0] = 1` from another thread cancels.
+    """Answer a request with an instruction: the path keeps to its clauses as far as possible.
 
-    `make` plans a request as if it had no instruction, which still reaches its source. The plan's
-    `instruction` says what became of the instruction.
+    Under the policy `prefer` an instruction never costs the plan: where the search that keeps to
+    it ends without a path, the direct one is the answer.
     """
-    deadline = time.monotonic() + request.time_limit
+    direct = replace(request, instruction=None)
     try:
-        instruction = clean_instruction(request.instruction)
-    except InstructionError as error:
-        return with_outcome(make(replace(request, instruction='')), f'ignored: {error}')
-    if not instruction:
-        return make(replace(request, instruction=''))
-    source = None if request.source is None else SharedReplySource(request.source)
-    time_limit = DIRECT_SHARE * request.time_limit
-    direct = make(replace(request, instruction=instruction, source=source, time_limit=time_limit))
-    if direct.code is not ResultCode.NONE:
-        return with_outcome(direct, f'{NOT_HONOURED}: there is no plan at all')
-    reply = None
-    if source is not None and direct.reply is not NOT_ASKED:
-        reply = source.wait_for_reply(deadline, stop)
-    if reply is None or reply.instruction != FOLLOWED:
-        return with_outcome(direct, f'ignored: {ignored_reason(reply, request)}')
-
-    def make_through(via: tuple[Cell, ...]) -> Plan:
-        time_left = deadline - time.monotonic()
-        return make(replace(request, instruction='', source=None, via=via, time_limit=time_left))
-
-    cells = rounded(reply.waypoints)
-    checked = check_waypoints(cells, costmap.blocked, costmap.components, direct.start, 0)
-    return plan_through(direct, reply, checked, make_through)
-
-
-def plan_through(
-    direct: Plan,
-    reply: WaypointReply,
-    checked: tuple[CheckedWaypoint, ...],
-    make_through: Callable[[tuple[Cell, ...]], Plan],
-) -> Plan:
-    """Return the plan through the reply's waypoints, or the direct one if that fails."""
-    usable = [point for point in checked if point.status is WaypointStatus.ACCEPTED]
-    lost = count_by_status(point for point in checked if point not in usable)
-    cells = [(int(point.x), int(point.y)) for point in usable]
-    between = [cell for cell in cells if cell not in (direct.start, direct.goal)]
-    via = tuple(cell for cell, _ in groupby(between))
-    if not via:
-        if lost:
-            return with_outcome(direct, f'{NOT_HONOURED}: no waypoint can be passed ({lost})')
-        return with_outcome(direct, 'followed by the direct path: no waypoint lies in between')
-    points = f'{len(via)} via point{"" if len(via) == 1 else "s"}'
-    through = make_through(via)
-    if through.code is not ResultCode.NONE:
-        outcome = f'{NOT_HONOURED}: no path through its {points}: {through.message}'
-        return with_outcome(with_work_of(direct, through), outcome)
-    warnings = through.warnings
-    if through.length > DETOUR * direct.length:
-        factor = through.length / direct.length if direct.length else math.inf
-        warning = f'the path of the instruction is {factor:.1f} times as long as the direct one'
-        warnings = (*warnings, warning)
-    plan = replace(
-        through,
-        checked_waypoints=checked,  # they are the via points, so they are in order
-        guided_by=reply.label,
-        source=direct.source,
-        reply=reply,
-        warnings=warnings,
-    )
-    outcome = f'followed through {points}'
-    return with_outcome(
-        with_work_of(plan, direct), f'{outcome}; left out: {lost}' if lost else outcome
-    )
+        check_request(request)
+        endpoints = resolve_endpoints(planner.costmap, request)
+    except PlanningFailure:
+        outcome = InstructionOutcome(instruction.interpretation, note='there is no path')
+        return with_outcome(planner.plan(direct, stop), outcome)
+    places, visited = instruction.places, instruction.visited
+    route = Route(planner.costmap, endpoints.start, endpoints.goal, places, visited)
+    landmarks = planner.landmarks.current(planner.costmap.grid_graph)
+    part = replace(direct, start=endpoints.start, goal=endpoints.goal)
+    search = InstructedSearch(route, part, instruction, landmarks, stop)
+    note = search.note()
+    if not search.can_be_enforced:
+        plan = planner.plan(direct, stop)
+    elif request.via:
+        plan = planner.plan(direct, stop)
+        note = 'not enforced, as the request has via points of its own'
+    else:
+        plan, failure = search_plan(planner, request, endpoints, search)
+        if failure and instruction.policy != REQUIRE:
+            note = f'{note}; {failure}: the direct path is taken'.lstrip('; ')
+            time_left = max(0.01, search.deadline - time.monotonic()) + spare_time(request)
+            plan = planner.plan(replace(direct, source=None, time_limit=time_left), stop)
+    plan, outcome = verified(plan, route, instruction, note)
+    problem = required_problem(outcome) if instruction.policy == REQUIRE else None
+    if problem is not None and plan.code is ResultCode.NONE:
+        withheld = PlanningFailure(ResultCode.NO_VALID_PATH, problem)
+        plan = planner.build_plan(request, endpoints, [], failure=withheld)
+    return with_outcome(plan, outcome)
 
 
-def rounded(waypoints: Sequence[Waypoint]) -> list[Waypoint]:
-    """Return the cells that waypoints lie in, as waypoints; what is not finite is left out."""
-    return [(float(round(x)), float(round(y))) for x, y in waypoints if math.isfinite(x + y)]
+def spare_time(request: PlanRequest) -> float:
+    """Return the seconds of a request that are kept for the direct path."""
+    return (1.0 - INSTRUCTED_SHARE) * request.time_limit
 
 
-def count_by_status(waypoints: Iterable[CheckedWaypoint]) -> str:
-    """Count waypoints by status, in words; '' for none."""
-    counts = Counter(point.status for point in waypoints)
-    return ', '.join(
-        f'{count} {status.value.replace("_", " ")}' for status, count in counts.items()
-    )
+def search_plan(
+    planner: PathPlanner, request: PlanRequest, endpoints: Endpoints, search: InstructedSearch
+) -> tuple[Plan, str]:
+    """Return the plan that keeps to the instruction best, and why there is none, '' if found."""
+    try:
+        segment = search.search()
+        path = segment.result.path
+        last = (int(path[-1][0]), int(path[-1][1]))
+        if last == endpoints.goal:
+            problem = planner.problem(request, endpoints, path)
+        else:  # a clause says where to end
+            endpoints = endpoints._replace(goal=last)
+            problem = planner.path_problem(path, endpoints.start, last)
+        if problem is not None:
+            message = f'the path found was withheld: {problem}'
+            raise PlanningFailure(ResultCode.UNKNOWN, message)
+        return planner.build_plan(request, endpoints, [segment], segment.result), ''
+    except (PlanningFailure, PathTooLongError) as error:
+        code = error.code if isinstance(error, PlanningFailure) else ResultCode.UNKNOWN
+        failure = PlanningFailure(code, str(error))
+        return planner.build_plan(request, endpoints, [], failure=failure), str(error)
 
 
-def with_work_of(plan: Plan, other: Plan) -> Plan:
-    """Return a plan that includes the work of another one that was made on the way to it."""
-    return replace(
-        plan,
-        expansions=plan.expansions + other.expansions,
-        storage=plan.storage + other.storage,
-        first_expansions=plan.first_expansions + other.expansions,
-        seconds_source=plan.seconds_source + other.seconds_source,
-        seconds_search=plan.seconds_search + other.seconds_search,
-    )
+def verified(
+    plan: Plan, route: Route, instruction: RouteInstruction, note: str
+) -> tuple[Plan, InstructionOutcome]:
+    """Hold the path that is published against the instruction.
+
+    A path at any angle that keeps fewer clauses than the path of cells is left out.
+    """
+    interpretation = instruction.interpretation
+    if not len(plan.path):
+        return plan, InstructionOutcome(interpretation, note=note or 'there is no path')
+
+    def hold(cells: NDArray[Any]) -> tuple[ClauseOutcome, ...]:
+        points = route.costmap.grid_map.grid_to_world(cells)
+        return verify(interpretation.specification, points, route)
+
+    clauses = hold(plan.path)
+    if plan.any_angle is not None:
+        shortened = hold(plan.any_angle.points)
+        if count_satisfied(shortened) >= count_satisfied(clauses):
+            clauses = shortened
+        else:
+            plan = replace(plan, any_angle=None)
+    return plan, InstructionOutcome(interpretation, clauses, note)
 
 
-def ignored_reason(reply: WaypointReply | None, request: PlanRequest) -> str:
-    """Say why an instruction was ignored."""
-    if reply is not None:
-        return reply.instruction[:MAX_REASON_CHARS]
-    if request.via:
-        return 'the request has via points of its own'
-    if request.source is None:
-        return 'no source was asked'
-    if request.method not in WAYPOINT_METHODS:
-        return f'method {request.method} asks for no waypoints'
-    if request.start == request.goal:
-        return 'start and goal are the same'
-    return f'source {request.source.name} did not answer in time'
+def count_satisfied(clauses: Sequence[ClauseOutcome]) -> int:
+    """Count the satisfied clauses."""
+    return sum(clause.status is ClauseStatus.SATISFIED for clause in clauses)
 
 
-def with_outcome(plan: Plan, outcome: str) -> Plan:
+def required_problem(outcome: InstructionOutcome) -> str | None:
+    """Say which `must` clause a path does not keep for certain, None if it keeps all."""
+    status = outcome.interpretation.status
+    if status in (Understanding.PENDING, Understanding.NONE):
+        return f'the instruction is {status.value}'
+    for clause in outcome.clauses:
+        if clause.status is not ClauseStatus.SATISFIED and clause.clause.strength != SHOULD:
+            return f'{clause_sentence(clause.clause)}: {clause.status.value} ({clause.detail})'
+    return None
+
+
+def with_outcome(plan: Plan, outcome: InstructionOutcome) -> Plan:
     """Return a plan that says what became of the instruction."""
-    return replace(plan, instruction=outcome, message=f'{plan.message}; instruction {outcome}')
+    words = outcome.interpretation.status.value
+    if outcome.clauses:
+        words = f'{count_satisfied(outcome.clauses)} of {len(outcome.clauses)} clauses satisfied'
+    return replace(plan, instruction=outcome, message=f'{plan.message}; instruction: {words}')

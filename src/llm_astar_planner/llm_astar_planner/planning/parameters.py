@@ -11,6 +11,13 @@ from typing import Any
 
 from llm_astar_planner.costmap import config as costmap
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.instructions.interpretation import (
+    MAX_INSTRUCTION_CHARS,
+    POLICIES,
+    PREFER,
+    InstructionError,
+    clean_instruction,
+)
 from llm_astar_planner.parameter import (
     DeprecatedParameter,
     Parameter,
@@ -20,11 +27,6 @@ from llm_astar_planner.parameter import (
 from llm_astar_planner.search.paper import GUIDED, HEURISTICS, METHODS
 from llm_astar_planner.waypoints import config as waypoints
 from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.prompts.instruction import (
-    MAX_INSTRUCTION_CHARS,
-    InstructionError,
-    clean_instruction,
-)
 
 
 def instruction_problem(instruction: str) -> str | None:
@@ -125,9 +127,20 @@ WAYPOINTS = (
     Parameter(
         'instruction',
         '',
-        f'Instruction in plain language for the route, at most {MAX_INSTRUCTION_CHARS} '
-        'characters; needs a language model',
+        f'Instruction in plain language for the route, at most {MAX_INSTRUCTION_CHARS} characters',
         check=instruction_problem,
+    ),
+    Parameter(
+        'instruction_policy',
+        PREFER,
+        'What to do if the instruction cannot be met: `prefer` the path that violates it least, '
+        'or `require` it and give no path',
+        choices=POLICIES,
+    ),
+    Parameter(
+        'places_file',
+        '',
+        'GeoJSON file with the named places of the map, in metres of its frame',
     ),
 )
 NODE = (
@@ -168,12 +181,6 @@ CLIENT = (
         for item in COSTMAP
     ),
     Parameter(
-        'instruction',
-        '',
-        'Instruction in plain language for the next queries; planner_node sets it',
-        node_only=True,
-    ),
-    Parameter(
         'dataset',
         '',
         'Barrier maps whose ids are the keys of transcripts: a path, or a name in `maps/`',
@@ -196,7 +203,7 @@ MAP = (
 )
 # The client's parameters that planner_node sets before each query. Neither the source nor its
 # cache depends on them, and no file needs to set them.
-SET_BY_PLANNER = ('instruction', *costmap.COSTMAP)
+SET_BY_PLANNER = tuple(costmap.COSTMAP)
 PLANNER = (*SEARCH, *COSTMAP, *REQUESTS, *WAYPOINTS, *NODE)
 
 # The nodes with parameters of their own; benchmark_node has options only.
@@ -286,5 +293,4 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
         'any_angle': values['any_angle'],
         'tolerance': values['tolerance'],
         'start_tolerance': values['start_tolerance'],
-        'instruction': values['instruction'],
     }

@@ -14,10 +14,9 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from numpy.typing import NDArray
 
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
+from llm_astar_planner.planning.types import Plan, ResultCode
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.prompts.instruction import InstructionError, clean_instruction
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     Waypoint,
@@ -110,13 +109,13 @@ class CachedWaypointSource:
         self.name = inner.name
         self._inner = inner
         self._lock = threading.Lock()
-        self._cached: LRUCache[tuple[Cell, str], CachedWaypoints] = LRUCache(CACHED_GOALS)
+        self._cached: LRUCache[Cell, CachedWaypoints] = LRUCache(CACHED_GOALS)
         self._cleared = -math.inf
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the cached waypoints at once if they hold, else what `inner` answers."""
         with self._lock:
-            cached = self._cached.get((query.goal, query.instruction))
+            cached = self._cached.get(query.goal)
         waypoints = None if cached is None else cached.ahead_of(query.start)
         if cached is None or waypoints is None:
             return self._inner.waypoints(query)
@@ -139,9 +138,7 @@ class CachedWaypointSource:
             self._cleared = time.monotonic()
             self._cached.clear()
 
-    def remember(
-        self, request: PlanRequest, plan: Plan, grid_map: GridMap, started: float
-    ) -> None:
+    def remember(self, plan: Plan, grid_map: GridMap, started: float) -> None:
         """Cache the waypoints of a plan if every one of them was accepted.
 
         Results that started (monotonic seconds) before the cache was cleared are discarded.
@@ -150,14 +147,10 @@ class CachedWaypointSource:
         accepted = all(point.status is WaypointStatus.ACCEPTED for point in plan.checked_waypoints)
         if not (good and plan.checked_waypoints and accepted):
             return
-        try:
-            instruction = clean_instruction(request.instruction)
-        except InstructionError:
-            instruction = ''  # it was ignored, and the source was not given it
         cached = CachedWaypoints(MapPlacement.of(grid_map), plan.reply, plan.path)
         with self._lock:
             if started > self._cleared:
-                self._cached[plan.goal, instruction] = cached
+                self._cached[plan.goal] = cached
 
 
 def nearest_on_path(path: NDArray[np.int32], point: tuple[float, float]) -> tuple[int, float]:

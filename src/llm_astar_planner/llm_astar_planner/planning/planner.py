@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -105,20 +104,14 @@ class Planner:
         yields the answer alone. Otherwise as `plan`.
         """
         stop = no_stop() if stop is None else stop
-        if request.instruction:
-            make = partial(self.direct_plan, stop=stop)
-            return iter([plan_with_instruction(request, make, self.costmap, stop)])
+        if request.instruction is not None:
+            return iter([plan_with_instruction(self, request, request.instruction, stop)])
         return self.direct_plans(request, stop, anytime=anytime)
-
-    def direct_plan(self, request: PlanRequest, stop: NDArray[np.uint8]) -> Plan:
-        """Answer a request without honouring its instruction, which only its source sees."""
-        *_, plan = self.direct_plans(request, stop, anytime=False)
-        return plan
 
     def direct_plans(
         self, request: PlanRequest, stop: NDArray[np.uint8], *, anytime: bool
     ) -> Iterator[Plan]:
-        """Yield each better plan of a request, whose instruction only its source sees."""
+        """Yield each better plan of a request without an instruction."""
         deadline = time.monotonic() + request.time_limit
         endpoints = Endpoints(request.start, request.goal)
         segments: list[SegmentPlanner] = []
@@ -276,8 +269,13 @@ class Planner:
 
     def any_angle_path(self, segments: Sequence[SegmentPlanner]) -> AnyAnglePath | None:
         """Shorten each segment's path at any angle; None if the check finds a problem."""
-        graph = self.costmap.grid_graph
-        parts = [string_pull(graph, segment.result.path) for segment in segments]
+        parts = [
+            string_pull(segment.costmap.grid_graph, stretch)
+            for segment in segments
+            for stretch in segment.stretches()
+        ]
+        if not parts:
+            return None
         points = np.concatenate([parts[0].points, *(part.points[1:] for part in parts[1:])])
         if self.segments_problem(points) is not None:
             return None

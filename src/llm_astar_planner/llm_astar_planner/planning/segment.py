@@ -22,6 +22,7 @@ from llm_astar_planner.planning.waypoint_filter import (
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.guided import AnytimeSolution, GuidedSearch
 from llm_astar_planner.search.landmarks import Landmarks
+from llm_astar_planner.search.layered import LayeredResult, VisitProblem, visit_search
 from llm_astar_planner.search.paper import (
     EXACT,
     GUIDED,
@@ -48,7 +49,8 @@ class SegmentPlanner:
 
     `via` of the request is ignored. `search` fills in `result` (NOT_SEARCHED before its end),
     `reply`, `checked_waypoints`, `waypoints_used` (whether the search used what waypoints there
-    were), `seconds_source` and `seconds_search`.
+    were), `seconds_source` and `seconds_search`; `search_visits` instead fills in `result`,
+    `visit_problem` and `seconds_search`.
     """
 
     def __init__(
@@ -66,6 +68,7 @@ class SegmentPlanner:
         self.stop = stop
         self.landmarks = landmarks
         self.result = NOT_SEARCHED
+        self.visit_problem: VisitProblem | None = None
         self.reply: WaypointReply = NOT_ASKED
         self.checked_waypoints: tuple[CheckedWaypoint, ...] = ()
         self.waypoints_used = True
@@ -101,6 +104,39 @@ class SegmentPlanner:
                 self.result = self.search_as_published(stop)
         self.seconds_search = time.monotonic() - begin
 
+    def search_visits(self, problem: VisitProblem) -> None:
+        """Search for the cheapest path that solves a problem of visits and prices.
+
+        Raises LayersTooLargeError where it does not fit in memory.
+        """
+        begin = time.monotonic()
+        self.visit_problem = problem
+        self.result = visit_search(
+            self.costmap.grid_graph,
+            self.request.start,
+            self.request.goal,
+            problem,
+            stop=self.stop,
+            deadline=self.deadline,
+            want_expanded=self.request.want_expanded,
+        )
+        self.seconds_search = time.monotonic() - begin
+
+    def stretches(self) -> list[NDArray[np.int32]]:
+        """Return the parts of the path found, int32 [n, 2], that may be shortened at any angle.
+
+        Their ends are shared. A path with visits keeps these as ends; one that pays prices stays
+        as it is: no parts.
+        """
+        result, problem = self.result, self.visit_problem
+        if problem is None or not isinstance(result, LayeredResult):
+            return [result.path]
+        if problem.price is not None or problem.before:
+            return []
+        cuts = sorted({0, *(index for index in result.visited_at if index > 0)})
+        ends = [*cuts[1:], len(result.path) - 1]
+        return [result.path[cut : end + 1] for cut, end in zip(cuts, ends) if end > cut]
+
     def query(self) -> tuple[WaypointSource, WaypointQuery] | None:
         """Return whom to ask what, or None if no waypoints are needed."""
         request = self.request
@@ -114,7 +150,6 @@ class SegmentPlanner:
             request.goal,
             min(request.source_time_limit, SOURCE_SHARE * time_left),
             request.sample,
-            request.instruction,
         )
 
     def query_and_wait(self, query: tuple[WaypointSource, WaypointQuery]) -> None:

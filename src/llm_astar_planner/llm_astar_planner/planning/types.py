@@ -13,6 +13,8 @@ import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from numpy.typing import NDArray
 
+from llm_astar_planner.instructions.interpretation import RouteInstruction
+from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.planning.waypoint_filter import CheckedWaypoint
 from llm_astar_planner.search.any_angle import AnyAnglePath
@@ -75,8 +77,8 @@ class PlanRequest:
       reachable cell within `tolerance`, a blocked start by the nearest free cell within
       `start_tolerance`.
     - `via`: cells that the path must pass, in order.
-    - `instruction`: plain language, at most 500 characters. If the source answers it, its
-      waypoints become `via`, otherwise it is ignored; the plan says which.
+    - `instruction`: what was understood of an instruction; the path keeps to it as far as
+      possible, and the plan says clause by clause how far. Not together with `via`.
 
     Raises ValueError if start, goal or a via point is not a pair of whole numbers.
     """
@@ -97,7 +99,7 @@ class PlanRequest:
     tolerance: float = 0.0
     start_tolerance: float = 0.0
     via: tuple[Cell, ...] = ()
-    instruction: str = ''
+    instruction: RouteInstruction | None = None
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""
@@ -149,11 +151,11 @@ class Plan:
     - `expanded`: bool [height, width], the expanded cells; [0, 0] if not requested. Incomplete
       after a cancel.
     - `start`, `goal`: the cells planned between; `start_shift`, `goal_shift`: their distance in
-      metres from those requested. `via`: the via points, of the request or of the instruction.
+      metres from those requested. `via`: the via points of the request.
     - `source`: the name of the waypoint source; `reply`: its whole answer; `checked_waypoints`:
       its waypoints with what became of each; `guided_by`: the label of the source whose
       waypoints the search used, `none` if it used none.
-    - `instruction`: what became of the instruction, '' if there was none.
+    - `instruction`: what became of the instruction on this path, None if there was none.
     - `clearance`: metres from the path's cells to the nearest lethal cell, inf without one;
       `unknown_length`: metres of the path through unknown cells; `turns`: its changes of
       direction.
@@ -188,7 +190,7 @@ class Plan:
     turns: int = 0
     warnings: tuple[str, ...] = ()
     via: tuple[Cell, ...] = ()
-    instruction: str = ''
+    instruction: InstructionOutcome | None = None
     is_final: bool = True
 
     @property
@@ -225,7 +227,8 @@ class Plan:
             'clearance': finite_or_none(self.clearance),
             'turns': self.turns,
             'warnings': self.warnings,
-            'instruction': self.instruction,
+            'instruction': self.instruction.summary() if self.instruction else '',
+            'instruction_report': self.instruction.to_json() if self.instruction else None,
         }
 
 

@@ -34,7 +34,7 @@ def query_source(
 
     An exception becomes an ERROR reply. Where the source exceeds the query's time limit, or
     `stop[0]` becomes 1, the reply is a TIMEOUT and the source's own is dropped. Only the first
-    1000 waypoints are kept. Where the query has an instruction, the reply says what became of it.
+    1000 waypoints are kept.
     """
     begin = time.monotonic()
     task = WaypointQueryTask(source, query, lambda _: None)
@@ -45,8 +45,7 @@ def query_source(
         return reply, seconds
     seconds = time.monotonic() - begin
     detail = f'{source.name} had not answered after {seconds:.2f} s'
-    reply = WaypointReply(status=SourceStatus.TIMEOUT, detail=detail)
-    return reply.with_instruction_outcome(query, source.name), seconds
+    return WaypointReply(status=SourceStatus.TIMEOUT, detail=detail), seconds
 
 
 class WaypointQueryTask:
@@ -81,10 +80,7 @@ class WaypointQueryTask:
             _LOG.exception('the waypoint source failed')
             detail = f'{type(error).__name__} in source {source.name}'
             reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
-        answer = (
-            reply.with_instruction_outcome(query, source.name),
-            time.monotonic() - begin,
-        )
+        answer = reply, time.monotonic() - begin
         with self._lock:
             if not self._closed:
                 self._answer = answer

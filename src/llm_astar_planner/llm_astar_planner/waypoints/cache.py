@@ -28,8 +28,8 @@ class CachedSource:
     """Answers from memory where it can; queries `inner` once for identical concurrent queries.
 
     When a caller's time is up the query continues in the background, as long as `inner` lets it,
-    and its late reply goes to the cache. Keyed by the costmap (map and rules), start, goal,
-    sample and instruction; of more than `size` replies the least recently used is dropped.
+    and its late reply goes to the cache. Keyed by the costmap (map and rules), start, goal
+    and sample; of more than `size` replies the least recently used is dropped.
     `model` and `prompt` label the replies of failures. Thread-safe.
     """
 
@@ -55,7 +55,7 @@ class CachedSource:
         """Return the reply in memory, else wait up to `timeout_s` or the query's time limit."""
         started = time.monotonic()
         query = replace(query, time_limit=min(self.timeout_s, query.time_limit))
-        key = (query.costmap.key, query.start, query.goal, query.sample, query.instruction)
+        key = (query.costmap.key, query.start, query.goal, query.sample)
         with self._lock:
             kept = self._replies.get(key)
             if kept is not None:

@@ -8,10 +8,9 @@ from pathlib import Path
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
-from llm_astar_planner.waypoints.llm.source import Answer, read_answer
+from llm_astar_planner.waypoints.llm.source import read_answer
 from llm_astar_planner.waypoints.prompts.map_description import Lattice
 from llm_astar_planner.waypoints.source import (
-    FOLLOWED,
     SampleKey,
     SourceStatus,
     WaypointQuery,
@@ -19,18 +18,16 @@ from llm_astar_planner.waypoints.source import (
 )
 from llm_astar_planner.waypoints.transcript import Exchange, SampleResolver, read_transcript
 
-NOT_RECORDED = 'replay: the recording was made without this instruction'
-
 
 class ReplayError(LlmAstarError, ValueError):
     """It is not clear which exchanges to replay; the message lists what the transcript holds."""
 
 
 class ReplaySource:
-    """Waypoints from a transcript, found by map, pair, scale, model, prompt and instruction.
+    """Waypoints from a transcript, found by map, pair, scale, model and prompt.
 
-    Of several exchanges with one key, the last that has an answer counts. Where the query's
-    instruction was not recorded, the answer without an instruction is taken.
+    Of several exchanges with one key, the last that has an answer counts. Exchanges whose prompt
+    held an instruction, in files of version 0.1, are passed over.
     """
 
     name = 'replay'
@@ -53,24 +50,24 @@ class ReplaySource:
         exchanges = read_transcript(self._path)
         self.model, self.prompt = self._choose(exchanges, model, prompt)
         self._resolver = SampleResolver(dataset)
-        self._exchanges: dict[tuple[SampleKey, str], Exchange] = {}
+        self._exchanges: dict[SampleKey, Exchange] = {}
         for exchange in exchanges:
             if (exchange.model, exchange.prompt) != (self.model, self.prompt):
                 continue
-            key = exchange.sample, exchange.instruction
-            if exchange.response or key not in self._exchanges:
-                self._exchanges[key] = exchange
+            if exchange.instruction:
+                continue
+            if exchange.response or exchange.sample not in self._exchanges:
+                self._exchanges[exchange.sample] = exchange
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the recorded answer in grid coordinates; MISSING where there is none."""
         sample, lattice = self._resolver.resolve(query)
-        # An exchange with the query's own instruction is preferred to one without. An exchange
-        # about a sample of the dataset may have been recorded live, under the key of its cells.
-        for instruction in (query.instruction, ''):
-            for key, own in ((sample, lattice), (query.live_key, Lattice())):
-                exchange = self._exchanges.get((key, instruction))
-                if exchange is not None:
-                    return self._replay(query, exchange, own)
+        # An exchange about a sample of the dataset may have been recorded live, under the key of
+        # its cells.
+        for key, own in ((sample, lattice), (query.live_key, Lattice())):
+            exchange = self._exchanges.get(key)
+            if exchange is not None:
+                return self._replay(query, exchange, own)
         return WaypointReply(
             label=f'replay:{self.model}',
             status=SourceStatus.MISSING,
@@ -78,7 +75,6 @@ class ReplaySource:
             f'scale {sample.scale}, model {self.model}, prompt {self.prompt}',
             model=self.model,
             prompt=self.prompt,
-            instruction=NOT_RECORDED if query.instruction else '',
         )
 
     def _replay(self, query: WaypointQuery, exchange: Exchange, lattice: Lattice) -> WaypointReply:
@@ -103,7 +99,6 @@ class ReplaySource:
             prompt_tokens=exchange.prompt_tokens,
             completion_tokens=exchange.completion_tokens,
             seconds=exchange.seconds,
-            instruction=replayed_instruction(query, exchange, answer),
         )
 
     def _choose(self, exchanges: list[Exchange], model: str, prompt: str) -> tuple[str, str]:
@@ -120,12 +115,3 @@ class ReplaySource:
         asked = f'model {model or "(any)"}, prompt {prompt or "(any)"}'
         problem = 'is not recorded' if not fitting else 'fits several recordings'
         raise ReplayError(f'{self._path}: {asked} {problem}; it holds: {listing}')
-
-
-def replayed_instruction(query: WaypointQuery, exchange: Exchange, answer: Answer) -> str:
-    """Return what became of the query's instruction, '' where it has none."""
-    if not query.instruction:
-        return ''
-    if exchange.instruction != query.instruction:
-        return NOT_RECORDED
-    return FOLLOWED if answer.waypoints else 'replay: the recorded answer has no waypoints'

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple, Protocol
 
@@ -13,8 +13,6 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.costmap import Costmap
 
 Waypoint = tuple[float, float]
-# `WaypointReply.instruction` of a reply whose waypoints follow the query's instruction.
-FOLLOWED = 'followed'
 
 
 class SampleKey(NamedTuple):
@@ -49,17 +47,13 @@ class SourceStatus(str, Enum):
     LATE = 'LATE'  # the search finished before the answer came
 
 
-# Statuses of a source that did answer, or that was not asked to.
-_ANSWERED = (SourceStatus.OK, SourceStatus.NONE, SourceStatus.NO_WAYPOINTS)
-
-
 @dataclass(frozen=True)
 class WaypointQuery:
     """A query to a source: a path from start to goal, both cells (x, y), on a costmap.
 
     A source may use the cells that the costmap leaves free, the same as the search.
     `time_limit` is how many seconds the answer may take. `sample` names the benchmark sample, if
-    it is one. `instruction` is the caller's instruction in plain language, '' for none.
+    it is one.
     """
 
     costmap: Costmap
@@ -67,7 +61,6 @@ class WaypointQuery:
     goal: tuple[int, int]
     time_limit: float = float('inf')
     sample: SampleKey | None = None
-    instruction: str = ''
 
     @property
     def grid_map(self) -> GridMap:
@@ -93,8 +86,6 @@ class WaypointReply:
     `label` names what answered, such as `replay:gpt-3.5` or `none`. `text` is the raw answer,
     bounded in length; `detail` is a sentence on what went wrong, '' if nothing did. `messages`
     are those that led to the answer; `unit` is the lattice step of its coordinates in cells.
-    `instruction` is `followed` where the waypoints follow the query's instruction, else the
-    reason why it was ignored; '' where the query had none.
     """
 
     waypoints: tuple[Waypoint, ...] = ()
@@ -109,22 +100,6 @@ class WaypointReply:
     seconds: float = 0.0
     messages: tuple[Message, ...] = ()
     unit: int = 1
-    instruction: str = ''
-
-    def with_instruction_outcome(self, query: WaypointQuery, source: str) -> WaypointReply:
-        """Return this reply with `instruction` set, for sources that leave it empty.
-
-        A source that does not say what became of an instruction cannot read instructions.
-        """
-        if not query.instruction:
-            outcome = ''
-        elif self.instruction:
-            outcome = self.instruction
-        elif self.status in _ANSWERED:
-            outcome = f'source {source} cannot read instructions'
-        else:
-            outcome = f'source {source} gave no answer: {self.status.value}'
-        return self if outcome == self.instruction else replace(self, instruction=outcome)
 
 
 class WaypointSource(Protocol):

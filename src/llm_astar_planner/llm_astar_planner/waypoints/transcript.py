@@ -2,8 +2,8 @@
 
 A line holds `map, pair, scale, model, prompt, messages, response, prompt_tokens,
 completion_tokens, seconds, status`. Coordinates in it are the map's lattice coordinates. Where a
-big map was described on a coarser lattice, `unit` is its step in cells; where the query had an
-instruction, `instruction` is its text.
+big map was described on a coarser lattice, `unit` is its step in cells. Version 0.1 also put
+instructions into prompts; `instruction` is the text of such a one.
 """
 
 from __future__ import annotations
@@ -315,5 +315,4 @@ class RecordingSource:
             seconds=reply.seconds,
             status=reply.status,
             unit=reply.unit,
-            instruction=query.instruction,
         )

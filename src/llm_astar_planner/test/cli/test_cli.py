@@ -162,17 +162,6 @@ def test_shifts_by_tolerances_and_via_cells_are_reported(capsys, room):
     assert plan['start_shift'] == pytest.approx(0.15)
 
 
-def test_an_instruction_bends_the_path_and_is_reported(capsys, chat_server):
-    chat_server.script = [chat_server.completion('[[39, 18], [5, 5], [7, 19]]')]
-    endpoint = ('--source', 'endpoint', '--base-url', chat_server.base_url, '--model', 'tiny')
-    code, plan = run_json(capsys, 'plan', *endpoint, '--instruction', 'pass by 5, 5')
-    assert (code, plan['instruction']) == (0, 'followed through 1 via point')
-    assert [5, 5] in plan['path']
-    assert plan['guided_by'] == 'endpoint:tiny'
-    _, out, _ = run(capsys, 'plan', '--source', 'none', '--instruction', 'pass by 5, 5')
-    assert 'instruction ignored: source none cannot read instructions' in out
-
-
 def test_a_person_reads_the_plan(capsys):
     code, out, _ = run(capsys, 'plan', '--reply', 'no idea')
     assert code == 0

@@ -1,243 +1,242 @@
-"""Instructions and their plans: followed through via points, and never at the cost of a plan."""
-
-import threading
-import time
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_planner.planning.instruction import plan_with_instruction
-from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
+from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.instructions.interpretation import (
+    REQUIRE,
+    Interpretation,
+    RouteInstruction,
+    Understanding,
+    status_of,
+)
+from llm_astar_planner.instructions.specification import (
+    SHOULD,
+    Avoid,
+    Before,
+    Disc,
+    EndAt,
+    Half,
+    KeepDistance,
+    NamedPlace,
+    Pass,
+    Specification,
+    StayIn,
+    Unknown,
+    Visit,
+)
+from llm_astar_planner.planning import instruction as instruction_module
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.search.stop import no_stop
-from llm_astar_planner.waypoints.config import SOURCE_NAMES, SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.fixed import FixedReply
-from llm_astar_planner.waypoints.source import FOLLOWED, SourceStatus, WaypointReply
+from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
 
-CELLS = np.zeros((21, 31), dtype=np.int8)
-CELLS[10, 5:26] = 100
-PLANNER = Planner(GridMap(CELLS, 0.5))
-START, GOAL = (15, 8), (15, 12)
-INSTRUCTION = 'go round by the east'
-LIMIT = 60.0  # no plan takes long, but what compiles its search may
-EAST = ((28.0, 8.0), (28.0, 12.0))
+# Metres and cells: 40 x 24 cells of 0.5 m. Two rooms in the north, open to the hall by a door
+# each and to each other by a third; a rack stands in the hall.
+RESOLUTION = 0.5
+WEST, EAST, SAFE = NamedPlace('west room'), NamedPlace('east room'), NamedPlace('safe')
+RACK = NamedPlace('rack')
 
 
-class Follower:
-    """A source that reads instructions, and answers them as a test tells it to."""
-
-    name = 'follower'
-
-    def __init__(self, waypoints, delay=0.0, said=FOLLOWED):
-        self.answer, self.delay, self.said = tuple(waypoints), delay, said
-        self.queries = []
-
-    def waypoints(self, query):
-        self.queries.append(query)
-        time.sleep(min(self.delay, query.time_limit))
-        if self.delay > query.time_limit:
-            return WaypointReply(label='follower:x', status=SourceStatus.TIMEOUT)
-        return WaypointReply(self.answer, label='follower:x', instruction=self.said)
+def rooms():
+    cells = np.zeros((24, 40), dtype=np.int8)
+    cells[12, :] = 100
+    cells[12, 8:10] = cells[12, 30:32] = 0
+    cells[12:, 20] = 100
+    cells[17:19, 20] = 0
+    cells[5:7, 15:25] = 100
+    cells[20:23, 35:38] = 100  # the safe
+    return GridMap(cells, RESOLUTION)
 
 
-def request(source, **changes):
-    asked = PlanRequest(START, GOAL, source=source, instruction=INSTRUCTION, time_limit=LIMIT)
-    return replace(asked, **changes)
-
-
-def passes(plan, cells):
-    """Whether a path passes cells in their order."""
-    path = iter([tuple(cell) for cell in plan.path.tolist()])
-    return all(cell in path for cell in cells)
-
-
-@pytest.mark.parametrize('method', ['guided', 'llm_astar'])
-@pytest.mark.parametrize('ends', [(), (START, GOAL)])
-def test_an_instruction_is_followed_through_its_waypoints_in_order(method, ends):
-    way = (*ends[:1], *EAST, *ends[1:])
-    source = Follower(way)
-    plan = PLANNER.plan(request(source, method=method))
-    assert plan.code is ResultCode.NONE
-    assert plan.instruction == 'followed through 2 via points'
-    assert plan.instruction in plan.message
-    assert plan.via == ((28, 8), (28, 12))
-    assert passes(plan, [START, *plan.via, GOAL])
-    assert (plan.guided_by, plan.source) == ('follower:x', 'follower')
-    assert [point.status.value for point in plan.checked_waypoints] == ['accepted'] * len(way)
-    assert [query.instruction for query in source.queries] == [INSTRUCTION]
-    # The source gets its part, and a tenth is left for the way of the instruction.
-    assert source.queries[0].time_limit < 0.8 * 0.9 * LIMIT
-    direct = PLANNER.plan(request(source, method=method, instruction=''))
-    assert direct.expansions < plan.first_expansions <= plan.expansions
-    assert PLANNER.path_problem(plan.path, START, GOAL) is None
-
-
-def test_waypoints_that_cannot_be_passed_are_left_out_and_counted():
-    points = [EAST[0], (20.0, 10.0), (float('inf'), 8.0), (99.0, 1.0), EAST[1]]
-    plan = PLANNER.plan(request(Follower(points)))
-    assert plan.via == ((28, 8), (28, 12))
-    left_out = '1 occupied, 1 out of bounds'
-    assert plan.instruction == f'followed through 2 via points; left out: {left_out}'
-
-
-def test_an_instruction_to_go_there_and_back_is_followed_in_order():
-    plan = PLANNER.plan(request(Follower([(28.0, 8.0), (20.0, 8.0), (28.0, 12.0)])))
-    assert plan.via == ((28, 8), (20, 8), (28, 12))
-    assert [point.status.value for point in plan.checked_waypoints] == ['accepted'] * 3
-
-
-@pytest.mark.parametrize(
-    ('way', 'outcome'),
+PLACES = Places(
     [
-        ([(20.0, 10.0), (20.4, 10.2)], 'not honoured: no waypoint can be passed (2 occupied)'),
-        ([START, GOAL], 'followed by the direct path: no waypoint lies in between'),
-    ],
+        Place('west room', shapely.box(0, 6.5, 10, 12), 'room'),
+        Place('east room', shapely.box(10.5, 6.5, 20, 12), 'room'),
+        Place('rack', shapely.box(7.5, 2.5, 12.5, 3.5), 'object'),
+        Place('safe', shapely.box(17.5, 10, 19, 11.5)),
+    ]
 )
-def test_without_a_point_to_pass_the_direct_path_is_taken(way, outcome):
-    direct = PLANNER.plan(PlanRequest(START, GOAL))
-    plan = PLANNER.plan(request(Follower(way)))
-    assert plan.instruction == outcome
-    assert (plan.length, plan.via) == (direct.length, ())
+START, GOAL = (3, 6), (36, 6)
 
 
-def test_an_instruction_that_leads_far_round_is_followed_with_a_warning():
-    direct = PLANNER.plan(PlanRequest(START, (17, 8)))
-    assert direct.length == 2.0
-    plan = PLANNER.plan(request(Follower([(1.0, 8.0)]), goal=(17, 8)))
-    assert plan.instruction == 'followed through 1 via point'
-    assert plan.warnings == (
-        'the path of the instruction is 15.0 times as long as the direct one',
-    )
-    assert PLANNER.plan(request(Follower(EAST))).warnings == ()
+@pytest.fixture(scope='module')
+def planner():
+    return Planner(rooms()).prepare()
 
 
-def test_if_the_path_of_the_instruction_fails_the_direct_one_is_taken_and_the_reason_given():
-    def make(asked):
-        plan = PLANNER.direct_plan(asked, no_stop())
-        if asked.via:
-            assert asked.time_limit < LIMIT  # what the direct way left
-            return replace(
-                plan, code=ResultCode.TIMEOUT, message='out of time', path=plan.path[:0]
-            )
-        return plan
-
-    plan = plan_with_instruction(request(Follower(EAST)), make, PLANNER.costmap, no_stop())
-    assert plan.code is ResultCode.NONE
-    assert plan.instruction == 'not honoured: no path through its 2 via points: out of time'
-    assert PLANNER.path_problem(plan.path, START, GOAL) is None
+def instructed(*clauses, **changes):
+    specification = Specification(clauses)
+    status = changes.pop('status', status_of(specification))
+    interpretation = Interpretation('text', specification, 'truth', status)
+    return RouteInstruction(interpretation, PLACES, **changes)
 
 
-@pytest.mark.parametrize(
-    ('changes', 'reason'),
-    [
-        ({'source': None}, 'no source was asked'),
-        ({'source': Follower(EAST, said='no' * 500)}, 'no' * 100),
-        ({'source': FixedReply('[[28, 8]]')}, 'source reply cannot read instructions'),
-        ({'instruction': 'x' * 501}, 'instruction: 501 characters are more than 500'),
-        ({'method': 'exact_astar'}, 'method exact_astar asks for no waypoints'),
-        ({'via': ((3, 3),)}, 'the request has via points of its own'),
-        ({'goal': START}, 'start and goal are the same'),
-    ],
-)
-def test_an_instruction_that_is_not_read_is_ignored_with_the_reason(changes, reason):
-    asked = request(**{'source': Follower(EAST), **changes})
-    plan = PLANNER.plan(asked)
-    plain = PLANNER.plan(replace(asked, instruction=''))
-    assert plan.instruction == f'ignored: {reason}'
-    assert (plan.code, plan.length) == (plain.code, plain.length)
-    assert plain.instruction == ''
+def plan(planner, *clauses, start=START, goal=GOAL, policy='prefer', visited=frozenset(), **more):
+    instruction = instructed(*clauses, policy=policy, visited=visited)
+    return planner.plan(PlanRequest(start, goal, instruction=instruction, **more))
 
 
-@pytest.mark.parametrize('name', sorted(set(SOURCE_NAMES) - {'endpoint', 'replay'}))
-def test_no_source_ignores_an_instruction_silently(name):
-    plan = PLANNER.plan(request(make_source(SourceSettings(source=name))))
-    assert plan.code is ResultCode.NONE
-    assert plan.instruction.startswith('ignored: ')
-    assert name in plan.instruction
+def line(planner, made):
+    points = planner.grid_map.grid_to_world(made.path)
+    return shapely.LineString(points if len(points) > 1 else np.repeat(points, 2, axis=0))
 
 
-def test_an_instruction_that_is_blank_is_none():
-    assert PLANNER.plan(request(Follower(EAST), instruction=' \n\t ')).instruction == ''
+def inside(planner, made, name):
+    return line(planner, made).intersection(PLACES.get(name).geometry).length
 
 
-@pytest.mark.parametrize('at_once', [True, False])
-def test_the_answer_to_an_instruction_is_waited_for(at_once):
-    asked = request(Follower(EAST, delay=0.2), search_while_waiting=at_once)
-    assert PLANNER.plan(asked).instruction == 'followed through 2 via points'
+def statuses(made):
+    return [outcome.status.value for outcome in made.instruction.clauses]
 
 
-@pytest.mark.parametrize('at_once', [True, False])
-def test_a_silent_source_costs_no_plan(at_once):
-    """Searched while it was waited for, too: the source then came too late to guide anything."""
-    asked = request(Follower(EAST, delay=60.0), time_limit=1.0, search_while_waiting=at_once)
-    plan = PLANNER.plan(asked)
-    assert plan.code is ResultCode.NONE
-    assert plan.source_status is (SourceStatus.LATE if at_once else SourceStatus.TIMEOUT)
-    assert plan.instruction == 'ignored: source follower gave no answer: TIMEOUT'
+def test_an_avoided_place_is_not_entered_and_a_visited_one_is(planner):
+    made = plan(planner, Visit(regions=(WEST,)))
+    assert statuses(made) == ['satisfied']
+    assert inside(planner, made, 'west room') > 1.0
+    start = (3, 20)
+    through = plan(planner, start=start, goal=(36, 15))
+    assert inside(planner, through, 'east room') > 1.0
+    round_it = plan(planner, Avoid(region=NamedPlace('safe')), start=start, goal=(36, 15))
+    assert statuses(round_it) == ['satisfied']
+    assert round_it.instruction.satisfied is True
 
 
-def test_a_cancel_ends_the_wait_for_an_answer():
-    stop = no_stop()
-    threading.Timer(0.1, lambda: stop.fill(1)).start()
-    plan = PLANNER.plan(
-        request(Follower(EAST, delay=20.0), time_limit=60.0, search_while_waiting=True), stop
-    )
-    assert plan.instruction == 'ignored: source follower did not answer in time'
+@pytest.mark.parametrize('method', ['guided', 'exact_astar', 'llm_astar', 'astar'])
+def test_every_method_keeps_to_what_is_closed(planner, method):
+    door = Avoid(region=Disc(10.25, 9.0, 0.6))
+    made = plan(planner, door, start=(3, 20), goal=(36, 15), method=method)
+    assert statuses(made) == ['satisfied']
+    assert made.path[:, 1].min() < 12
 
 
-def test_an_instruction_does_not_hide_that_there_is_no_plan():
-    cells = CELLS.copy()
-    cells[10] = 100
-    plan = Planner(GridMap(cells)).plan(request(Follower(EAST)))
-    assert plan.code is ResultCode.NO_VALID_PATH
-    assert plan.instruction == 'not honoured: there is no plan at all'
+def test_the_bound_of_guided_holds_for_the_problem_with_the_instruction(planner):
+    door = Avoid(region=Disc(10.25, 9.0, 0.6))
+    ends = {'start': (3, 20), 'goal': (36, 15)}
+    exact = plan(planner, door, method='exact_astar', **ends)
+    guided = plan(planner, door, max_suboptimality=1.0, **ends)
+    assert guided.cost == pytest.approx(exact.cost)
+    assert guided.suboptimality_bound == pytest.approx(1.0)
 
 
-def test_a_robot_on_its_way_keeps_to_the_instruction_without_asking_again():
-    source = Follower(EAST)
-    cache = CachedWaypointSource(source)
-    asked = request(cache)
-
-    def plan_with_cache(planner, asked):
-        started = time.monotonic()
-        plan = planner.plan(asked)
-        cache.remember(asked, plan, planner.grid_map, started)
-        return plan
-
-    first = plan_with_cache(PLANNER, asked)
-    cells = CELLS.copy()
-    cells[0, 0] = 100
-    changed = Planner(GridMap(cells, 0.5))
-    start = tuple(first.path[3].tolist())
-    later = plan_with_cache(changed, replace(asked, start=start))
-    assert len(source.queries) == 1
-    assert later.instruction == 'followed through 2 via points'
-    other = plan_with_cache(changed, replace(asked, instruction='hurry'))
-    assert len(source.queries) == 2
-    assert other.instruction == 'followed through 2 via points'
+def test_visits_are_made_in_their_order(planner):
+    there_and_back = plan(planner, Visit(regions=(EAST,)), Visit(regions=(WEST,)))
+    assert statuses(there_and_back) == ['satisfied', 'satisfied']
+    in_any_order = plan(planner, Visit(regions=(EAST, WEST)))
+    assert statuses(in_any_order) == ['satisfied']
+    assert in_any_order.length < there_and_back.length
+    assert there_and_back.suboptimality_bound == 1.0
 
 
-@settings(max_examples=40)
-@given(
-    st.lists(
-        st.tuples(*[st.floats() | st.floats(-5.0, 40.0) | st.integers(-5, 40).map(float)] * 2),
-        max_size=12,
-    ),
-    st.text(max_size=600),
-    st.sampled_from(['guided', 'llm_astar', 'astar']),
-)
-def test_whatever_is_instructed_and_answered_there_is_a_valid_plan(way, instruction, method):
-    asked = PlanRequest(START, GOAL, method, Follower(way), instruction=instruction)
-    plan = PLANNER.plan(asked)
-    assert plan.code is ResultCode.NONE
-    assert PLANNER.path_problem(plan.path, START, GOAL) is None
-    assert plan.source_status in (SourceStatus.OK, SourceStatus.NONE)
-    assert bool(plan.instruction) == bool(
-        ''.join(c for c in instruction if c.isprintable()).strip()
-    )
-    assert passes(plan, plan.via)
+def test_a_region_that_was_visited_on_the_way_is_not_visited_again(planner):
+    made = plan(planner, Visit(regions=(WEST,)), visited=frozenset({(0, 0)}))
+    assert inside(planner, made, 'west room') == 0.0
+    assert statuses(made) == ['satisfied']
+
+
+def test_a_place_is_entered_only_after_another(planner):
+    first_west = plan(planner, Before(first=WEST, second=EAST), goal=(30, 15))
+    assert statuses(first_west) == ['satisfied']
+    assert inside(planner, first_west, 'west room') > 1.0
+
+
+@pytest.mark.parametrize('side', ['north', 'south'])
+def test_an_object_is_passed_on_a_side(planner, side):
+    made = plan(planner, Pass(region=RACK, side=side))
+    assert statuses(made) == ['satisfied']
+    x, y = line(planner, made).xy
+    beside = np.interp(10.0, x, y)
+    assert (beside > 3.5) == (side == 'north')
+
+
+def test_half_of_the_map_and_distance(planner):
+    south = plan(planner, StayIn(region=Half('south')), start=(3, 6), goal=(36, 6))
+    assert statuses(south) == ['satisfied']
+    distant = plan(planner, KeepDistance(metres=1.5, region=RACK))
+    assert statuses(distant) == ['satisfied']
+    assert line(planner, distant).distance(PLACES.get('rack').geometry) >= 1.5
+    walls = plan(planner, KeepDistance(metres=1.0))
+    assert statuses(walls) == ['satisfied']
+
+
+def test_the_path_ends_where_a_clause_says(planner):
+    made = plan(planner, EndAt(region=WEST))
+    assert statuses(made) == ['satisfied']
+    assert made.goal != GOAL
+    assert made.path[-1].tolist() == list(made.goal)
+
+
+def test_an_impossible_clause_is_said_and_the_path_comes_all_the_same(planner):
+    made = plan(planner, Visit(regions=(SAFE,)), Visit(regions=(WEST,)))
+    assert statuses(made) == ['impossible', 'satisfied']
+    assert made.code is ResultCode.NONE
+    walled_in = plan(planner, Avoid(region=Half('south')), start=(3, 20), goal=GOAL)
+    assert statuses(walled_in)[0] in ('violated', 'satisfied')
+
+
+def test_require_gives_no_path_that_breaks_a_must_clause(planner):
+    impossible = plan(planner, Visit(regions=(SAFE,)), policy=REQUIRE)
+    assert impossible.code is ResultCode.NO_VALID_PATH
+    assert not len(impossible.path)
+    unknown = plan(planner, Unknown(text='hm'), policy=REQUIRE)
+    assert 'not understood' in unknown.message
+    kept = plan(planner, Visit(regions=(WEST,)), policy=REQUIRE)
+    assert kept.code is ResultCode.NONE
+
+
+def test_a_should_clause_is_kept_where_it_can_be(planner):
+    wish = Avoid(strength=SHOULD, region=Disc(10.25, 9.0, 0.6))
+    made = plan(planner, wish, start=(3, 20), goal=(36, 15))
+    assert statuses(made) == ['satisfied']
+
+
+def test_a_guessed_clause_is_never_claimed(planner):
+    made = plan(planner, Avoid(guessed=True, region=WEST))
+    assert statuses(made) == ['guessed']
+    assert made.instruction.satisfied is False
+
+
+def test_clauses_that_exclude_each_other_are_named(planner):
+    made = plan(planner, Visit(regions=(WEST,)), Avoid(region=WEST))
+    assert made.instruction.note == '"visit the west room" contradicts "avoid the west room"'
+    assert made.instruction.satisfied is False
+    assert made.code is ResultCode.NONE
+
+
+@pytest.mark.parametrize('status', [Understanding.PENDING, Understanding.IRRELEVANT])
+def test_without_clauses_the_direct_path_comes(planner, status):
+    direct = planner.plan(PlanRequest(START, GOAL))
+    made = planner.plan(PlanRequest(START, GOAL, instruction=instructed(status=status)))
+    assert made.length == direct.length
+    assert made.instruction.summary() == status.value
+    assert made.instruction.satisfied is (None if status is Understanding.IRRELEVANT else False)
+
+
+def test_a_search_out_of_time_leaves_the_direct_path_and_says_so(planner, monkeypatch):
+    def stopped(*_, **__):
+        raise PlanningFailure(ResultCode.TIMEOUT, 'out of time')
+
+    monkeypatch.setattr(instruction_module.InstructedSearch, 'search', stopped)
+    made = plan(planner, Visit(regions=(WEST,)))
+    assert made.code is ResultCode.NONE
+    assert made.instruction.note == 'out of time: the direct path is taken'
+    assert statuses(made) == ['violated']
+
+
+def test_an_instruction_does_not_bend_the_via_points_of_a_request(planner):
+    made = plan(planner, Avoid(region=WEST), via=((5, 20),))
+    assert statuses(made) == ['violated']
+    assert 'via points of its own' in made.instruction.note
+
+
+def test_a_path_at_any_angle_keeps_its_visits():
+    planner = Planner(rooms(), CostmapConfig(robot_radius=0.25)).prepare()
+    made = plan(planner, Visit(regions=(EAST,)), Visit(regions=(WEST,)), any_angle=True)
+    assert statuses(made) == ['satisfied', 'satisfied']
+    assert made.any_angle is not None
+    assert made.any_angle.length < made.length
+
+
+def test_the_answer_to_a_request_that_cannot_be_served_names_the_cause(planner):
+    made = plan(planner, Visit(regions=(WEST,)), goal=(20, 12))
+    assert made.code is ResultCode.GOAL_OCCUPIED
+    assert made.instruction.note == 'there is no path'

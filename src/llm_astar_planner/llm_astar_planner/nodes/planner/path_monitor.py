@@ -101,7 +101,7 @@ class PathMonitor:
         """Cache the waypoints that led to a path."""
         planner, request = response.planner, response.request
         if self._cache is not None and planner is not None and request is not None:
-            self._cache.remember(request, response.plan, planner.grid_map, response.started)
+            self._cache.remember(response.plan, planner.grid_map, response.started)
 
     def update(self, before: PlanResponse, after: PlanResponse | None) -> None:
         """Replace the watched path, unless a newer one was published meanwhile."""

@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.service_introspection import ServiceIntrospectionState
 from std_msgs.msg import String
 
+from llm_astar_planner.instructions.interpretation import clean_instruction
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
@@ -41,7 +42,6 @@ from llm_astar_planner.planning.parameters import costmap_config
 from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.search.paper import compile_kernels
-from llm_astar_planner.waypoints.prompts.instruction import clean_instruction
 
 NAME = 'planner_node'
 # Callers served at a time; more wait their turn. Waiting for waypoints takes a thread, no core.

@@ -8,23 +8,21 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from llm_astar_msgs_adapter.messages.report import ExchangeReport
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from llm_astar_planner.costmap.config import CostmapConfig
 
-INSTRUCTION = 'instruction'
 # The client's services are discovered one after the other.
 DISCOVERY_SECONDS = 1.0
 
 
 class RemoteParameters:
-    """Sets a client's instruction and costmap rules before it is asked. Thread-safe.
+    """Sets a client's costmap rules before it is asked. Thread-safe.
 
-    What the client has is known from what was set, and from what its exchanges say. A client that
-    was never set is assumed to have the defaults: no instruction and the default rules.
+    What the client has is known from what was set. A client that was never set is assumed to have
+    the default rules.
     """
 
     def __init__(self, node: Node, client: str) -> None:
@@ -32,38 +30,23 @@ class RemoteParameters:
         self._client_name = client
         self._client = node.create_client(SetParameters, f'{client}/set_parameters')
         self._lock = threading.Lock()
-        self._instruction = ''
         self._config = CostmapConfig()
 
     def reset(self) -> None:
         """Assume the defaults again: the client was restarted."""
         with self._lock:
-            self._instruction, self._config = '', CostmapConfig()
+            self._config = CostmapConfig()
 
-    def put(self, instruction: str, config: CostmapConfig, deadline: float) -> str | None:
-        """Set what differs by `deadline` (monotonic); return why the instruction is not set.
+    def put(self, config: CostmapConfig, deadline: float) -> None:
+        """Set the rules by `deadline` (monotonic) if they differ.
 
-        A client that does not take the rules is asked all the same, and its waypoints are checked
-        as any.
+        A client that does not take them is asked all the same, and its waypoints are checked as
+        any.
         """
         with self._lock:
             if config != self._config:
                 self.set(asdict(config), deadline)
                 self._config = config  # once: a client without these parameters has no use of them
-            if instruction == self._instruction:
-                return None
-            problem = self.set({INSTRUCTION: instruction}, deadline)
-            if problem is None:
-                self._instruction = instruction
-            return problem
-
-    def is_answered(self, instruction: str, exchange: ExchangeReport | None) -> bool:
-        """Tell whether a reply is to this instruction; note which one the client has."""
-        if exchange is None:
-            return True
-        with self._lock:
-            self._instruction = exchange.instruction
-        return exchange.instruction == instruction
 
     def set(self, values: Mapping[str, Any], deadline: float) -> str | None:
         """Set parameters; return None, or why that failed."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 import rclpy
 from builtin_interfaces.msg import Time
@@ -50,8 +49,7 @@ class ClientFailure(LlmAstarError):  # noqa: N818 - of the outside world, not a 
 class WaypointClient:
     """Calls `<client>/get_waypoints` and reads `<client>/exchange` for how the answer was made.
 
-    The instruction and the costmap's rules are set on the client before it is asked. An
-    instruction counts as followed if the exchange says that the answer is to this instruction.
+    The costmap's rules are set on the client before it is asked.
 
     It has a node and a thread of its own, so that a planner whose callbacks all wait for
     waypoints still receives them.
@@ -104,37 +102,24 @@ class WaypointClient:
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Query the client; every failure is a status, within the query's time limit."""
         deadline = time.monotonic() + query.time_limit
-        for is_last in (False, True):
-            problem = None
-            if self.ready:
-                config = query.costmap.config
-                problem = self._parameters.put(query.instruction, config, deadline)
-            asked = replace(query, time_limit=max(0.0, deadline - time.monotonic()))
-            reply, exchange = self.query_once(asked)
-            # A client that was restarted, or set by others, is set and asked once more.
-            if is_last or problem or self._parameters.is_answered(query.instruction, exchange):
-                break
-        return replace(reply, instruction=instruction_outcome(query, reply, exchange, problem))
-
-    def query_once(self, query: WaypointQuery) -> tuple[WaypointReply, ExchangeReport | None]:
-        """Query once; return the reply and the exchange that belongs to it, if one came."""
+        if self.ready:
+            self._parameters.put(query.costmap.config, deadline)
         begin = time.monotonic()
         exchange = None
         try:
-            path = self.call(query, begin + query.time_limit).plan
+            path = self.call(query, deadline).plan
             exchange = self.exchange_of(path.header.stamp)
             if path.poses and path.header.frame_id != query.grid_map.frame_id:
                 detail = f'{self._client_name} answered in frame {path.header.frame_id!r}'
                 raise ClientFailure(SourceStatus.MALFORMED, detail)
         except ClientFailure as failure:
             seconds = time.monotonic() - begin
-            reply = WaypointReply(
+            return WaypointReply(
                 label=LABEL, status=failure.status, detail=str(failure), seconds=seconds
             )
-            return reply, exchange
         places = query.grid_map.world_to_grid(path_from_message(path)).tolist()
         waypoints = tuple((snap(x), snap(y)) for x, y in places)
-        return make_reply(waypoints, exchange, time.monotonic() - begin), exchange
+        return make_reply(waypoints, exchange, time.monotonic() - begin)
 
     def call(self, query: WaypointQuery, deadline: float) -> GetPlan.Response:
         """Call the service. Raises ClientFailure at the deadline, or when the client is gone."""
@@ -145,7 +130,8 @@ class WaypointClient:
             raise ClientFailure(SourceStatus.REFUSED, detail)
         try:
             done = threading.Event()
-            future = self._client.call_async(to_message(query))
+            time_left = max(0.0, deadline - time.monotonic())
+            future = self._client.call_async(to_message(query, time_left))
             future.add_done_callback(lambda _: done.set())
             while not done.wait(max(0.0, min(POLL_SECONDS, deadline - time.monotonic()))):
                 gone = not self.ready
@@ -189,12 +175,12 @@ class WaypointClient:
             self._on_change()
 
 
-def to_message(query: WaypointQuery) -> GetPlan.Request:
+def to_message(query: WaypointQuery, seconds: float) -> GetPlan.Request:
     """Write a query as a message; `tolerance` holds the seconds that the client has."""
     grid = query.grid_map
     endpoints = grid.grid_to_world([query.start, query.goal])
     poses = path_to_message(endpoints, grid.frame_id, Time()).poses
-    wait = max(0.01, query.time_limit - TRANSPORT_SECONDS)
+    wait = max(0.01, seconds - TRANSPORT_SECONDS)
     return GetPlan.Request(start=poses[0], goal=poses[1], tolerance=min(wait, MAX_SECONDS))
 
 
@@ -218,20 +204,3 @@ def make_reply(
         exchange.completion_tokens,
         seconds,
     )
-
-
-def instruction_outcome(
-    query: WaypointQuery,
-    reply: WaypointReply,
-    exchange: ExchangeReport | None,
-    problem: str | None,
-) -> str:
-    """Say what became of the instruction; '' if there is none or the reply's failure says it."""
-    if not query.instruction:
-        return ''
-    if exchange is None:
-        is_lost = reply.status in (SourceStatus.OK, SourceStatus.NO_WAYPOINTS)
-        return problem or ('the client does not say what it answered' if is_lost else '')
-    if exchange.instruction != query.instruction:
-        return problem or 'the client answered another instruction'
-    return str(exchange.instruction_outcome)

@@ -19,7 +19,6 @@ from llm_astar_planner.waypoints.llm.route_feedback import (
     find_faults,
     follow_up,
 )
-from llm_astar_planner.waypoints.prompts.instruction import instruction_section
 from llm_astar_planner.waypoints.prompts.map_description import (
     Description,
     Lattice,
@@ -29,7 +28,6 @@ from llm_astar_planner.waypoints.prompts.map_description import (
 from llm_astar_planner.waypoints.prompts.reply_parser import parse_reply
 from llm_astar_planner.waypoints.prompts.template import Template, ask_for_json, path_schema
 from llm_astar_planner.waypoints.source import (
-    FOLLOWED,
     Message,
     SourceStatus,
     Waypoint,
@@ -163,10 +161,9 @@ class Conversation:
 
     def ask(self, description: Description) -> None:
         """Ask for a path on the described map. Raises EndpointFailure."""
-        template, instruction = self.source.template, self.query.instruction
+        template = self.source.template
         self.lattice = description.lattice
-        section = instruction_section(instruction, self.query.grid_map, self.lattice)
-        messages = template.render(description, section if instruction else '')
+        messages = template.render(description)
         if self.source.client.dialect.response_format != 'text':
             messages = ask_for_json(messages, thinks=template.thinks)
         self.turn = Turn(messages)
@@ -197,11 +194,6 @@ class Conversation:
 
     def reply(self, answer: Answer) -> WaypointReply:
         """Return the reply to the query, given the answer that counts."""
-        instruction = ''
-        if self.query.instruction and answer.status is SourceStatus.OK:
-            instruction = FOLLOWED
-        elif self.query.instruction and answer.status is SourceStatus.NO_WAYPOINTS:
-            instruction = 'the model gave no waypoints'
         return WaypointReply(
             waypoints=self.turn.waypoints,
             label=self.source.label,
@@ -215,7 +207,6 @@ class Conversation:
             seconds=time.monotonic() - self.started,
             messages=self.turn.messages,
             unit=self.lattice.unit,
-            instruction=instruction,
         )
 
     def _has_time(self) -> bool:

@@ -48,11 +48,11 @@ class Template:
         """Whether the template asks for thoughts before the path."""
         return 'thought' in self.text.lower()
 
-    def render(self, description: Description, addition: str = '') -> tuple[Message, ...]:
-        """Return the messages that ask for a path on a described map, then the addition."""
+    def render(self, description: Description) -> tuple[Message, ...]:
+        """Return the messages that ask for a path on a described map."""
         values = description.values()
         text = _PLACEHOLDER.sub(lambda match: values[match.group(1)], self.text).strip()
-        return (Message('user', f'{text}\n\n{addition}' if addition else text),)
+        return (Message('user', text),)
 
 
 def template_path(name: str) -> Path:
