@@ -93,8 +93,8 @@ def grid_cuts(begin: float, end: float, size: int) -> NDArray[np.float64]:
         return np.empty(0)
     low, high = sorted((begin, end))
     first, last = max(math.ceil(low + 0.5), 0), min(math.floor(high + 0.5), size)
-    cuts: NDArray[np.float64] = (np.arange(first, last + 1) - 0.5 - begin) / (end - begin)
-    return cuts[(cuts > 0.0) & (cuts < 1.0)]
+    cuts = (np.arange(first, last + 1) - 0.5 - begin) / (end - begin)
+    return np.asarray(cuts[(cuts > 0.0) & (cuts < 1.0)], dtype=np.float64)
 
 
 def off_border(values: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -94,6 +94,7 @@ class InstructedSearch:
         self.stop = stop
         self.demands = demands_of(instruction.interpretation.specification, route)
         self.expansions = 0
+        self.is_kept = True
 
     @property
     def can_be_enforced(self) -> bool:
@@ -113,6 +114,7 @@ class InstructedSearch:
             message = 'no path keeps to every clause of the instruction'
             raise PlanningFailure(ResultCode.NO_VALID_PATH, message)
         if segment is None:
+            self.is_kept = False
             segment = self.solve(enforcer.relaxed())
         if segment is None:
             message = 'every reachable cell was searched'
@@ -143,11 +145,12 @@ class InstructedSearch:
         return None
 
     def note(self) -> str:
-        """Say which clauses contradict each other, '' if none do."""
-        return '; '.join(
+        """Say which clauses contradict each other, or that no path keeps all; else ''."""
+        pairs = [
             f'"{clause_sentence(one)}" contradicts "{clause_sentence(other)}"'
             for one, other in contradictions(self.demands)
-        )
+        ]
+        return '; '.join(pairs) or ('' if self.is_kept else 'no path of cells keeps every clause')
 
 
 def plan_with_instruction(
@@ -173,7 +176,7 @@ def plan_with_instruction(
     landmarks = planner.landmarks.current(planner.costmap.grid_graph)
     part = replace(direct, start=endpoints.start, goal=endpoints.goal)
     search = InstructedSearch(route, part, instruction, landmarks, stop)
-    note = search.note()
+    note = ''
     if not search.can_be_enforced:
         plan = planner.plan(direct, stop)
     elif request.via:
@@ -181,6 +184,7 @@ def plan_with_instruction(
         note = 'not enforced, as the request has via points of its own'
     else:
         plan, failure = search_plan(planner, request, endpoints, search)
+        note = search.note()
         if failure and instruction.policy != REQUIRE:
             note = f'{note}; {failure}: the direct path is taken'.lstrip('; ')
             time_left = max(0.01, search.deadline - time.monotonic()) + spare_time(request)

@@ -134,9 +134,7 @@ def test_waypoints_that_were_not_all_accepted_are_not_kept():
     assert asked(source, (BEFORE, {}), (changed((2, 28)), {}))[0] == [1, 2]
 
 
-@pytest.mark.parametrize(
-    'changes', [{'goal': (34, 6)}, {'start': (5, 28)}]
-)
+@pytest.mark.parametrize('changes', [{'goal': (34, 6)}, {'start': (5, 28)}])
 def test_another_goal_or_far_start_is_another_query(changes):
     assert asked(Source(*CORNER), (BEFORE, {}), (changed((2, 28)), changes))[0] == [1, 2]
 
