@@ -71,6 +71,14 @@ class Area:
         polygon = shapely.buffer(self.polygon, -by, join_style='mitre')
         return Area(polygon, discs[discs[:, 2] > 0.0])
 
+    def contains_inside(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which points [n, 2] lie in it and not on its edge."""
+        x, y = np.asarray(points, dtype=np.float64).reshape(-1, 2).T
+        inside: NDArray[np.bool_] = shapely.contains_xy(self.polygon, x, y)
+        for centre_x, centre_y, radius in self.discs:
+            inside |= np.hypot(x - centre_x, y - centre_y) < radius
+        return inside
+
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points [n, 2] lie in it, those within EDGE of its edge included."""
         xy = np.asarray(points, dtype=np.float64).reshape(-1, 2)

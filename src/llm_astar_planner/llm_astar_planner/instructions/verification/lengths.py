@@ -52,7 +52,7 @@ def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
         return satisfied(clause, f'0.0 m inside{off}')
     least = measurement.reference.least_inside(area)
     detail = f'{length_text(metres)} inside, from {point_text(measurement.first_point(spans))}'
-    ends_inside = bool(area.contains([measurement.start, measurement.goal]).any())
+    ends_inside = bool(area.contains_inside([measurement.start, measurement.goal]).any())
     if ends_inside or clause.strength == SHOULD:
         if metres <= measurement.allowed(least):
             return satisfied(clause, f'{detail}, {least_text(least)}', metres, least)

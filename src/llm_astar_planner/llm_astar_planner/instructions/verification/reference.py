@@ -22,6 +22,8 @@ from llm_astar_planner.search._kernels import reference as kernels
 
 # No reference search runs on a larger map: 12 s and 2 GB. Nothing is proven or allowed there.
 MAX_CELLS = 16_000_000
+# Points of a move at which is looked whether they lie in a region whose edge the move crosses.
+SAMPLES = 16
 NO_LINE = np.full(4, np.nan)
 
 Mask = NDArray[np.bool_]
@@ -87,25 +89,23 @@ class Reference:
         """Return the centres of cells (x, y) [n, 2] in metres."""
         return self._grid_map.grid_to_world(cells)
 
-    def near(self, shape: BaseGeometry, cells: int) -> Mask:
-        """Return the cells about `cells` cells or less from a shape's lines: bool [height, width].
+    def near(self, shape: BaseGeometry) -> Mask:
+        """Return the cells near a shape's lines: bool [height, width].
 
-        All those at most so near are among them, and some that are a cell farther.
+        All whose centres are at most a cell from them, so both or one of the ends of each move
+        that crosses them, and some that are a little farther.
         """
         height, width = self.blocked.shape
         outer = shapely.buffer(self._frame, 4.0 * self._grid_map.resolution, join_style='mitre')
-        lines = shapely.intersection(shape, outer)
-        lines = lines.boundary if lines.geom_type.endswith('Polygon') else lines
+        lines = shapely.intersection(shape.boundary if shape.area > 0.0 else shape, outer)
         dense = shapely.segmentize(lines, self._grid_map.resolution / 2.0)
-        spots = np.rint(self._grid_map.world_to_grid(shapely.get_coordinates(dense)))
-        reach = cells + 1
-        mask = np.zeros((height + 2 * reach, width + 2 * reach), dtype=np.bool_)
-        spots = spots[((spots >= -reach) & (spots < (width + reach, height + reach))).all(axis=1)]
-        columns, rows = (spots.astype(np.intp) + reach).T
+        spots = np.rint(self._grid_map.world_to_grid(shapely.get_coordinates(dense))) + 1.0
+        on_map = ((spots >= 0.0) & (spots < (width + 2, height + 2))).all(axis=1)
+        columns, rows = spots[on_map].astype(np.intp).T
+        mask = np.zeros((height + 2, width + 2), dtype=np.bool_)
         mask[rows, columns] = True
-        mask = ndimage.maximum_filter(mask, 2 * reach + 1)
-        on_map: Mask = mask[reach:-reach, reach:-reach]
-        return on_map
+        near: Mask = ndimage.maximum_filter(mask, 3)[1:-1, 1:-1]
+        return near
 
     @cached_property
     def _frame(self) -> BaseGeometry:
@@ -130,7 +130,7 @@ class Reference:
         outline = area.outline
         if outline.is_empty:
             return self.nothing_removed, self.nothing_removed
-        edge = self.near(outline, 2)
+        edge = self.near(outline)
         # Away from the edge whole patches are inside or outside; one cell of each tells which.
         patches, count = ndimage.label(~edge)
         samples = np.zeros(count + 1, dtype=np.intp)
@@ -200,13 +200,18 @@ class Reference:
     def _shares(
         self, outline: BaseGeometry, rows: NDArray[np.intp], columns: NDArray[np.intp], move: int
     ) -> NDArray[np.float64]:
-        """Return which share of each move lies in a polygon: float64 [n]."""
+        """Return which share of each move lies in a polygon: float64 [n].
+
+        Exactly where it is all or nothing, else to half of one of SAMPLES.
+        """
         lines = self._lines(rows, columns, move)
         shapely.prepare(outline)
         shares: NDArray[np.float64] = shapely.contains_properly(outline, lines).astype(np.float64)
         partly = (shares == 0.0) & shapely.intersects(outline, lines)
-        cut = shapely.length(shapely.intersection(lines[partly], outline))
-        shares[partly] = cut / shapely.length(lines[partly])
+        along = (np.arange(SAMPLES) + 0.5) / SAMPLES
+        ends = shapely.get_coordinates(lines[partly]).reshape(-1, 2, 2)
+        x, y = np.moveaxis(ends[:, :1] + (ends[:, 1:] - ends[:, :1]) * along[:, None], -1, 0)
+        shares[partly] = shapely.contains_xy(outline, x, y).mean(axis=1)
         return shares
 
     def can_touch(self, area: Area, cells: Mask) -> bool:

@@ -94,4 +94,4 @@ def cannot_pass(measurement: Measurement, region: Area, centre: Vector, ahead: V
         return True
     far = centre + ahead * measurement.regions.map_outline.length
     ray = shapely.LineString([centre, far])
-    return not (reached & reference.near(ray, 2)).any()
+    return not (reached & reference.near(ray)).any()
