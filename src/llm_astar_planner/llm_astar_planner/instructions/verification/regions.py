@@ -60,20 +60,21 @@ class RegionError(LlmAstarError, ValueError):
 class Part:
     """A part of the map that can be visited: a place, a disc, a box, ...
 
-    `width` is the metres across it, which say how deep a visit has to go. `cell` is the square of
-    the cell that holds a point: to pass it visits the point too.
+    `width` is the metres across it, which say how deep a visit has to go. `reach`, if above 0, is
+    how near one has to come to it instead: nobody can stand in it. `cell` is the square of the
+    cell that holds a point: to pass it visits the point too.
     """
 
     area: Area
     width: float = math.inf
-    is_object: bool = False
+    reach: float = 0.0
     cell: BaseGeometry = NOTHING
 
     @cached_property
     def visited(self) -> Area:
         """What a path has to touch to have visited the part."""
-        if self.is_object:
-            return self.area.grown(OBJECT_REACH + EDGE)
+        if self.reach:
+            return self.area.grown(self.reach + EDGE)
         if len(self.area.discs):
             return Area(self.cell, self.area.discs + (0.0, 0.0, EDGE))
         depth = min(VISIT_DEPTH, self.width / 4.0)
@@ -87,8 +88,8 @@ class Part:
     @cached_property
     def ends(self) -> Area:
         """Where the last point of a path has to be to end in the part."""
-        if self.is_object:
-            return self.area.grown(OBJECT_REACH + EDGE)
+        if self.reach:
+            return self.area.grown(self.reach + EDGE)
         return Area(shapely.union_all([self.area.polygon, self.cell]), self.area.discs)
 
 
@@ -120,7 +121,7 @@ class Resolved:
     @property
     def is_object(self) -> bool:
         """Whether nobody can stand in any of it."""
-        return all(part.is_object for part in self.parts)
+        return all(part.reach for part in self.parts)
 
 
 class Regions:
@@ -177,9 +178,11 @@ class Regions:
         shape = shapely.force_2d(place.geometry)
         if shape.geom_type == 'Point' and not shape.is_empty:
             part = self.disc_part(shape.x, shape.y, VISIT_RADIUS)
-            return Part(part.area, part.width, place.is_object, part.cell)
+            if place.is_object:
+                return Part(part.area, reach=OBJECT_REACH - VISIT_RADIUS)
+            return part
         area = polygon_area(shape)
-        return Part(area, width_of(area.polygon), place.is_object)
+        return Part(area, width_of(area.polygon), OBJECT_REACH if place.is_object else 0.0)
 
     def disc_part(self, x: float, y: float, radius: float) -> Part:
         """Return a disc, and the inside of the cell that holds its centre."""

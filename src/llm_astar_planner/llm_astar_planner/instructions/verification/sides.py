@@ -23,31 +23,49 @@ from llm_astar_planner.instructions.verification.polyline import Polyline, total
 Vector = NDArray[np.float64]
 
 
-def check_pass(measurement: Measurement, clause: Pass) -> ClauseOutcome:
-    """Judge where a path crosses the rays from an object's centre to the side and its opposite."""
+def check_pass(measurement: Measurement, clause: Pass, index: int) -> ClauseOutcome:
+    """Judge where a path crosses the rays from an object's centre to the side and its opposite.
+
+    Region 0 of the clause counts as visited once the ray to the side was crossed.
+    """
     region = measurement.regions.resolve(clause.region).area
     if not region.has_size:
         return no_size(clause)
     ahead = measurement.regions.direction(clause.side)
-    centre = shapely.get_coordinates(shapely.centroid(region.outline))[0]
+    centre = centre_of(region)
     inside = measurement.path.spans_in(region.shrunk(EDGE))
     right = crossings(measurement.path, centre, ahead, sure=True)
     wrong = crossings(measurement.path, centre, -ahead, sure=False)
-    if total(inside) <= NEGLIGIBLE and right and not wrong:
-        at = point_text(measurement.path.point(right[0]))
-        return satisfied(clause, f'passed at {at}')
-    where = measurement.start
+    passed = (index, 0) in measurement.route.visited
     metres = total(inside)
+    where = measurement.start
     if metres > NEGLIGIBLE:
         where = measurement.first_point(inside)
         detail = f'{length_text(metres)} through it, from {point_text(where)}'
     elif wrong:
         where = measurement.path.point(wrong[0])
         detail = f'passed on the other side, at {point_text(where)}'
+    elif right:
+        return satisfied(clause, f'passed at {point_text(measurement.path.point(right[0]))}')
+    elif passed:
+        return satisfied(clause, 'passed before')
     else:
         detail = 'not passed on this side'
-    impossible = cannot_pass(measurement, region, centre, ahead)
+    impossible = not passed and cannot_pass(measurement, region, centre, ahead)
     return violated(clause, detail, metres, where, impossible=impossible)
+
+
+def has_passed(measurement: Measurement, clause: Pass) -> bool:
+    """Tell whether a path crosses the ray to the side. Raises RegionError."""
+    centre = centre_of(measurement.regions.resolve(clause.region).area)
+    ahead = measurement.regions.direction(clause.side)
+    return bool(crossings(measurement.path, centre, ahead, sure=True))
+
+
+def centre_of(region: Area) -> Vector:
+    """Return the centre of mass (x, y) of a region."""
+    centre: Vector = shapely.get_coordinates(shapely.centroid(region.outline))[0]
+    return centre
 
 
 def crossings(path: Polyline, origin: Vector, ahead: Vector, *, sure: bool) -> list[float]:

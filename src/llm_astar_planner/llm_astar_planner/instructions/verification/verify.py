@@ -88,7 +88,7 @@ def checked(measurement: Measurement, clause: Clause, index: int) -> ClauseOutco
         case StayIn():
             return check_stay_in(measurement, clause)
         case Pass():
-            return check_pass(measurement, clause)
+            return check_pass(measurement, clause, index)
         case KeepDistance():
             return check_keep_distance(measurement, clause)
         case EndAt():

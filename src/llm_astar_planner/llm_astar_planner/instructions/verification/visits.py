@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from llm_astar_planner.instructions.outcome import ClauseOutcome
-from llm_astar_planner.instructions.specification import Before, Visit
+from llm_astar_planner.instructions.specification import Before, Clause, Pass, Visit
 from llm_astar_planner.instructions.verification.area import EDGE
 from llm_astar_planner.instructions.verification.lengths import unreachable_reason
 from llm_astar_planner.instructions.verification.measurement import (
@@ -24,6 +24,7 @@ from llm_astar_planner.instructions.verification.measurement import (
 from llm_astar_planner.instructions.verification.polyline import Spans, first_from, total
 from llm_astar_planner.instructions.verification.reference import grown_by_a_cell
 from llm_astar_planner.instructions.verification.regions import RegionError, Resolved
+from llm_astar_planner.instructions.verification.sides import has_passed
 
 BEFORE_THE_PATH = -math.inf
 
@@ -162,26 +163,35 @@ def cannot_be_first(measurement: Measurement, first: Resolved, second: Resolved)
 def visited_regions_of(measurement: Measurement) -> frozenset[tuple[int, int]]:
     """Return the regions that a path has visited in their turn, with those visited before.
 
-    (index of the clause, index of the region in it); the first region of a `before` clause is
-    region 0 of it. A clause's turn comes when all regions before it are visited, those aside
-    that nobody can visit.
+    (index of the clause, index of the region in it); the first region of a `before` clause and
+    the object of a `pass` clause are region 0. A visit clause's turn comes when all regions
+    before it are visited, those aside that nobody can visit.
     """
     done = set(measurement.route.visited)
-    for tried in attempts(measurement):
+    groups = list(attempts(measurement))
+    while any(one.done for group in groups for one in group):
+        tried = groups.pop(0)
         done |= {(one.clause, one.number) for one in tried if one.done}
         missing = [one for one in tried if not one.done]
-        if not all(unreachable_reason(measurement, one.region.visited) for one in missing):
+        further = any(one.done for group in groups for one in group)
+        if further and not all(
+            unreachable_reason(measurement, one.region.visited) for one in missing
+        ):
             break
     for index, clause in enumerate(measurement.specification.clauses):
-        if isinstance(clause, Before) and first_visited(measurement, clause):
+        if is_behind(measurement, clause):
             done.add((index, 0))
     return frozenset(done)
 
 
-def first_visited(measurement: Measurement, clause: Before) -> bool:
-    """Tell whether a path visits the first region of a `before` clause."""
+def is_behind(measurement: Measurement, clause: Clause) -> bool:
+    """Tell whether a path has done what a `before` or `pass` clause asks to do once."""
     try:
-        first = measurement.regions.resolve(clause.first)
+        if isinstance(clause, Pass):
+            return has_passed(measurement, clause)
+        if isinstance(clause, Before):
+            first = measurement.regions.resolve(clause.first)
+            return bool(len(measurement.path.spans_in(first.visited)))
     except RegionError:
-        return False
-    return bool(len(measurement.path.spans_in(first.visited)))
+        pass
+    return False
