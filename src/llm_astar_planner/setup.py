@@ -63,6 +63,7 @@ setup(
             'py.typed',
             'waypoints/prompts/*.txt',
             'instructions/*.json',
+            'instructions/model/*.json',
             'waypoints/learned/*.npz',
             'benchmark/report/*.j2',
         ]
@@ -81,6 +82,7 @@ setup(
         'numpy',
         'pillow',
         'pyyaml',
+        'rapidfuzz',
         'rosbags',
         'scipy',
         'shapely>=2',

@@ -52,14 +52,7 @@ def make_source(settings: SourceSettings, dataset: Dataset = None) -> WaypointSo
 
 def make_endpoint_source(settings: SourceSettings, dataset: Dataset) -> WaypointSource:
     """Make the source that asks a language model, with a cache and, if set, a recording."""
-    client = ChatClient(
-        Endpoint(settings.base_url, settings.api_key_env),
-        settings.model,
-        Dialect(settings.max_output_tokens, settings.temperature, settings.response_format),
-        settings.max_retries,
-        CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
-        max_concurrent=settings.max_concurrent,
-    )
+    client = make_client(settings)
     template = load_template(settings.prompt or DEFAULT_PROMPT)
     source: WaypointSource = EndpointSource(
         client,
@@ -78,6 +71,18 @@ def make_endpoint_source(settings: SourceSettings, dataset: Dataset) -> Waypoint
         prompt=template.name,
         size=settings.cache_size,
         timeout_s=settings.timeout_s,
+    )
+
+
+def make_client(settings: SourceSettings) -> ChatClient:
+    """Make the client of the endpoint that settings name. Raises EndpointError."""
+    return ChatClient(
+        Endpoint(settings.base_url, settings.api_key_env),
+        settings.model,
+        Dialect(settings.max_output_tokens, settings.temperature, settings.response_format),
+        settings.max_retries,
+        CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
+        max_concurrent=settings.max_concurrent,
     )
 
 

@@ -14,10 +14,10 @@ import json
 import logging
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeGuard
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, read_text
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
@@ -99,14 +99,29 @@ _DEFAULTS = {'unit': 1, 'instruction': ''}
 
 
 def read_transcript(path: str | Path) -> list[Exchange]:
-    """Read every exchange of a transcript, in the order they were recorded.
+    """Read every exchange about waypoints of a transcript, in the order they were recorded.
+
+    Raises TranscriptError for anything malformed; see `read_records`.
+    """
+    return [
+        parse_exchange(record, where)
+        for where, record in read_records(Path(path))
+        if not is_about_instruction(record)
+    ]
+
+
+def is_about_instruction(record: object) -> TypeGuard[dict[str, Any]]:
+    """Return whether a line holds the reply to an instruction, which lies in the same file."""
+    return isinstance(record, dict) and 'reply' in record
+
+
+def read_records(path: Path) -> Iterator[tuple[str, object]]:
+    """Read the lines of a JSON Lines file: where each is, for errors, and its value.
 
     A last line that has no line end and does not parse was cut off while it was written: it is
     skipped with a logged warning. Raises TranscriptError for anything else that is malformed.
     """
-    path = Path(path)
     lines = read_text(path, TranscriptError, errors='replace').split('\n')
-    exchanges: list[Exchange] = []
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
@@ -118,8 +133,7 @@ def read_transcript(path: str | Path) -> list[Exchange]:
                 _LOG.warning('%s: cut off while it was written; skipped', where)
                 continue
             raise TranscriptError(f'{where}: not JSON: {error}') from None
-        exchanges.append(parse_exchange(record, where))
-    return exchanges
+        yield where, record
 
 
 def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
@@ -163,6 +177,13 @@ def parse_message(value: object, name: str) -> Message:
     return Message(value['role'], value['content'])
 
 
+class TranscriptEntry(Protocol):
+    """What a line of a transcript is made of."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON object of the line."""
+
+
 class TranscriptWriter:
     """Appends exchanges to a transcript; each is on disk before `write` returns. Thread-safe."""
 
@@ -181,7 +202,7 @@ class TranscriptWriter:
         except OSError as error:
             raise TranscriptError(f'{self.path}: {error.strerror or error}') from None
 
-    def write(self, exchange: Exchange) -> None:
+    def write(self, exchange: TranscriptEntry) -> None:
         """Append one exchange, whole or not at all. Raises OSError where the disk refuses it."""
         line = json.dumps(exchange.to_json(), allow_nan=False).encode() + b'\n'
         # The file is opened for each write: answers are rare, and a source that is replaced

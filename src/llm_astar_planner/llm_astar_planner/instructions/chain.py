@@ -1,0 +1,183 @@
+"""Interpreters in a chain, with a memory of what was understood."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from dataclasses import replace
+from typing import Any
+
+from cachetools import TLRUCache
+from llm_astar_msgs_adapter.maps.places import Places
+
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    Interpreter,
+    Understanding,
+    not_understood,
+)
+from llm_astar_planner.instructions.model.interpreter import ModelInterpreter
+from llm_astar_planner.instructions.model.replay import ReplayInterpreter
+from llm_astar_planner.instructions.transcript import InstructionRecorder
+from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
+from llm_astar_planner.waypoints.factory import make_client
+
+CACHE_SIZE = 256
+# How long a model is not asked again about a sentence after it did not answer.
+FAILED_S = 10.0
+# The longest answer to an instruction: ten clauses.
+MAX_OUTPUT_TOKENS = 400
+READ_WHOLE = (Understanding.WHOLE, Understanding.IRRELEVANT)
+
+Key = tuple[str, str]
+
+
+class CachedInterpreter:
+    """Remembers interpretations by sentence and places, and asks once for what is asked twice.
+
+    What was not answered in time is remembered for FAILED_S seconds only. Thread-safe.
+    """
+
+    def __init__(self, inner: Interpreter, size: int = CACHE_SIZE) -> None:
+        """Remember the last `size` interpretations of `inner`."""
+        self.inner = inner
+        self._lock = threading.Lock()
+        self._known: TLRUCache[Key, Interpretation] = TLRUCache(size, expires, time.monotonic)
+        self._running: dict[Key, Future[Interpretation]] = {}
+
+    @property
+    def name(self) -> str:
+        """The name of the wrapped interpreter."""
+        return self.inner.name
+
+    def known(self, text: str, places: Places) -> Interpretation | None:
+        """Return what is remembered of a sentence, None if nothing is."""
+        with self._lock:
+            found: Interpretation | None = self._known.get((text, places.digest))
+            return found
+
+    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
+        """Return what is remembered, or ask; who asks while it is asked waits for that answer."""
+        key = text, places.digest
+        with self._lock:
+            found = self._known.get(key)
+            if found is not None:
+                return as_remembered(found)
+            running = self._running.get(key)
+            if running is None:
+                mine = self._running[key] = Future()
+        if running is not None:
+            return wait_for(running, text, time_limit)
+        answer = not_understood(text, f'{self.name} failed')
+        try:
+            answer = self.inner.interpret(text, places, time_limit)
+        finally:
+            with self._lock:
+                self._known[key] = answer
+                del self._running[key]
+            mine.set_result(answer)
+        return answer
+
+
+def expires(_key: Key, value: Interpretation, now: float) -> float:
+    """Return when an interpretation is forgotten: a missing answer soon, an answer never."""
+    return now + (FAILED_S if value.status is Understanding.PENDING else math.inf)
+
+
+def as_remembered(interpretation: Interpretation) -> Interpretation:
+    """Return an interpretation from memory: no time, no tokens."""
+    return replace(interpretation, seconds=0.0, prompt_tokens=0, output_tokens=0)
+
+
+def wait_for(running: Future[Interpretation], text: str, time_limit: float) -> Interpretation:
+    """Return the answer to a question that another thread asked, PENDING if it takes longer."""
+    try:
+        return as_remembered(running.result(min(time_limit, threading.TIMEOUT_MAX)))
+    except FutureTimeoutError:
+        return replace(
+            not_understood(text, f'no answer within {time_limit:.1f} s'),
+            status=Understanding.PENDING,
+        )
+
+
+class ChainInterpreter:
+    """Asks interpreters one after the other until one has understood all of a sentence.
+
+    If none has, the fullest of the partial readings is taken. Each interpreter remembers its
+    answers. Thread-safe where its parts are.
+    """
+
+    name = 'chain'
+
+    def __init__(self, interpreters: Sequence[Interpreter], size: int = CACHE_SIZE) -> None:
+        """Chain interpreters, the quickest first; each remembers `size` sentences."""
+        self.parts = tuple(CachedInterpreter(part, size) for part in interpreters)
+
+    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
+        """Return what the chain understands within `time_limit` seconds. Never raises."""
+        started = time.monotonic()
+        readings: list[Interpretation] = []
+        for part in self.parts:
+            left = time_limit - (time.monotonic() - started)
+            reading = part.interpret(text, places, max(0.0, left))
+            readings.append(reading)
+            if reading.status in READ_WHOLE:
+                break
+        return fullest(readings)
+
+
+def fullest(readings: Sequence[Interpretation]) -> Interpretation:
+    """Return the reading to use, with the seconds, tokens and reasons of all.
+
+    That is the first whole one, else the one with most clauses that stand in the sentence; of
+    equal ones the earlier, since interpreters come with the surest first.
+    """
+    best = max(readings, key=lambda reading: (reading.status in READ_WHOLE, sure_count(reading)))
+    whole = best.status in READ_WHOLE
+    others = [] if whole else [part.detail for part in readings if part is not best]
+    return replace(
+        best,
+        detail='; '.join(detail for detail in (best.detail, *others) if detail),
+        seconds=sum(reading.seconds for reading in readings),
+        prompt_tokens=sum(reading.prompt_tokens for reading in readings),
+        output_tokens=sum(reading.output_tokens for reading in readings),
+    )
+
+
+def sure_count(reading: Interpretation) -> float:
+    """Return how many clauses of a reading are enforceable; a guessed one counts half."""
+    return sum(0.5 if clause.guessed else 1.0 for clause in reading.specification.enforceable)
+
+
+def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
+    """Make the interpreter that the settings of a waypoint source name.
+
+    `source` endpoint: the grammar, then the model; replay: the grammar, then the recorded replies
+    of `transcript`; others: the grammar alone. Values that are no settings of a source are
+    ignored. Raises SettingsError, or TranscriptError for a file.
+    """
+    from llm_astar_planner.instructions.grammar.interpreter import (  # noqa: PLC0415
+        GrammarInterpreter,
+    )
+
+    settings = SourceSettings(**{name: values[name] for name in SOURCE if name in values})
+    settings.check()
+    slow = make_slow_interpreter(settings)
+    return ChainInterpreter([GrammarInterpreter(), *([slow] if slow else [])])
+
+
+def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
+    """Make the interpreter behind the grammar, None where the settings name none."""
+    if settings.source == 'replay' and settings.transcript:
+        return ReplayInterpreter(settings.transcript, settings.model)
+    if settings.source != 'endpoint':
+        return None
+    tokens = min(settings.max_output_tokens, MAX_OUTPUT_TOKENS)
+    # Models keep to the form best when held to the schema; what refuses it falls back.
+    asked = replace(settings, response_format='json_schema', max_output_tokens=tokens)
+    recorder = InstructionRecorder(settings.record) if settings.record else None
+    return ModelInterpreter(make_client(asked), recorder=recorder)

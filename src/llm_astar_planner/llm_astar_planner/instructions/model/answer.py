@@ -1,0 +1,299 @@
+"""The form in which a model answers, and how it becomes clauses.
+
+It is smaller than the published one, so that small models fill it in: one object a clause, all
+fields required, no strength (the words of the sentence decide it). Every clause passes the checks
+of the published form.
+
+    {"clauses": [{"do": "avoid", "where": "kitchen"},
+                 {"do": "keep_distance", "from": "walls", "metres": 0.5}]}
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from llm_astar_msgs_adapter.maps.places import Places
+
+from llm_astar_planner.instructions.model.mentions import Reading
+from llm_astar_planner.instructions.specification import (
+    COMPASS,
+    WALLS,
+    Along,
+    Before,
+    Between,
+    Clause,
+    Half,
+    NamedPlace,
+    Region,
+    SpecificationError,
+    Tagged,
+    Visit,
+)
+from llm_astar_planner.instructions.specification_json import clause_from_json
+from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
+
+# Clauses of one answer; a small model that repeats itself is stopped here.
+MAX_ANSWER_CLAUSES = 10
+# Braces at which a JSON object is looked for in a reply with text around it.
+MAX_STARTS = 16
+MAX_UNKNOWN_CHARS = 80
+_RANGES = ('x_above', 'x_below', 'y_above', 'y_below')
+_SPANS = ('x_between', 'y_between')
+_ORDER_WORDS = ('before', 'after', 'until', 'sequence')
+# The kinds with one region, in the field `where`.
+_WHERE = ('avoid', 'stay_in', 'end_at', 'pass')
+
+
+class Answer(NamedTuple):
+    """The clauses of a model's answer, and how many more could not be read."""
+
+    clauses: tuple[Clause, ...]
+    unreadable: int = 0
+
+
+def answer_schema(reading: Reading, places: Places) -> dict[str, Any]:
+    """Return the JSON schema of an answer about one sentence.
+
+    It offers the map's names and tags, and of numbers, directions and forms only what the
+    sentence has: a decoder that is constrained by it can invent neither.
+    """
+    definitions: dict[str, Any] = {}
+    names, tags = offered_names(reading, places), offered_tags(places)
+    if names:
+        definitions['name'] = {'enum': names}
+    if tags:
+        definitions['tag'] = {'enum': tags}
+    if reading.numbers:
+        definitions['number'] = {'enum': [tidy(value) for value in reading.numbers]}
+    if reading.sides:
+        definitions['side'] = {'enum': reading.sides}
+    regions = region_forms(reading, definitions)
+    definitions['region'] = {'anyOf': regions}
+    clauses = {
+        'type': 'array',
+        'maxItems': MAX_ANSWER_CLAUSES,
+        'items': {'anyOf': clause_forms(reading, definitions)},
+    }
+    return {**_form({'clauses': clauses}), '$defs': definitions}
+
+
+def offered_names(reading: Reading, places: Places) -> list[str]:
+    """Return the names that an answer may hold: those mentioned, or all if a word is unclear."""
+    mentioned = {name for mention in reading.mentions for name in mention.names}
+    unclear = reading.has_strange_words
+    return [place.name for place in places if unclear or place.name in mentioned]
+
+
+def offered_tags(places: Places) -> list[str]:
+    """Return the kinds and tags that are no names."""
+    names = {place.name.casefold() for place in places}
+    return [tag for tag in places.tags if tag.casefold() not in names]
+
+
+def clause_forms(reading: Reading, definitions: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the schemas of the kinds of clauses that the sentence may hold."""
+    text = {'text': {'type': 'string', 'maxLength': 60}}
+    forms = [_form({'do': {'const': 'unknown'}, **text})]
+    if not definitions['region']['anyOf']:
+        region = None
+    else:
+        region = _ref('region')
+        forms += [
+            _form({'do': {'const': kind}, 'where': region})
+            for kind in ('avoid', 'visit', 'stay_in', 'end_at')
+        ]
+        if reading.sides:
+            forms.append(_form({'do': {'const': 'pass'}, 'where': region, 'side': _ref('side')}))
+        if any(reading.has(f'strong.{word}') for word in _ORDER_WORDS):
+            forms.append(_form({'do': {'const': 'before'}, 'first': region, 'second': region}))
+    if reading.numbers:
+        away = [{'const': WALLS}, *([region] if region else [])]
+        fields = {'from': {'anyOf': away}, 'metres': _ref('number')}
+        forms.append(_form({'do': {'const': 'keep_distance'}, **fields}))
+    return forms
+
+
+def region_forms(reading: Reading, definitions: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the schemas of the forms of a region that the sentence may hold."""
+    name, number = 'name' in definitions, len(reading.numbers)
+    forms = [_ref('name')] if name else []
+    if 'tag' in definitions:
+        forms.append(_form({'all': _ref('tag')}))
+    if reading.sides:
+        forms.append(_form({'half': _ref('side')}))
+    compass = [side for side in reading.sides if side in COMPASS]
+    if compass and name:
+        forms.append(_form({'half': {'enum': compass}, 'of': _ref('name')}))
+    if name and reading.has('regions.between'):
+        forms.append(_form({'between': {**_numbers(2), 'items': _ref('name')}}))
+    if reading.has('regions.along'):
+        along = [{'const': WALLS}, *([_ref('name')] if name else [])]
+        width = {'enum': [1, *definitions['number']['enum']]} if number else {'const': 1}
+        forms.append(_form({'along': {'anyOf': along}, 'width': width}))
+    if number:
+        forms += [_form({range_name: _ref('number')}) for range_name in _RANGES]
+    if number > 1:
+        radius = {'enum': [0, *definitions['number']['enum']]}
+        forms.append(_form({'point': _numbers(2), 'radius': radius}))
+        forms += [_form({span: _numbers(2)}) for span in _SPANS]
+    return [*forms, *([_form({'box': _numbers(4)})] if number > 3 else [])]
+
+
+def tidy(value: float) -> float:
+    """Return a number as models write it: 3 instead of 3.0."""
+    return int(value) if value == int(value) else value
+
+
+def _ref(name: str) -> dict[str, Any]:
+    return {'$ref': f'#/$defs/{name}'}
+
+
+def _form(properties: dict[str, Any]) -> dict[str, Any]:
+    return {
+        'type': 'object',
+        'properties': properties,
+        'required': list(properties),
+        'additionalProperties': False,
+    }
+
+
+def _numbers(count: int) -> dict[str, Any]:
+    return {'type': 'array', 'items': _ref('number'), 'minItems': count, 'maxItems': count}
+
+
+def read_answer(text: str, places: Places) -> Answer | None:
+    """Read a model's reply; None where it holds no object with a list of clauses.
+
+    A clause that cannot be read is counted and left out; the others stay.
+    """
+    found = find_object(text)
+    items = found.get('clauses') if found is not None else None
+    if not isinstance(items, list):
+        return None
+    clauses: list[Clause] = []
+    unreadable = max(0, len(items) - MAX_ANSWER_CLAUSES)
+    for item in items[:MAX_ANSWER_CLAUSES]:
+        clause = read_clause(item, places)
+        if clause is None:
+            unreadable += 1
+        else:
+            clauses.append(clause)
+    return Answer(tuple(clauses), unreadable)
+
+
+def read_clause(item: object, places: Places) -> Clause | None:
+    """Return a clause of an answer, None where it cannot be read or names no known place."""
+    try:
+        return known_places(clause_from_json(published(item), 'clause'), places)
+    except SpecificationError:
+        return None
+
+
+def find_object(text: str) -> Mapping[str, Any] | None:
+    """Return the first JSON object with clauses in a reply, None without one. Linear in time."""
+    text = text[:MAX_REPLY_CHARS].rpartition('</think>')[2]
+    decoder = json.JSONDecoder()
+    start = -1
+    for _ in range(MAX_STARTS):
+        start = text.find('{', start + 1)
+        if start < 0:
+            return None
+        try:
+            value, _end = decoder.raw_decode(text, start)
+        except (ValueError, RecursionError):
+            continue
+        if isinstance(value, dict) and 'clauses' in value:
+            return value
+    return None
+
+
+def published(item: object) -> object:
+    """Return the published form of a clause of an answer; what is no clause stays as it is."""
+    if not isinstance(item, dict) or 'do' not in item:
+        return item
+    fields = {name: value for name, value in item.items() if name not in ('do', 'where', 'text')}
+    fields['kind'] = kind = item['do']
+    if kind == 'visit':
+        fields['regions'] = [published_region(item.get('where'))]
+    elif kind in _WHERE:
+        fields['region'] = published_region(item.get('where'))
+    elif kind == 'unknown':
+        fields['text'] = str(item.get('text') or '?')[:MAX_UNKNOWN_CHARS]
+    for name in ('first', 'second', 'from'):
+        if name in fields:
+            fields[name] = published_region(fields[name])
+    return fields
+
+
+def published_region(value: object) -> object:
+    """Return the published form of a region of an answer; what is none stays as it is."""
+    if not isinstance(value, dict):
+        return value
+    if 'all' in value:
+        return {'tag': value['all']}
+    for n, axis in enumerate('xy'):
+        box: list[object] = [None] * 4
+        box[n], box[n + 2] = value.get(f'{axis}_above'), value.get(f'{axis}_below')
+        span = value.get(f'{axis}_between')
+        if isinstance(span, list) and len(span) == 2:
+            box[n], box[n + 2] = in_order(span)
+        if box != [None] * 4:
+            return {'box': box}
+    if isinstance(value.get('box'), list) and len(value['box']) == 4:
+        (x0, x1), (y0, y1) = in_order(value['box'][::2]), in_order(value['box'][1::2])
+        return {'box': [x0, y0, x1, y1]}
+    return value
+
+
+def in_order(pair: list[object]) -> list[object]:
+    """Return two numbers, the lower one first; anything else as it is."""
+    if all(isinstance(end, (int, float)) for end in pair):
+        return sorted(pair)  # type: ignore[type-var]
+    return pair
+
+
+def known_places(clause: Clause, places: Places) -> Clause:
+    """Return a clause with the places' own names for aliases.
+
+    Raises SpecificationError where it has a place or a tag that the map has not.
+    """
+    if isinstance(clause, Visit):
+        return replace(clause, regions=tuple(known_region(r, places) for r in clause.regions))
+    if isinstance(clause, Before):
+        first, second = known_region(clause.first, places), known_region(clause.second, places)
+        return replace(clause, first=first, second=second)
+    region = getattr(clause, 'region', None)
+    if isinstance(region, Region):
+        return replace(clause, region=known_region(region, places))  # type: ignore[call-arg]
+    return clause
+
+
+def known_region(region: Region, places: Places) -> Region:
+    """Return a region with the places' own names. Raises SpecificationError for unknown ones."""
+    match region:
+        case NamedPlace(name):
+            # Models write a tag where a name is asked for.
+            if places.get(name) is None and places.with_tag(name):
+                return Tagged(name)
+            return NamedPlace(known_name(name, places))
+        case Tagged(tag):
+            if not places.with_tag(tag):
+                raise SpecificationError(f'tag: no place has {tag!r}')
+        case Half(side, of) if of:
+            return Half(side, known_name(of, places))
+        case Between(first, second):
+            return Between(known_name(first, places), known_name(second, places))
+        case Along(place, width) if place != WALLS:
+            return Along(known_name(place, places), width)
+    return region
+
+
+def known_name(name: str, places: Places) -> str:
+    """Return a place's own name for a name or alias. Raises SpecificationError without one."""
+    place = places.get(name)
+    if place is None:
+        raise SpecificationError(f'place: the map has no {name!r}')
+    return place.name

@@ -1,0 +1,257 @@
+"""What in a sentence speaks for a clause: its places, numbers, directions and its kind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from llm_astar_msgs_adapter.maps.places import Places
+
+from llm_astar_planner.instructions.model.kinds import kind_problem
+from llm_astar_planner.instructions.model.mentions import Mention, Reading
+from llm_astar_planner.instructions.model.regions import regions_of
+from llm_astar_planner.instructions.model.structure import Structure
+from llm_astar_planner.instructions.specification import (
+    ALONG_WIDTH,
+    WALLS,
+    Along,
+    Avoid,
+    Between,
+    Box,
+    Clause,
+    Disc,
+    Half,
+    KeepDistance,
+    NamedPlace,
+    Pass,
+    Region,
+    Tagged,
+)
+
+# Numbers that differ by less are the same: a model may round what it converts.
+TOLERANCE = 1e-3
+# Words between the two numbers of a point.
+POINT_GAP = 3
+
+
+@dataclass
+class Evidence:
+    """What was found of a clause.
+
+    - `tokens`: the words of the sentence that it accounts for.
+    - `anchors`: the mentions of its regions, or of what stands for them.
+    - `problems`: what does not stand in the sentence; empty for a clause that does.
+    """
+
+    tokens: set[int] = field(default_factory=set)
+    anchors: list[Mention] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)
+
+    def use(self, mentions: Iterable[Mention], *, anchor: bool = False) -> None:
+        """Account for mentions."""
+        for mention in mentions:
+            self.tokens.update(mention.tokens)
+            if anchor:
+                self.anchors.append(mention)
+
+
+class Witness:
+    """Looks in one sentence for the evidence of clauses."""
+
+    def __init__(self, structure: Structure, places: Places) -> None:
+        """Take the sentence and the places it may name. `used` are words already accounted for."""
+        self.structure = structure
+        self.reading: Reading = structure.reading
+        self.places = places
+        self.used: set[int] = set()
+
+    def evidence_of(self, clause: Clause) -> Evidence:
+        """Return the evidence for a clause."""
+        found = Evidence()
+        for region in regions_of(clause):
+            self._region(region, found)
+        match clause:
+            case KeepDistance(metres=metres):
+                if clause.region is None:
+                    self._words('regions.walls', 'walls', found)
+                self._number(metres, found, with_unit=True)
+            case Avoid(margin=margin) if margin:
+                self._number(margin, found, with_unit=True)
+            case Pass(side=side):
+                self._side(side, found, near=True)
+        problem = kind_problem(clause, found.anchors, self.structure)
+        if problem:
+            found.problems.append(problem)
+        return found
+
+    def _region(self, region: Region, found: Evidence) -> None:
+        match region:
+            case NamedPlace(name):
+                self._place(name, found)
+            case Tagged(tag):
+                self._tag(tag, found)
+            case Disc():
+                self._disc(region, found)
+            case Box():
+                self._box(region, found)
+            case Half(side, of):
+                if of:
+                    self._place(of, found)
+                self._side(side, found, anchor=not of)
+            case Between(first, second):
+                self._place(first, found)
+                self._place(second, found)
+                self._words('regions.between', 'between', found)
+            case Along(place, width):
+                if place == WALLS:
+                    self._words('regions.walls', 'walls', found)
+                else:
+                    self._place(place, found)
+                self._words('regions.along', 'along', found)
+                if not math.isclose(width, ALONG_WIDTH):
+                    self._number(width, found)
+
+    def _pick(self, fitting: Sequence[Mention]) -> Mention | None:
+        """Return the first mention that no other clause has used, else the first."""
+        free = [m for m in fitting if not self.used.issuperset(m.tokens)]
+        return next(iter(free or fitting), None)
+
+    def _place(self, name: str, found: Evidence) -> None:
+        mention = self._pick([m for m in self.reading.mentions if name in m.names])
+        if mention is None:
+            found.problems.append(f'no {name!r} in the sentence')
+            return
+        found.use([mention], anchor=True)
+        if len(mention.names) > 1 and not mention.tags and not mention.is_plural:
+            found.problems.append(f'{name!r} is one of several that may be meant')
+
+    def _tag(self, tag: str, found: Evidence) -> None:
+        names = {place.name for place in self.places.with_tag(tag)}
+        fitting = [
+            m
+            for m in self.reading.mentions
+            if tag in m.tags or (len(m.names) > 1 and set(m.names) == names)
+        ]
+        mention = self._pick(fitting)
+        if mention is None:
+            found.problems.append(f'no {tag!r} in the sentence')
+            return
+        found.use([mention], anchor=True)
+
+    def _number(self, value: float, found: Evidence, *, with_unit: bool = False) -> None:
+        fitting = [m for m in self.reading.mentions if holds(m, value)]
+        pieces = {self.structure.piece_of(m).wish for m in found.anchors}
+        near = [m for m in fitting if self.structure.piece_of(m).wish in pieces]
+        if with_unit:
+            near = [m for m in near if m.has_unit] or near
+        mention = self._pick(near or fitting)
+        if mention is None:
+            found.problems.append(f'no {value:g} in the sentence')
+            return
+        found.use([mention])
+        if self._has_other_unit(mention, pieces, found):
+            found.problems.append(f'{value:g} belongs to something else')
+
+    def _has_other_unit(self, number: Mention, wishes: set[int], found: Evidence) -> bool:
+        """Return whether another length stands nearer to the anchors than a number does."""
+        home = self.structure.piece_of(number)
+        lengths = [m for m in self.reading.mentions if m.has_unit and m is not number]
+        pieces = [self.structure.piece_of(m) for m in found.anchors]
+        if any(home is piece for piece in pieces) or not pieces:
+            return False
+        near = [self.structure.piece_of(m) for m in lengths]
+        beside = any(a is b for a in near for b in pieces)
+        return beside or (home.wish not in wishes and any(p.wish in wishes for p in near))
+
+    def _disc(self, disc: Disc, found: Evidence) -> None:
+        """Find x and y next to each other, in this order, and the radius."""
+        numbers = [m for m in self.reading.mentions if m.numbers]
+        pairs = [
+            (a, b)
+            for a, b in pairwise(numbers)
+            if holds(a, disc.x) and holds(b, disc.y) and b.first - a.tokens[-1] <= POINT_GAP + 1
+        ]
+        free = [
+            pair for pair in pairs if not self.used.issuperset(pair[0].tokens + pair[1].tokens)
+        ]
+        pair = next(iter(free or pairs), None)
+        if pair is None:
+            found.problems.append(f'no point {disc.x:g}, {disc.y:g} in the sentence')
+            return
+        found.use(pair, anchor=True)
+        if disc.radius:
+            self._number(disc.radius, found, with_unit=True)
+
+    def _box(self, box: Box, found: Evidence) -> None:
+        """Find the limits; a half-open box also needs the word for its side."""
+        limits = [side for side in (box.x0, box.y0, box.x1, box.y1) if math.isfinite(side)]
+        for limit in limits:
+            fitting = [m for m in self.reading.mentions if holds(m, limit)]
+            mention = self._pick([m for m in fitting if not found.tokens & set(m.tokens)])
+            if mention is None:
+                found.problems.append(f'no {limit:g} in the sentence')
+                continue
+            found.use([mention], anchor=True)
+        if len(limits) == 1:
+            self._box_side(box, found)
+
+    def _box_side(self, box: Box, found: Evidence) -> None:
+        """Check the side of a box with one limit by 'north of', 'above', 'less than'."""
+        of_x = math.isfinite(box.x0) or math.isfinite(box.x1)
+        is_low = math.isfinite(box.x0) or math.isfinite(box.y0)
+        above, below = (
+            f'sides.{side}' for side in (('east', 'west') if of_x else ('north', 'south'))
+        )
+        says = [{above, 'compare.above'}, {below, 'compare.below'}]
+        wishes = {self.structure.piece_of(m).wish for m in found.anchors}
+        for_it, against_it = (
+            self._words_of(wishes, labels) for labels in (says if is_low else says[::-1])
+        )
+        if against_it or not for_it:
+            found.problems.append('the sentence does not say which side of it')
+        found.use(m for m in self.reading.mentions if set(m.tokens) & for_it)
+
+    def _words_of(self, wishes: set[int], labels: set[str]) -> set[int]:
+        """Return the words of some wishes that are of one of some classes."""
+        return {
+            n
+            for piece in self.structure.pieces
+            for n in piece.tokens
+            if piece.wish in wishes and labels & self.reading.tokens[n].labels
+        }
+
+    def _side(
+        self, side: str, found: Evidence, *, anchor: bool = False, near: bool = False
+    ) -> None:
+        fitting = [m for m in self.reading.mentions if side in m.sides]
+        wishes = {self.structure.piece_of(m).wish for m in found.anchors}
+        if near and wishes:
+            fitting = [m for m in fitting if self.structure.piece_of(m).wish in wishes]
+        mention = self._pick(fitting)
+        if mention is None:
+            found.problems.append(f'no {side!r} in the sentence')
+            return
+        found.use([mention], anchor=anchor)
+
+    def _words(self, name: str, shown: str, found: Evidence) -> None:
+        """Find a word of a class of the vocabulary."""
+        hits = [
+            n
+            for n, token in enumerate(self.reading.tokens)
+            if name in token.labels
+        ]  # fmt: skip
+        if not hits:
+            found.problems.append(f'no {shown!r} in the sentence')
+            return
+        free = [n for n in hits if n not in self.used]
+        word = Mention(((free or hits)[0],))
+        found.use([word], anchor=name == 'regions.walls')
+
+
+def holds(mention: Mention, value: float) -> bool:
+    """Return whether a number of the sentence is this value."""
+    return any(
+        math.isclose(number, value, rel_tol=TOLERANCE, abs_tol=1e-9) for number in mention.numbers
+    )

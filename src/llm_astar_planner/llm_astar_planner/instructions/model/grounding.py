@@ -1,0 +1,166 @@
+"""Holds a model's clauses against the sentence, word by word and without any model.
+
+A clause stands in the sentence if the sentence names its places, holds its numbers and
+directions, and says its kind: what is refused is not visited, and what is not refused is not
+avoided. A clause without words of its own is dropped, one with words of which something does not
+fit is `guessed`: enforced, but never claimed. What the sentence says and no clause accounts for
+is `Unknown`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from llm_astar_msgs_adapter.maps.places import Places
+
+from llm_astar_planner.instructions.model.coverage import says_of_route, unread_parts
+from llm_astar_planner.instructions.model.evidence import Evidence, Witness
+from llm_astar_planner.instructions.model.mentions import Mention, read
+from llm_astar_planner.instructions.model.structure import Structure
+from llm_astar_planner.instructions.sentence import clause_sentence
+from llm_astar_planner.instructions.specification import (
+    MAX_CLAUSES,
+    MAX_VISITS,
+    MUST,
+    SHOULD,
+    Avoid,
+    Before,
+    Clause,
+    Disc,
+    EndAt,
+    KeepDistance,
+    NamedPlace,
+    Specification,
+    Unknown,
+    Visit,
+)
+
+Weighed = list[tuple[Clause, Evidence]]
+
+
+def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Specification, str]:
+    """Return the specification of a model's clauses, and what does not stand in the sentence."""
+    structure = Structure(read(text, places))
+    witness = Witness(structure, places)
+    wanted = [usual_form(clause) for clause in clauses if not isinstance(clause, Unknown)]
+    weighed = weigh(joined_visits(list(dict.fromkeys(wanted)), structure), witness)
+    kept = without_extras(weighed)
+    used = {n for _, evidence in kept for n in evidence.tokens}
+    unread = unread_parts([clause for clause, _ in kept], used, structure)
+    kept = without_inventions(kept, len(unread))
+    if not kept and not says_of_route(structure):
+        unread = []
+    return assembled(kept, unread, structure)
+
+
+def usual_form(clause: Clause) -> Clause:
+    """Return a clause in the form that the grammar gives: a distance from a point is a disc."""
+    match clause:
+        case KeepDistance(metres=metres, region=Disc(x, y, radius)):
+            return Avoid(clause.strength, clause.guessed, Disc(x, y, metres + radius))
+        case Avoid(region=Disc(x, y, radius), margin=margin) if margin:
+            return Avoid(clause.strength, clause.guessed, Disc(x, y, radius + margin))
+    return clause
+
+
+def joined_visits(clauses: Sequence[Clause], structure: Structure) -> list[Clause]:
+    """Return the clauses with successive visits in the form that the words between them ask for.
+
+    With 'before' between two it is one clause about their order; without any word for an order
+    they are visited in any order.
+    """
+    joined: list[Clause] = []
+    ordered = structure.reading.has('order') or structure.reading.has('reverse')
+    for clause in clauses:
+        last = joined[-1] if joined else None
+        if isinstance(clause, Visit) and isinstance(last, Visit):
+            if is_said_before(last, clause, structure):
+                joined[-1] = Before(first=last.regions[-1], second=clause.regions[0])
+                continue
+            fits = len(last.regions) + len(clause.regions) <= MAX_VISITS
+            if fits and (not ordered or structure.reading.has('any_order')):
+                joined[-1] = replace(last, regions=last.regions + clause.regions)
+                continue
+        joined.append(clause)
+    return joined
+
+
+def is_said_before(first: Visit, second: Visit, structure: Structure) -> bool:
+    """Return whether 'before' stands between two places, or 'before' and then the second."""
+    a, b = first.regions[-1], second.regions[0]
+    if len(first.regions) > 1 or not (isinstance(a, NamedPlace) and isinstance(b, NamedPlace)):
+        return False
+    order = [m for m in structure.reading.mentions if {a.place, b.place} & set(m.names)]
+    for n, token in enumerate(structure.reading.tokens):
+        follows = next((m for m in order if m.first > n), None)
+        if follows is not None and 'strong.before' in token.labels:
+            return b.place in follows.names
+    return False
+
+
+def weigh(clauses: Sequence[Clause], witness: Witness) -> Weighed:
+    """Return the clauses with their evidence; those that stand use up their words first."""
+    found: dict[int, Evidence] = {}
+    for n, clause in enumerate(clauses):
+        evidence = witness.evidence_of(clause)
+        if not evidence.problems:
+            found[n] = evidence
+            witness.used |= evidence.tokens
+    for n, clause in enumerate(clauses):
+        if n not in found:
+            found[n] = witness.evidence_of(clause)
+    return [(clause, found[n]) for n, clause in enumerate(clauses)]
+
+
+def without_extras(weighed: Weighed) -> Weighed:
+    """Return the clauses without those whose words all belong to clauses that stand."""
+    taken = {n for _, evidence in weighed if not evidence.problems for n in evidence.tokens}
+    kept: Weighed = []
+    for clause, evidence in weighed:
+        has_own_words = bool(evidence.tokens - taken) or not evidence.tokens
+        if not evidence.problems or has_own_words:
+            kept.append((clause, evidence))
+    return kept
+
+
+def without_inventions(kept: Weighed, unread: int) -> Weighed:
+    """Return the clauses without those of which the sentence names nothing.
+
+    As many stay as there are parts of the sentence that they may come from, such as a name in
+    another language. A goal is never moved to a place that the sentence does not name.
+    """
+    left = unread
+    result: Weighed = []
+    for clause, evidence in kept:
+        if not evidence.anchors:
+            if left == 0 or isinstance(clause, EndAt):
+                continue
+            left -= 1
+        result.append((clause, evidence))
+    return result
+
+
+def assembled(
+    kept: Weighed, unread: Sequence[str], structure: Structure
+) -> tuple[Specification, str]:
+    """Return the specification, in the bounds of one, and the problems as one text."""
+    clauses: list[Clause] = []
+    problems: list[str] = []
+    visits = 0
+    for clause, evidence in kept:
+        visits += len(clause.regions) if isinstance(clause, Visit) else 0
+        if visits > MAX_VISITS or len(clauses) >= MAX_CLAUSES - len(unread):
+            problems.append('more is asked than fits')
+            break
+        strength = SHOULD if is_soft(evidence.anchors, structure) else MUST
+        clauses.append(replace(clause, strength=strength, guessed=bool(evidence.problems)))
+        problems += [f'{clause_sentence(clause)}: {problem}' for problem in evidence.problems[:1]]
+    clauses += [Unknown(text=part) for part in unread]
+    return Specification(tuple(clauses)), '; '.join(problems)
+
+
+def is_soft(anchors: Sequence[Mention], structure: Structure) -> bool:
+    """Return whether 'if possible' or the like belongs to the wish of some mentions."""
+    wishes = {structure.piece_of(mention).wish for mention in anchors}
+    return any('soft' in structure.labels_of(wish) for wish in wishes)

@@ -1,0 +1,156 @@
+"""Whether the words around a region say what kind of clause it is in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from llm_astar_planner.instructions.model.mentions import Mention
+from llm_astar_planner.instructions.model.regions import regions_of
+from llm_astar_planner.instructions.model.structure import Polarity, Structure
+from llm_astar_planner.instructions.specification import (
+    ROUTE_SIDES,
+    Along,
+    Avoid,
+    Before,
+    Between,
+    Clause,
+    EndAt,
+    KeepDistance,
+    NamedPlace,
+    Pass,
+    StayIn,
+    Visit,
+)
+
+
+def kind_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+    """Return why the sentence does not say this kind of clause of its regions, None if it does."""
+    if not anchors:
+        return None
+    return PROBLEMS[type(clause)](clause, anchors, structure)
+
+
+def labels_around(anchors: Sequence[Mention], structure: Structure) -> set[str]:
+    """Return the classes of the words in the wishes of some mentions."""
+    wishes = {structure.piece_of(mention).wish for mention in anchors}
+    return {label for wish in wishes for label in structure.labels_of(wish)}
+
+
+def polarity(anchors: Sequence[Mention], structure: Structure) -> Polarity:
+    """Return the polarity that all mentions share, UNCLEAR if they differ."""
+    found = {structure.polarity_of(mention) for mention in anchors}
+    return found.pop() if len(found) == 1 else Polarity.UNCLEAR
+
+
+def avoid_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+    """Check that an avoided region is refused: not, avoid, never; 'do not leave' is another."""
+    if polarity(anchors, structure) is not Polarity.REFUSED:
+        return 'nothing refuses it'
+    labels = labels_around(anchors, structure)
+    if 'leave' in labels and 'shun' not in labels:
+        return 'not leaving is no avoiding'
+    return None
+
+
+def visit_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+    """Check that a visited region is wanted, and that it is not one to stay or end in."""
+    if polarity(anchors, structure) is not Polarity.WANTED:
+        return 'it is refused, or may be'
+    labels = labels_around(anchors, structure)
+    for name, meaning in (('strong.stay', 'stay in'), ('strong.finish', 'end in')):
+        if name in labels:
+            return f'it may be one to {meaning}'
+    between = any(isinstance(region, (Between, Along)) for region in regions_of(clause))
+    if labels & {'strong.before', 'strong.until'} and not between:
+        return 'it may be one of before and after'
+    if not labels & {'kinds.visit', 'verb', 'order'}:
+        return 'nothing says to go there'
+    return None
+
+
+def stay_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+    """Check that there is a word for staying, or that the region is not to be left."""
+    held = polarity(anchors, structure)
+    labels = labels_around(anchors, structure)
+    if held is Polarity.REFUSED:
+        return None if 'leave' in labels and 'shun' not in labels else 'it is refused'
+    if held is Polarity.UNCLEAR:
+        return 'it is refused, or may be'
+    if 'strong.stay_in' in labels:
+        return None
+    return 'nothing says to stay there'
+
+
+def end_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+    """Check that the region is wanted and that there is a word for ending."""
+    if polarity(anchors, structure) is not Polarity.WANTED:
+        return 'it is refused, or may be'
+    if 'strong.end_at' not in labels_around(anchors, structure):
+        return 'nothing says to end there'
+    return None
+
+
+def before_problem(clause: Clause, _: Sequence[Mention], structure: Structure) -> str | None:
+    """Check that a word says which of the two is first."""
+    regions = regions_of(clause)
+    names = [region.place for region in regions if isinstance(region, NamedPlace)]
+    if len(names) != 2:
+        return 'it names no two places'
+    first, second = names
+    order = [m for m in structure.reading.mentions if first in m.names or second in m.names]
+    for n, token in enumerate(structure.reading.tokens):
+        follows = next((m for m in order if m.first > n), None)
+        if follows is None:
+            break
+        if 'strong.before' in token.labels:
+            return None if second in follows.names else 'the order is another one'
+        if token.labels & {'strong.after', 'strong.until'}:
+            return None if first in follows.names else 'the order is another one'
+    if structure.reading.has('strong.sequence') and order and first in order[0].names:
+        return None
+    return 'nothing says before or after'
+
+
+def pass_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+    """Check that the side is the object's; 'leave it on your left' is its right side."""
+    if polarity(anchors, structure) is not Polarity.WANTED and not avoided_around(
+        anchors, structure
+    ):
+        return 'it is refused, or may be'
+    labels = labels_around(anchors, structure)
+    if not labels & {'verb', 'kinds.pass'}:
+        return 'nothing says to pass it'
+    if getattr(clause, 'side', '') in ROUTE_SIDES and 'strong.at_hand' in labels:
+        return 'the side is that of the robot'
+    return None
+
+
+def avoided_around(anchors: Sequence[Mention], structure: Structure) -> bool:
+    """Return whether a refusal is 'bypass': going around, on a side."""
+    labels = labels_around(anchors, structure)
+    return 'shun' in labels and 'negator' not in labels
+
+
+def distance_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+    """Check that the distance is kept away from something, not within it."""
+    labels = labels_around(anchors, structure)
+    held = polarity(anchors, structure)
+    if held is Polarity.UNCLEAR:
+        return 'it is refused, or may be'
+    refused = held is Polarity.REFUSED
+    if 'at_most' in labels and not refused:
+        return 'it is a greatest distance'
+    if not refused and 'apart' not in labels:
+        return 'nothing says away from it'
+    return None
+
+
+PROBLEMS: dict[type[Clause], Callable[[Clause, Sequence[Mention], Structure], str | None]] = {
+    Avoid: avoid_problem,
+    Visit: visit_problem,
+    StayIn: stay_problem,
+    EndAt: end_problem,
+    Before: before_problem,
+    Pass: pass_problem,
+    KeepDistance: distance_problem,
+}

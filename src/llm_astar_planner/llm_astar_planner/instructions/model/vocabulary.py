@@ -1,0 +1,166 @@
+"""The words of a sentence, and what the shipped vocabulary knows of each."""
+
+from __future__ import annotations
+
+import json
+import re
+import unicodedata
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+WORDS_FILE = Path(__file__).with_name('words.json')
+# Words that end a part of a sentence, besides punctuation.
+BREAKS = frozenset('.;!?:()[]{}|\u2014\u2013,')
+_TOKEN = re.compile(
+    r'(?P<number>(?<![\w-])[-+]?(?:\d+(?:\.\d+)?|\.\d+))|(?P<digits>\d+(?:\.\d+)?)'
+    r"|(?P<word>[^\W\d_]+(?:'[^\W\d_]+)*'?)|(?P<sign>[<>≤≥])|(?P<stop>[.;!?:()\[\]{}|\u2014\u2013,])"
+)
+_MARKS = str.maketrans({'\u2019': "'", '`': "'", '\u2212': '-'})
+_ELISION = re.compile(r"(?:l|d|n|j|s|c|m|t|qu|jusqu|lorsqu|puisqu)'", re.IGNORECASE)
+
+
+def plain(text: str) -> str:
+    """Return a text in lower case without accents, with straight apostrophes."""
+    split = unicodedata.normalize('NFKD', text.translate(_MARKS).casefold())
+    return ''.join(letter for letter in split if not unicodedata.combining(letter))
+
+
+@dataclass
+class Token:
+    """A word, a number or a mark of a sentence; `text` is in plain form.
+
+    `start` and `end` lie in the sentence. `labels` are the vocabulary's classes of the word.
+    """
+
+    text: str
+    start: int
+    end: int
+    is_number: bool = False
+    labels: set[str] = field(default_factory=set)
+
+    @property
+    def is_break(self) -> bool:
+        """Whether it is punctuation."""
+        return self.text in BREAKS
+
+    @property
+    def is_comma(self) -> bool:
+        """Whether it is a comma."""
+        return self.text == ','
+
+
+def tokens_of(text: str) -> list[Token]:
+    """Split a sentence into words, numbers and punctuation, in linear time."""
+    # Letter by letter, since the plain form of some is longer: where in the sentence each lies.
+    letters = [(part, at) for at, letter in enumerate(text) for part in plain(letter)]
+    where = [at for _, at in letters] + [len(text)]
+    found = raw_tokens(''.join(part for part, _ in letters))
+    for token in found:
+        if not is_known(token.text):
+            token.text = token.text.removesuffix("'").removesuffix("'s")
+        token.start, token.end = where[token.start], where[token.end - 1] + 1
+    return found
+
+
+class PhraseBook:
+    """The phrases of one class; finds the longest at a place of a sentence."""
+
+    def __init__(self, phrases: Sequence[str]) -> None:
+        """Take phrases in plain form, words separated by spaces."""
+        self._by_first: dict[str, list[tuple[str, ...]]] = {}
+        for phrase in phrases:
+            words = tuple(token.text for token in raw_tokens(plain(phrase)))
+            if words:
+                self._by_first.setdefault(words[0], []).append(words)
+        for known in self._by_first.values():
+            known.sort(key=len, reverse=True)
+
+    def length_at(self, words: Sequence[str], index: int) -> int:
+        """Return how many words from `index` on are a phrase, 0 for none."""
+        for phrase in self._by_first.get(words[index], ()):
+            if tuple(words[index : index + len(phrase)]) == phrase:
+                return len(phrase)
+        return 0
+
+    def __iter__(self) -> Iterator[tuple[str, ...]]:
+        """Iterate over the phrases."""
+        for phrases in self._by_first.values():
+            yield from phrases
+
+
+def raw_tokens(flat: str) -> list[Token]:
+    """Split a text in plain form; French elisions (l', d', qu') are words of their own."""
+    found: list[Token] = []
+    for match in _TOKEN.finditer(flat):
+        word, start = match.group(), match.start()
+        elided = _ELISION.match(word) if match.lastgroup == 'word' else None
+        if elided and elided.end() < len(word):
+            found.append(Token(elided.group(), start, start + elided.end()))
+            word, start = word[elided.end() :], start + elided.end()
+        is_number = match.lastgroup in ('number', 'digits')
+        found.append(Token(word, start, match.end(), is_number))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Vocabulary:
+    """The shipped words: phrases by class, units and number words by their value."""
+
+    classes: dict[str, PhraseBook]
+    units: dict[str, float]
+    numbers: dict[str, float]
+    words: frozenset[str]
+
+
+@cache
+def vocabulary() -> Vocabulary:
+    """Return the shipped vocabulary."""
+    loaded = json.loads(WORDS_FILE.read_text(encoding='utf-8'))
+    lists: dict[str, list[str]] = {
+        name: value for name, value in loaded.items() if isinstance(value, list)
+    }
+    for group in ('kinds', 'regions', 'sides', 'compare', 'strong'):
+        for name, value in loaded.get(group, {}).items():
+            lists[f'{group}.{name}'] = value
+    classes = {name: PhraseBook(phrases_of(value)) for name, value in lists.items()}
+    tables = {
+        group: {
+            ' '.join(token.text for token in raw_tokens(plain(phrase))): float(value)
+            for value, text in loaded[group].items()
+            for phrase in text.split(',')
+        }
+        for group in ('units', 'numbers')
+    }
+    known = {word for book in classes.values() for phrase in book for word in phrase}
+    known.update(word for table in tables.values() for phrase in table for word in phrase.split())
+    return Vocabulary(classes, tables['units'], tables['numbers'], frozenset(known))
+
+
+def phrases_of(lists: Sequence[str]) -> list[str]:
+    """Return the phrases of comma-separated lists."""
+    return [phrase for text in lists for phrase in text.split(', ')]
+
+
+@cache
+def words_of(name: str) -> frozenset[str]:
+    """Return the single words of a class of the vocabulary."""
+    return frozenset(phrase[0] for phrase in vocabulary().classes[name] if len(phrase) == 1)
+
+
+def is_known(word: str) -> bool:
+    """Return whether the vocabulary has a word."""
+    return word in vocabulary().words
+
+
+def label(tokens: Sequence[Token]) -> None:
+    """Add to each token the classes of the vocabulary that it, or its phrase, belongs to."""
+    words = [token.text for token in tokens]
+    for name, book in vocabulary().classes.items():
+        index = 0
+        while index < len(words):
+            length = book.length_at(words, index)
+            for token in tokens[index : index + length]:
+                token.labels.add(name)
+            index += max(1, length)

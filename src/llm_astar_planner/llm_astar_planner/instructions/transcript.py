@@ -1,0 +1,100 @@
+"""Transcripts of instructions: what a model was asked and replied, as JSON Lines.
+
+A line holds `text, places` (their digest), `model, reply, interpretation, seconds,
+prompt_tokens, output_tokens, time`. A replay reads the reply again, so the checks of today hold
+for the replies of yesterday; `interpretation` is for people. The lines may lie in one file with
+those about waypoints.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+from llm_astar_planner.instructions.interpretation import Interpretation
+from llm_astar_planner.waypoints.transcript import (
+    TranscriptError,
+    TranscriptWriter,
+    check_type,
+    is_about_instruction,
+    read_records,
+)
+
+_LOG = logging.getLogger(__name__)
+_TYPES: dict[str, tuple[type, ...]] = {
+    'str': (str,),
+    'float': (int, float),
+    'int': (int,),
+}
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """One question to a model about an instruction, and its reply as the model wrote it.
+
+    `places` is the digest of the map's places.
+    """
+
+    text: str
+    places: str
+    model: str
+    reply: str
+    seconds: float = 0.0
+    prompt_tokens: int = 0
+    output_tokens: int = 0
+
+
+@dataclass(frozen=True)
+class TranscriptLine:
+    """A line of a transcript: the exchange, and what was made of it."""
+
+    exchange: Exchange
+    interpretation: Interpretation
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON object of the line."""
+        return {
+            **vars(self.exchange),
+            'interpretation': self.interpretation.to_json(),
+            'time': datetime.now(timezone.utc).isoformat(timespec='seconds'),
+        }
+
+
+class InstructionRecorder:
+    """Appends exchanges to a transcript. Thread-safe; a write that fails is logged."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Open the file for appending. Raises TranscriptError where it cannot be written."""
+        self._writer = TranscriptWriter(path)
+
+    def write(self, exchange: Exchange, interpretation: Interpretation) -> None:
+        """Append one exchange and what was made of it."""
+        try:
+            self._writer.write(TranscriptLine(exchange, interpretation))
+        except (OSError, ValueError) as error:
+            _LOG.warning('%s: cannot be written: %s', self._writer.path, error)
+
+
+def read_exchanges(path: str | Path) -> list[Exchange]:
+    """Read the exchanges about instructions of a transcript, in their order.
+
+    Raises TranscriptError, which names the file, the line and the field.
+    """
+    return [
+        parse_exchange(record, where)
+        for where, record in read_records(Path(path))
+        if is_about_instruction(record)
+    ]
+
+
+def parse_exchange(record: Mapping[str, Any], where: str) -> Exchange:
+    """Validate one line. Raises TranscriptError that begins with `where` and names the field."""
+    for field in fields(Exchange):
+        if field.name not in record:
+            raise TranscriptError(f'{where}: {field.name}: is missing')
+        check_type(record[field.name], _TYPES[str(field.type)], f'{where}: {field.name}')
+    return Exchange(**{field.name: record[field.name] for field in fields(Exchange)})

@@ -1,0 +1,170 @@
+import pytest
+from instruction_places import HOSPITAL
+from llm_astar_planner.instructions.interpretation import Understanding, status_of
+from llm_astar_planner.instructions.model.answer import read_answer
+from llm_astar_planner.instructions.model.grounding import grounded
+from llm_astar_planner.instructions.sentence import clause_sentence
+from llm_astar_planner.instructions.specification import Unknown
+
+
+def ground(text, *clauses):
+    answer = read_answer(str({'clauses': list(clauses)}).replace("'", '"'), HOSPITAL)
+    assert answer is not None
+    assert not answer.unreadable
+    return grounded(answer.clauses, text, HOSPITAL)[0]
+
+
+def shown(specification):
+    """Each clause as a sentence, '?' before those that are guessed."""
+    return [('?' if c.guessed else '') + clause_sentence(c) for c in specification.clauses]
+
+
+def avoid(where):
+    return {'do': 'avoid', 'where': where}
+
+
+def visit(where):
+    return {'do': 'visit', 'where': where}
+
+
+def before(first, second):
+    return {'do': 'before', 'first': first, 'second': second}
+
+
+# sentence, answer of the model, what it becomes
+STANDING = [
+    ('please keep out of the kitchen', [avoid('kitchen')], ['avoid the kitchen']),
+    ('the canteen is closed', [avoid('kitchen')], ['avoid the kitchen']),
+    ('do not enter ward 1 or ward 2', [avoid('ward 1'), avoid('ward 2')],
+     ['avoid the ward 1', 'avoid the ward 2']),
+    ('avoid the blue rooms', [avoid({'all': 'blue'})], ['avoid all blue places']),
+    ('go to the kichen, then to the storeroom', [visit('kitchen'), visit('store room')],
+     ['visit the kitchen', 'visit the store room']),
+    ('visit the kitchen and the lobby', [visit('kitchen'), visit('lobby')],
+     ['visit the kitchen and the lobby in any order']),
+    ('take the lobby, not the kitchen', [visit('lobby'), avoid('kitchen')],
+     ['visit the lobby', 'avoid the kitchen']),
+    ('nicht durch ward 2 fahren', [avoid('ward 2')], ['avoid the ward 2']),
+    ("n'entre pas dans le lobby", [avoid('lobby')], ['avoid the lobby']),
+    ('no pases por el lobby', [avoid('lobby')], ['avoid the lobby']),
+    ('stay at least two and a half metres away from the lift',
+     [{'do': 'keep_distance', 'from': 'lift', 'metres': 2.5}],
+     ['keep 2.5 m away from the lift']),
+    ('keep 50 cm from all walls', [{'do': 'keep_distance', 'from': 'walls', 'metres': 0.5}],
+     ['keep 0.5 m away from the walls']),
+    ('pass the elevator on the north side', [{'do': 'pass', 'where': 'lift', 'side': 'north'}],
+     ['pass the lift on the north side']),
+    ('if possible stay in the southern half', [{'do': 'stay_in', 'where': {'half': 'south'}}],
+     ['if possible, stay in the south half']),
+    ('never drive north of y = 15', [avoid({'y_above': 15})], ['avoid the area with y above 15']),
+    ('stay below x = 20', [{'do': 'stay_in', 'where': {'x_below': 20}}],
+     ['stay in the area with x below 20']),
+    ('keep away from 4, 5 by 2 m', [avoid({'point': [4, 5], 'radius': 2})],
+     ['avoid the 2 m around the point 4, 5']),
+    ('see the lobby before you enter the kitchen',
+     [before('lobby', 'kitchen')],
+     ['visit the lobby before the kitchen']),
+    ('visit the lobby before the kitchen', [visit('lobby'), visit('kitchen')],
+     ['visit the lobby before the kitchen']),
+    ("don't leave the corridor", [{'do': 'stay_in', 'where': 'main corridor'}],
+     ['stay in the main corridor']),
+    ("whatever happens, don't forget to visit the kitchen", [visit('kitchen')],
+     ['visit the kitchen']),
+    ('finish in the kitchen', [{'do': 'end_at', 'where': 'kitchen'}], ['end in the kitchen']),
+    ('drive through the room at the top left', [visit('kitchen')], ['visit the kitchen']),
+    ('drive between the lift and the vertical wall',
+     [visit({'between': ['lift', 'wall x=12']})],
+     ['visit the gap between the lift and the wall x=12']),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(('text', 'answer', 'wanted'), STANDING, ids=[row[0] for row in STANDING])
+def test_a_clause_that_stands_in_the_sentence_stays_as_it_is(text, answer, wanted):
+    specification = ground(text, *answer)
+    assert shown(specification) == wanted
+    assert status_of(specification) is Understanding.WHOLE
+
+
+# sentence, answer of the model: none of its clauses may be claimed
+WRONG = [
+    ('do not avoid the kitchen', [avoid('kitchen')]),
+    ('there is no need to avoid the kitchen', [avoid('kitchen')]),
+    ('you may skip the kitchen', [avoid('kitchen')]),
+    ('if the kitchen is closed, take the lobby', [visit('lobby')]),
+    ('do not go through the kitchen', [visit('kitchen')]),
+    ('keep out of the kitchen', [{'do': 'stay_in', 'where': 'kitchen'}]),
+    ('visit the kitchen', [avoid('kitchen')]),
+    ('do not leave the kitchen', [avoid('kitchen')]),
+    ('stay in the kitchen', [visit('kitchen')]),
+    ('go to the kitchen', [{'do': 'stay_in', 'where': 'kitchen'}]),
+    ('go to the kitchen', [{'do': 'end_at', 'where': 'kitchen'}]),
+    ('end in the kitchen', [visit('kitchen')]),
+    ('visit the lobby before the kitchen', [before('kitchen', 'lobby')]),
+    ('visit the lobby after the kitchen', [before('lobby', 'kitchen')]),
+    ('visit the ballroom', [visit('lobby')]),
+    ('avoid the ward', [avoid('ward 1')]),
+    ('visit ward 1', [visit('ward 2')]),
+    ('stay well away from the lift', [{'do': 'keep_distance', 'from': 'lift', 'metres': 2}]),
+    ('stay within 2 m of the lift', [{'do': 'keep_distance', 'from': 'lift', 'metres': 2}]),
+    ('keep 2 m away from the lift', [{'do': 'keep_distance', 'from': 'walls', 'metres': 2}]),
+    ('pass the lift on the north side', [{'do': 'pass', 'where': 'lift', 'side': 'south'}]),
+    ('leave the lift on your left', [{'do': 'pass', 'where': 'lift', 'side': 'left'}]),
+    ('stay south of y = 15', [{'do': 'stay_in', 'where': {'y_above': 15}}]),
+    ('never go above y = 15', [avoid({'y_below': 15})]),
+    ('avoid 4, 5 by 2 m', [avoid({'point': [5, 4], 'radius': 2})]),
+    ('avoid 4, 5 by 2 m', [avoid({'point': [4, 5], 'radius': 3})]),
+    ('drive via the lobby, but not via the kitchen', [visit('kitchen')]),
+    ('keep 2 m away from the lift and 3 m from the walls',
+     [{'do': 'keep_distance', 'from': 'lift', 'metres': 3}]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(('text', 'answer'), WRONG, ids=[row[0] for row in WRONG])
+def test_a_clause_that_the_sentence_does_not_say_is_never_claimed(text, answer):
+    specification = ground(text, *answer)
+    assert all(clause.guessed for clause in specification.enforceable)
+    guessed = bool(specification.enforceable)
+    assert guessed or any(isinstance(clause, Unknown) for clause in specification.clauses)
+
+
+def test_a_clause_without_words_of_its_own_is_dropped():
+    invented = {'do': 'pass', 'where': 'lift', 'side': 'west'}
+    specification = ground('avoid the kitchen', avoid('kitchen'), avoid('kitchen'), invented)
+    assert shown(specification) == ['avoid the kitchen']
+
+
+def test_what_no_clause_accounts_for_is_reported():
+    specification = ground('avoid the kitchen and dance a waltz in the lobby', avoid('kitchen'))
+    unread = 'not understood: "dance a waltz in the lobby"'
+    assert shown(specification) == ['avoid the kitchen', unread]
+    assert status_of(specification) is Understanding.PARTLY
+
+
+def test_a_number_that_no_clause_holds_is_reported():
+    specification = ground('keep 2 m away from the kitchen', avoid('kitchen'))
+    assert status_of(specification) is Understanding.PARTLY
+
+
+def test_a_reason_is_no_part_of_the_wish():
+    specification = ground('avoid the kitchen because somebody spilled oil', avoid('kitchen'))
+    assert shown(specification) == ['avoid the kitchen']
+
+
+def test_a_name_in_another_language_is_guessed_and_the_rest_stands():
+    specification = ground(
+        'evita la xyzzy y termina en el lobby',
+        avoid('kitchen'),
+        {'do': 'end_at', 'where': 'lobby'},
+    )
+    assert shown(specification)[:2] == ['?avoid the kitchen', 'end in the lobby']
+
+
+def test_a_goal_is_not_moved_to_a_place_that_the_sentence_does_not_name():
+    specification = ground('park in the ballroom', {'do': 'end_at', 'where': 'lobby'})
+    assert shown(specification) == ['not understood: "ballroom"']
+
+
+def test_an_answer_without_clauses_is_irrelevant_only_where_nothing_is_said_of_the_route():
+    assert status_of(ground('hurry up, we are late')) is Understanding.IRRELEVANT
+    assert status_of(ground('the kitchen is nice')) is Understanding.NONE
+    assert status_of(ground('do not go too fast')) is Understanding.NONE
