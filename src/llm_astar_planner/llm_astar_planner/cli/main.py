@@ -14,9 +14,9 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_planner import __version__
 from llm_astar_planner.parameter import ParameterError, nearest_name
 
-# Each command is a module of its name, with its description as docstring, `add_arguments`, `run`
-# and optionally an EPILOG. It is imported only for that command: `doctor` must run where what the
-# others need is missing.
+# Each command is a module of its name (with _ for -), with its description as docstring,
+# `add_arguments`, `run` and optionally an EPILOG. It is imported only for that command: `doctor`
+# must run where what the others need is missing.
 COMMANDS = {
     'plan': 'plan from start to goal on a map, without ROS',
     'places': 'check, list and draw the named places of a map',
@@ -24,6 +24,7 @@ COMMANDS = {
     'demo': 'start the graph, ask for a plan, draw it, stop the graph',
     'bench': 'run methods with and without waypoints over a dataset',
     'evaluate': 'plan what recorded bags asked for, and compare',
+    'instruct-bench': 'measure how well route instructions are understood and met',
     'report': 'write the reports of a results folder again',
     'draw': 'draw A* next to LLM-A* on one sample',
     'dataset': 'make, check or convert datasets',
@@ -83,7 +84,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
     for name, summary in COMMANDS.items():
         if argv[:1] == [name]:
-            module = importlib.import_module(f'llm_astar_planner.cli.{name}')
+            module = importlib.import_module(module_of(name))
             command = commands.add_parser(
                 name,
                 description=module.__doc__,
@@ -100,6 +101,11 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         near = nearest_name(unknown[0].partition('=')[0], known)
         raise ParameterError(f'{argv[0]} has no option {unknown[0]}{near}')
     return arguments
+
+
+def module_of(command: str) -> str:
+    """Return the name of a command's module."""
+    return f'llm_astar_planner.cli.{command.replace("-", "_")}'
 
 
 def fail(message: str, code: int) -> int:

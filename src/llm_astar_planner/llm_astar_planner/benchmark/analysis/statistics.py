@@ -7,6 +7,8 @@ the means of the draws.
 
 from __future__ import annotations
 
+import math
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -57,6 +59,21 @@ def mean_interval(values: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interv
     means = times @ sums / (times @ counts)
     low, high = np.quantile(means, ((1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0))
     return Interval(float(numbers.mean()), float(low), float(high))
+
+
+def wilson_interval(count: int, total: int) -> Interval:
+    """Return the share `count` of `total` with Wilson's score interval, NaN of nothing.
+
+    Unlike the bootstrap's it has a width where none or all are counted.
+    """
+    if total == 0:
+        return UNKNOWN
+    z = NormalDist().inv_cdf((1.0 + LEVEL) / 2.0)
+    share_of, spread_of = count / total, z * z / total
+    middle = (share_of + spread_of / 2.0) / (1.0 + spread_of)
+    half = math.sqrt(share_of * (1.0 - share_of) * spread_of + spread_of**2 / 4.0)
+    half /= 1.0 + spread_of
+    return Interval(share_of, max(middle - half, 0.0), min(middle + half, 1.0))
 
 
 def ratio_interval(ratios: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interval:

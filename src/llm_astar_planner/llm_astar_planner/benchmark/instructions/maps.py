@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map, load_barrier_maps
 from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_msgs_adapter.maps.places_file import load_places, parse_feature, places_beside
 
-from llm_astar_planner.benchmark.instructions.regions import SuiteError, SuiteMap, polygon
-from llm_astar_planner.instructions.specification_json import as_mapping, as_numbers, as_text
+from llm_astar_planner.benchmark.instructions.regions import SuiteError, SuiteMap
+from llm_astar_planner.instructions.specification_json import as_mapping, as_text
 from llm_astar_planner.resources import find_file
 
 # The dataset in which map pN is map N.
@@ -41,8 +41,8 @@ class MapFinder:
         where = f'{self.suite}: map {name!r}'
         try:
             fields = as_mapping(value, 'entry')
-            places = self.read_places(fields)
             file = self.map_file(name, fields)
+            places = self.read_places(fields, file)
             if file is not None:
                 return SuiteMap(name, load_map(file), places)
             barrier_map = self.barrier_map(name, fields)
@@ -80,31 +80,35 @@ class MapFinder:
             self.datasets[path] = load_barrier_maps(path)
         return find_barrier_map(self.datasets[path], number)
 
-    def read_places(self, fields: Mapping[str, Any]) -> Places:
-        """Return the places of a map, from its entry or its file. Raises LlmAstarError."""
+    def read_places(self, fields: Mapping[str, Any], map_file: Path | None) -> Places:
+        """Return the places of a map: of its entry, its places file, or the file beside it.
+
+        Raises LlmAstarError.
+        """
         if 'places_file' in fields:
-            raise SuiteError('places_file: cannot be read yet')
+            return load_places(self.suite.parent / as_text(fields['places_file'], 'places_file'))
+        beside = None if map_file is None or 'places' in fields else places_beside(map_file)
+        if beside is not None:
+            return load_places(beside)
         entries = as_mapping(fields.get('places', {}), 'places')
         if len(entries) > MAX_PLACES:
             raise SuiteError(f'places: {len(entries)} are over the {MAX_PLACES} allowed')
-        return Places(
-            read_place(as_text(name, 'places'), value, f'places: {name!r}')
-            for name, value in entries.items()
-        )
+        return Places(read_place(name, value) for name, value in entries.items())
 
 
-def read_place(name: str, value: object, where: str) -> Place:
-    """Read a place of a suite; `where` names it in errors. Raises SuiteError."""
+def read_place(name: str, value: object) -> Place:
+    """Read a place of a suite's map. Raises PlacesError or SpecificationError."""
+    where = f'places: {name!r}'
     fields = as_mapping(value, where)
+    geometry: dict[str, Any] = {'type': 'Polygon', 'coordinates': [fields.get('polygon')]}
     if 'point' in fields:
-        geometry = shapely.Point(as_numbers(fields['point'], f'{where}: point', 2))
-    else:
-        geometry = polygon(fields.get('polygon'), f'{where}: polygon')
-    if not geometry.is_valid or geometry.is_empty:
-        raise SuiteError(f'{where}: polygon: crosses itself')
-    kind = as_text(fields.get('kind', 'area'), f'{where}: kind')
-    aliases, tags = (read_texts(fields, name, where) for name in ('aliases', 'tags'))
-    return Place(name, geometry, kind, aliases, tags)
+        geometry = {'type': 'Point', 'coordinates': fields['point']}
+    properties = {**fields, 'name': name}
+    feature = {'type': 'Feature', 'geometry': geometry, 'properties': properties}
+    place = parse_feature(feature, where)
+    if place is None:
+        raise SuiteError(f'{where}: is no place')
+    return place
 
 
 def read_texts(fields: Mapping[str, Any], name: str, where: str) -> tuple[str, ...]:

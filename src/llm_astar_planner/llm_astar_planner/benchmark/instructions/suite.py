@@ -11,7 +11,8 @@ refused in checks and their regions, where a misspelt one would change the meani
 MAP, all fields optional:
 - `places`: {NAME: {"polygon": [[x, y], ...] or "point": [x, y], "aliases": [...],
   "kind": "area", "tags": [...]}}. A place of kind or tag `object` is visited by coming near it.
-- `places_file`: a GeoJSON file of places, relative to the suite, instead of `places`.
+- `places_file`: a GeoJSON file of places, relative to the suite, instead of `places`. Without
+  both, NAME.places.geojson or places.geojson beside the map's yaml, if there is one.
 - `file`: a map_server yaml, relative to the suite.
 - `dataset`, `id`: a barrier map of a dataset, relative to the suite or of the package's `maps/`.
 Without `file` and `dataset`, a map NAME is NAME.yaml beside the suite or in a `--map-folder`,

@@ -261,6 +261,16 @@ def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return '\n'.join('| ' + ' | '.join(line) + ' |' for line in lines)
 
 
+def text_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table for a terminal, its columns aligned."""
+    lines = [head, *rows]
+    widths = [max(map(len, column)) for column in zip(*lines)]
+    return '\n'.join(
+        '  '.join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip()
+        for line in lines
+    )
+
+
 def percent(interval: Interval) -> str:
     """Write a ratio in percent, with its interval unless that is a point or unknown."""
     value, low, high = (100 * end for end in interval)
@@ -289,17 +299,14 @@ def worst_percent(ratio: Ratio | None) -> str:
 def text_report(rows: Sequence[Row], seed: int = 0) -> str:
     """Return the finding and the table for a terminal; for bags also the recorded lengths."""
     summaries = summarise(rows, seed)
-    table = [TABLE_HEAD, *main_table(summaries)]
+    head: Sequence[str] = TABLE_HEAD
+    table = main_table(summaries)
     if any(summary.recorded for summary in summaries):
-        recorded = [RECORDED_HEAD, *(percent_of(summary.recorded) for summary in summaries)]
+        head = (*head, RECORDED_HEAD)
+        recorded = [percent_of(summary.recorded) for summary in summaries]
         table = [(*line, cell) for line, cell in zip(table, recorded)]
-    widths = [max(map(len, column)) for column in zip(*table)]
-    lines = [
-        '  '.join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip()
-        for line in table
-    ]
     sentences = [recorded_sentence(rows), headline(compare_with_none(rows, seed))]
-    return '\n'.join([*lines, '', *filter(None, sentences)])
+    return '\n'.join([text_table(head, table), '', *filter(None, sentences)])
 
 
 def replace_section(path: Path, section: str) -> None:

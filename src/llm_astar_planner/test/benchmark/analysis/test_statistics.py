@@ -10,6 +10,7 @@ from llm_astar_planner.benchmark.analysis.statistics import (
     ratio_interval,
     share,
     spread,
+    wilson_interval,
 )
 
 
@@ -74,3 +75,15 @@ def test_spread_names_mean_median_p95_and_worst():
 def test_shares_count_flags_and_optimal_allows_rounding_alone():
     assert share([True, True, False, False]) == 0.5
     assert is_optimal([10.0, 10.0 + 1e-12, 10.001], [10.0] * 3).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize(
+    ('count', 'total', 'low', 'high'),
+    # The first two are the example of Newcombe (1998), table I: 81 of 263 and 0 of 20.
+    [(81, 263, 0.2553, 0.3662), (0, 20, 0.0, 0.1611), (20, 20, 0.8389, 1.0)],
+)
+def test_the_interval_of_a_share_is_that_of_wilson(count, total, low, high):
+    interval = wilson_interval(count, total)
+    assert interval.value == count / total
+    assert (interval.low, interval.high) == pytest.approx((low, high), abs=1e-4)
+    assert np.isnan(wilson_interval(0, 0).value)
