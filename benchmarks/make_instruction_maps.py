@@ -25,7 +25,7 @@ FOLDER = MAPS / 'instructions'
 Rectangle = tuple[float, float, float, float]
 # Barrier maps by id, with the names and aliases of their barriers, horizontal ones first.
 BARRIERS = {
-    0: ('wall A,long wall', 'wall B', 'wall C', 'wall D'),
+    0: ('wall A,long wall,mur A', 'wall B', 'wall C,pared C', 'wall D'),
     13: ('wall y=19', 'wall y=11', 'wall x=34', 'wall x=28'),
     15: ('south fence', 'middle fence', 'east fence', 'west fence'),
 }
@@ -157,7 +157,12 @@ def warehouse() -> Drawing:
         'dock',
         'goods in,inbound dock,Wareneingang,muelle de entrada',
     )
-    made.place('shipping dock', (36, 1, 40, 6), 'dock', 'goods out,outbound dock,Warenausgang')
+    made.place(
+        'shipping dock',
+        (36, 1, 40, 6),
+        'dock',
+        'goods out,outbound dock,Warenausgang,muelle de salida',
+    )
     made.place('charging bay', (32, 11, 35, 14), 'area', 'charger,charging station,Ladestation')
     made.object('conveyor', (30, 8, 36, 8.8), 'conveyor belt,belt,Förderband')
     made.object('baler', (13, 19, 15, 21), 'baling press')
@@ -233,16 +238,33 @@ def office() -> Drawing:
     made.doors([(x, y, x + 1.5, y + 0.15) for x in (3, 25.5) for y in (6, 12)])
     made.doors([(x, 14.4, x + 0.15, 15.9) for x in (12.6, 17.4)])
     meeting = 'meeting room'
-    made.place('meeting room north', (0, 12.1, 7.6, 18), meeting, 'northern meeting room')
-    made.place('meeting room south', (0, 0, 7.6, 6.1), meeting, 'southern meeting room')
+    made.place(
+        'meeting room north',
+        (0, 12.1, 7.6, 18),
+        meeting,
+        'northern meeting room,salle de réunion nord',
+    )
+    made.place(
+        'meeting room south',
+        (0, 0, 7.6, 6.1),
+        meeting,
+        'southern meeting room,salle de réunion sud',
+    )
     made.place('reception', (0, 6.1, 7.6, 12.1), 'room', 'front desk,Empfang,recepción')
     made.place('printer room', (7.6, 12.1, 12.7, 18), 'room', 'copy room,Kopierraum')
-    made.place('server room', (12.7, 12.1, 17.5, 18), 'room', 'data room,Serverraum')
+    made.place(
+        'server room',
+        (12.7, 12.1, 17.5, 18),
+        'room',
+        'data room,Serverraum,salle des serveurs,sala de servidores',
+    )
     made.place('coffee corner', (17.5, 12.1, 22.6, 18), 'room', 'coffee bar,Kaffeeecke')
     made.place("director's office", (22.6, 12.1, 30, 18), 'office', 'directors office,boss office')
     made.place('accounts office', (22.6, 6.1, 30, 12.1), 'office', 'accounts,accounting')
     made.place('post room', (22.6, 0, 30, 6.1), 'room', 'mail room,Poststelle')
-    made.place('open space', (7.6, 0, 22.6, 12.1), 'area', 'open-plan area,bullpen')
+    made.place(
+        'open space', (7.6, 0, 22.6, 12.1), 'area', 'open-plan area,bullpen,espacio abierto'
+    )
     made.object('left desk block', (10.5, 3, 12.9, 9), 'west desks', 'desks')
     made.object('right desk block', (17.1, 3, 19.5, 9), 'east desks', 'desks')
     made.place('water cooler', (14.4, 0.6, 15.6, 1.8), 'area', 'cooler,dispenser')
@@ -259,8 +281,8 @@ def workshop() -> Drawing:
     made.object('lathe', (5, 8, 8, 9.4), 'turning machine,Drehbank,tour', 'machine')
     made.object('milling machine', (11, 7, 13.4, 10), 'mill,Fräsmaschine,fresadora', 'machine')
     made.object('press', (16.4, 5, 18.4, 8.4), 'hydraulic press,Presse,prensa', 'machine')
-    made.object('saw', (10, 13.6, 13, 14.6), 'band saw,Säge,sierra', 'machine')
-    made.object('robot cell', (21, 4, 25, 8), 'cell', 'machine')
+    made.object('saw', (10, 13.6, 13, 14.6), 'band saw,Säge,scie,sierra', 'machine')
+    made.object('robot cell', (21, 4, 25, 8), 'cell,Roboterzelle,celda del robot', 'machine')
     made.object('scrap bin', (15, 1.4, 16, 2.4), 'bin')
     made.place('welding area', (14.6, 11, 20, 17.6), 'area', 'welding zone,weld shop')
     made.place('assembly area', (1, 11, 7, 17), 'area', 'assembly,Montage,montaje')
@@ -297,7 +319,12 @@ def market() -> Drawing:
         if shelf < 5:
             words = ('one', 'two', 'three', 'four', 'five')[shelf]
             area = (x + 1, 5, x + 3.4, 15)
-            made.place(f'aisle {shelf + 1}', area, 'aisle', f'aisle {words},Gang {shelf + 1}')
+            made.place(
+                f'aisle {shelf + 1}',
+                area,
+                'aisle',
+                f'aisle {words},Gang {shelf + 1},allée {shelf + 1}',
+            )
     made.place('bakery', (0, 16.6, 6, 20), 'area', 'bread counter,Bäckerei,boulangerie,panadería')
     made.place('dairy section', (10, 16.6, 16, 20), 'area', 'dairy,milk')
     made.place(
@@ -324,12 +351,12 @@ def museum() -> Drawing:
         (0, 0, 'foyer', 'entrance hall,lobby', ''),
         (8, 0, 'map room', 'Kartenzimmer', 'red'),
         (16, 0, 'mineral room', 'minerals,Mineralien', 'red'),
-        (0, 8, 'Greek room', 'Greeks', 'antiquity'),
-        (8, 8, 'armoury', 'armory,Rüstkammer', ''),
-        (16, 8, 'Roman room', 'Romans', 'antiquity'),
-        (0, 16, 'Egyptian room', 'Egypt,Egyptians', 'antiquity'),
+        (0, 8, 'Greek room', 'Greeks,salle grecque', 'antiquity'),
+        (8, 8, 'armoury', 'armory,Rüstkammer,armería', ''),
+        (16, 8, 'Roman room', 'Romans,salle romaine', 'antiquity'),
+        (0, 16, 'Egyptian room', 'Egypt,Egyptians,sala egipcia', 'antiquity'),
         (8, 16, 'dinosaur hall', 'dinosaurs,Saurier,dinosaures,dinosaurios', ''),
-        (16, 16, 'porcelain room', 'porcelain,china room', 'red'),
+        (16, 16, 'porcelain room', 'porcelain,china room,salle de porcelaine', 'red'),
     ):
         made.place(name, (x, y, x + 8.1, y + 8.1), 'room', aliases, tags)
     made.object('mummy', (3, 19, 5, 21), 'sarcophagus')
