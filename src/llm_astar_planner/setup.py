@@ -64,6 +64,8 @@ setup(
             'waypoints/prompts/*.txt',
             'instructions/*.json',
             'instructions/model/*.json',
+            'instructions/grammar/*.lark',
+            'instructions/grammar/vocabulary/*.yaml',
             'waypoints/learned/*.npz',
             'benchmark/report/*.j2',
         ]
@@ -76,6 +78,8 @@ setup(
         'cachetools',
         'httpx>=0.26',
         'jinja2',
+        # The ROS wheels ask for this name too; lark 1.x is the same import and serves as well.
+        'lark-parser',
         'llm_astar_msgs_adapter',
         'matplotlib',
         'numba',

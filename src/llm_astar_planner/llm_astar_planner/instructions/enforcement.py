@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from llm_astar_planner.instructions.raster import Cover, cover
+from llm_astar_planner.instructions.raster import Cover, cover, open_border
 from llm_astar_planner.instructions.regions import (
     RegionError,
     grown,
+    map_polygon,
     ray,
     region_polygon,
     visit_polygon,
@@ -106,7 +107,8 @@ def avoid(_: int, clause: Avoid, route: Route) -> Demand:
     polygon = region_polygon(clause.region, route, AVOID_RADIUS)
     if clause.margin:
         polygon = grown(polygon, clause.margin)
-    return Demand(clause, cover(polygon, route.costmap.grid_map))
+    grid_map = route.costmap.grid_map
+    return Demand(clause, open_border(cover(polygon, grid_map), polygon, grid_map))
 
 
 def visit(number: int, clause: Visit, route: Route) -> Demand:
@@ -133,7 +135,9 @@ def stay_in(_: int, clause: StayIn, route: Route) -> Demand:
     if isinstance(clause.region, Along) and clause.region.place == WALLS:
         return Demand(clause, near_walls(clause.region.width, route).outside())
     polygon = region_polygon(clause.region, route, VISIT_RADIUS)
-    return Demand(clause, cover(polygon, route.costmap.grid_map).outside())
+    grid_map = route.costmap.grid_map
+    outside = cover(polygon, grid_map).outside()
+    return Demand(clause, open_border(outside, map_polygon(route).difference(polygon), grid_map))
 
 
 def pass_by(number: int, clause: Pass, route: Route) -> Demand:

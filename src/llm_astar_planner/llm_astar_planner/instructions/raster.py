@@ -15,6 +15,9 @@ from shapely.geometry.base import BaseGeometry
 
 # Parts of a boundary that lie this near to the border of a cell, in cells, run along it.
 ON_BORDER = 1e-7
+MAX_BORDER = 2000
+# The moves to the eight neighbours, (x, y).
+STEPS = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
 
 
 class Cover(NamedTuple):
@@ -43,6 +46,49 @@ def cover(geometry: BaseGeometry, grid_map: GridMap) -> Cover:
         inside ^= fill(points, shape)
         mark_border(points, border)
     return Cover(inside & ~border, inside, inside | border)
+
+
+def open_border(covered: Cover, geometry: BaseGeometry, grid_map: GridMap) -> Cover:
+    """Return a cover that touches no more cells than needed to keep every move off the geometry.
+
+    On a coarse grid, cells that the border passes through would close ways beside the geometry.
+    Of the moves between cells whose centres lie outside, those that cross the geometry lose one
+    end, first the cell with the most such moves. A border of over MAX_BORDER cells stays whole,
+    since a cell more matters little on so fine a grid.
+    """
+    border = covered.touched & ~covered.centres
+    if not 0 < np.count_nonzero(border) <= MAX_BORDER:
+        return covered
+    crossing = crossing_moves(border, ~covered.centres, geometry, grid_map)
+    closed = covered.centres.copy()
+    while len(crossing):
+        cells, counts = np.unique(crossing.reshape(-1, 2), axis=0, return_counts=True)
+        x, y = cells[counts.argmax()]
+        closed[y, x] = True
+        crossing = crossing[~(crossing == (x, y)).all(axis=2).any(axis=1)]
+    return covered._replace(touched=closed)
+
+
+def crossing_moves(
+    border: NDArray[np.bool_], usable: NDArray[np.bool_], geometry: BaseGeometry, grid_map: GridMap
+) -> NDArray[np.int64]:
+    """Return the moves from cells of the border that cross a geometry: cells (x, y) [n, 2, 2].
+
+    Both ends of a move are `usable`.
+    """
+    y, x = np.nonzero(border)
+    begins = np.repeat(np.stack([x, y], axis=1), len(STEPS), axis=0)
+    ends = begins + np.tile(STEPS, (len(x), 1))
+    on_map = ((ends >= 0) & (ends < (grid_map.width, grid_map.height))).all(axis=1)
+    begins, ends = begins[on_map], ends[on_map]
+    open_ends = usable[ends[:, 1], ends[:, 0]]
+    moves = np.stack([begins[open_ends], ends[open_ends]], axis=1)
+    lines = shapely.linestrings(grid_map.grid_to_world(moves.reshape(-1, 2)).reshape(-1, 2, 2))
+    shapely.prepare(geometry)
+    moves, lines = (part[shapely.intersects(geometry, lines)] for part in (moves, lines))
+    inside = shapely.length(shapely.intersection(lines, geometry))
+    crossing: NDArray[np.int64] = moves[inside > ON_BORDER * grid_map.resolution]
+    return crossing
 
 
 def rings(geometry: BaseGeometry) -> Iterator[NDArray[np.float64]]:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_planner.instructions.raster import cover
+from llm_astar_planner.instructions.raster import STEPS, cover, open_border
 
 WIDTH, HEIGHT = 17, 13
 
@@ -51,3 +51,31 @@ def test_several_polygons_and_none():
 def test_a_polygon_that_only_shares_a_side_with_a_cell_does_not_touch_it():
     grid_map = GridMap(np.zeros((4, 4), np.int8))
     assert cover(shapely.box(1, 1, 2, 2), grid_map).touched.sum() == 1
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_no_move_beside_an_opened_border_crosses_the_geometry(seed):
+    random = np.random.default_rng(seed)
+    grid_map = GridMap(np.zeros((HEIGHT, WIDTH), np.int8), 1.0)
+    polygon = random_polygon(random, np.array([8.0, 6.0]), 1.0)
+    touched = cover(polygon, grid_map)
+    opened = open_border(touched, polygon, grid_map)
+    assert not (opened.touched & ~touched.touched).any()
+    assert (opened.centres <= opened.touched).all()
+    for y, x in np.argwhere(~opened.touched):
+        for step_x, step_y in STEPS:
+            end = (x + step_x, y + step_y)
+            if grid_map.contains(end) and not opened.touched[end[1], end[0]]:
+                move = shapely.LineString(grid_map.grid_to_world([(x, y), end]))
+                assert move.intersection(polygon).length < 1e-6
+
+
+def test_cells_are_left_open_beside_a_border_that_no_move_crosses():
+    grid_map = GridMap(np.zeros((5, 5), np.int8))
+    box = shapely.box(2.2, 0, 5, 5)  # 0.3 m of the cells of column 2 lie in front of it
+    assert cover(box, grid_map).touched[:, 2].all()
+    assert not cover(shapely.box(2.6, 0, 5, 5), grid_map).centres[:, 2].any()
+    opened = open_border(
+        cover(shapely.box(2.6, 0, 5, 5), grid_map), shapely.box(2.6, 0, 5, 5), grid_map
+    )
+    assert not opened.touched[:, 2].any()

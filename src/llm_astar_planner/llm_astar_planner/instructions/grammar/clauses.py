@@ -1,0 +1,235 @@
+"""From the pieces of an instruction to its specification."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN
+from llm_astar_planner.instructions.grammar.lexer import Lexer
+from llm_astar_planner.instructions.grammar.meaning import Reading, visit_of
+from llm_astar_planner.instructions.grammar.parser import parse_clause
+from llm_astar_planner.instructions.grammar.pieces import (
+    ANYORDER,
+    BUT,
+    COLON,
+    CONDITION,
+    HARD,
+    INORDER,
+    NEG,
+    THEN,
+    Piece,
+    Splitter,
+)
+from llm_astar_planner.instructions.grammar.regions import Unclear
+from llm_astar_planner.instructions.grammar.words import Word, read_words
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    Understanding,
+    status_of,
+)
+from llm_astar_planner.instructions.specification import (
+    MAX_CLAUSES,
+    MAX_NAME_CHARS,
+    MAX_VISITS,
+    SHOULD,
+    Clause,
+    EndAt,
+    Specification,
+    Unknown,
+    Visit,
+)
+
+NAME = 'grammar'
+
+
+@dataclass(frozen=True, eq=False)
+class Understood:
+    """An interpretation, and the share of the text that it rests on."""
+
+    interpretation: Interpretation
+    share: float
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every word was read."""
+        status = self.interpretation.status
+        return status in (Understanding.WHOLE, Understanding.IRRELEVANT)
+
+
+@dataclass(eq=False)
+class Assembler:
+    """Puts the readings of the pieces of one instruction together."""
+
+    text: str
+    lexer: Lexer
+    words: Sequence[Word]
+    notes: list[str]
+
+    def __post_init__(self) -> None:
+        """Begin with nothing read."""
+        self.clauses: list[tuple[int, Clause]] = []
+        self.unknown: list[tuple[int, int]] = []
+        self.previous: Clause | None = None
+        self.is_wish_open = False
+        self.is_last_unknown = False
+
+    def take(self, segment: Sequence[Piece]) -> None:
+        """Take the pieces between two full stops; a condition makes all of them unclear."""
+        is_broken = any(
+            piece.is_broken or piece.kinds & {CONDITION} or piece.kinds == {NEG}
+            for piece in segment
+        )
+        self.previous, self.is_wish_open = None, False
+        for number, piece in enumerate(segment):
+            if self.is_irrelevant(piece):
+                self.is_last_unknown = False
+                continue
+            clauses = () if is_broken else self.read(piece)
+            if clauses:
+                self.clauses += [(piece.start, clause) for clause in clauses]
+                self.previous = clauses[-1]
+            else:
+                self.add_unknown(piece, number > 0)
+            self.is_last_unknown = not clauses
+
+    def add_unknown(self, piece: Piece, goes_on: bool) -> None:
+        """Remember a part that was not read; it joins one just before it."""
+        if goes_on and self.is_last_unknown and self.unknown:
+            self.unknown[-1] = (self.unknown[-1][0], piece.end)
+        else:
+            self.unknown.append((piece.start, piece.end))
+        self.previous = None
+        self.notes += [
+            f'"{lexeme.value}" is not known' for lexeme in piece.lexemes if lexeme.kind == UNKNOWN
+        ]
+
+    def is_irrelevant(self, piece: Piece) -> bool:
+        """Whether all words of a piece are of phrases that say nothing about the route."""
+        words = [one for one in self.words if piece.start <= one.start < piece.end]
+        vocabulary = self.lexer.vocabulary
+        at, found = 0, False
+        while at < len(words):
+            count, _ = vocabulary.irrelevant.longest(words, at)
+            found = found or count > 0
+            if not count:
+                count, meanings = vocabulary.phrases.longest(words, at)
+                count = count if meanings and meanings[0][0][0] == 'MUST' else 0
+            if not count:
+                return False
+            at += count
+        return found
+
+    def read(self, piece: Piece) -> tuple[Clause, ...]:
+        """Return the clauses of a piece, none where it was not read wholly."""
+        if piece.link == COLON and self.is_last_unknown:
+            return ()
+        try:
+            clauses = self.in_flow(piece, parse_clause(piece.lexemes))
+        except Unclear as reason:
+            self.notes += [str(reason)] if str(reason) else []
+            return ()
+        self.is_wish_open = piece.wish_leads or (self.is_wish_open and piece.link in (AND, THEN))
+        if piece.is_wish or self.is_wish_open:
+            clauses = tuple(replace(clause, strength=SHOULD) for clause in clauses)
+        return clauses if self.has_room_for(clauses) else ()
+
+    def in_flow(self, piece: Piece, reading: Reading) -> tuple[Clause, ...]:
+        """Return the clauses of a reading by what stands before it. Raises Unclear.
+
+        'then the lab' is a visit after a visit; 'not the lab' is to be avoided after one.
+        """
+        clauses = reading.clauses
+        in_turn = piece.link == THEN or piece.is_first
+        if reading.things:
+            if not (piece.is_first or (in_turn and isinstance(self.previous, Visit))):
+                raise Unclear('a place without a verb')
+            clauses = (visit_of(reading.things),)
+        elif reading.is_negative and not (
+            isinstance(self.previous, Visit) and piece.link in (BUT, COMMA, AND)
+        ):
+            raise Unclear('a place without a verb')
+        is_visit = all(isinstance(clause, Visit) for clause in clauses)
+        is_end = piece.link == THEN and all(isinstance(clause, EndAt) for clause in clauses)
+        if (in_turn or piece.order) and not (is_visit or is_end):
+            raise Unclear('only visits have an order')
+        return ordered(clauses, piece.order)
+
+    def has_room_for(self, clauses: Sequence[Clause]) -> bool:
+        """Whether a specification may hold so many clauses and visits."""
+        both = [clause for _, clause in self.clauses] + list(clauses)
+        visits = sum(len(clause.regions) for clause in both if isinstance(clause, Visit))
+        # Room for what is not understood.
+        if len(both) < MAX_CLAUSES and visits <= MAX_VISITS:
+            return True
+        self.notes.append(f'more than {MAX_CLAUSES - 1} clauses or {MAX_VISITS} visits')
+        return False
+
+
+def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
+    """Return visits 'in this order' as one clause each. Raises Unclear for one in any order."""
+    if order == INORDER:
+        return tuple(
+            replace(clause, regions=(region,))
+            for clause in clauses
+            if isinstance(clause, Visit)
+            for region in clause.regions
+        )
+    if order == ANYORDER and any(len(clause.regions) < 2 for clause in clauses):  # type: ignore[attr-defined]
+        raise Unclear('one place in any order')
+    return clauses
+
+
+QUOTED = 'not understood: "'
+
+
+def understand(text: str, lexer: Lexer) -> Understood:
+    """Return what a clean text says in the words of one lexer."""
+    plain, quoted = without_quoted(text)
+    words, notes = lexer.corrected(read_words(plain))
+    pieces = Splitter(lexer.lexemes(words)).split()
+    assembler = Assembler(text, lexer, words, notes)
+    segment: list[Piece] = []
+    for piece in [*pieces, Piece(HARD)]:
+        if piece.link == HARD and segment:
+            assembler.take(segment)
+            segment = []
+        segment.append(piece)
+    return result_of(assembler, quoted)
+
+
+def without_quoted(text: str) -> tuple[str, list[tuple[int, int]]]:
+    """Return a text without what a canonical sentence quotes, and where that stands."""
+    found = []
+    at = text.find(QUOTED)
+    while at >= 0:
+        end = text.find('"', at + len(QUOTED))
+        if end < 0:
+            break
+        found.append((at + len(QUOTED), end))
+        text = f'{text[:at]}{";" * (end + 1 - at)}{text[end + 1 :]}'
+        at = text.find(QUOTED, end)
+    return text, found
+
+
+def result_of(assembler: Assembler, quoted: Sequence[tuple[int, int]]) -> Understood:
+    """Return the interpretation: the clauses read and the parts that were not, in order."""
+    text = assembler.text
+    unknown = [*assembler.unknown, *quoted]
+    room = MAX_CLAUSES - len(assembler.clauses)
+    if len(unknown) > room:
+        unknown = [*unknown[: room - 1], (unknown[room - 1][0], unknown[-1][1])]
+    parts = assembler.clauses + [
+        (start, Unknown(text=text[start:end][:MAX_NAME_CHARS])) for start, end in unknown
+    ]
+    parts.sort(key=lambda part: part[0])
+    specification = Specification(tuple(clause for _, clause in parts))
+    missed = sum(end - start for start, end in unknown)
+    interpretation = Interpretation(
+        text,
+        specification,
+        NAME,
+        status_of(specification),
+        '; '.join(dict.fromkeys(assembler.notes))[:300],
+    )
+    return Understood(interpretation, 1.0 - missed / max(1, len(text)))

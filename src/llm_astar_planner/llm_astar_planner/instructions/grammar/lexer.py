@@ -1,0 +1,202 @@
+"""From text to lexemes: places, nouns, vocabulary and numbers, the longest phrase first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from llm_astar_msgs_adapter.maps.places import Place, Places
+
+from llm_astar_planner.instructions.grammar.lexemes import (
+    COMMA,
+    MOST,
+    NUMBER,
+    SIGN,
+    UNKNOWN,
+    Lexeme,
+    combined,
+    settled,
+)
+from llm_astar_planner.instructions.grammar.lexicon import Group, Lexicon
+from llm_astar_planner.instructions.grammar.nouns import Noun, nouns
+from llm_astar_planner.instructions.grammar.spelling import corrections
+from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Vocabulary
+from llm_astar_planner.instructions.grammar.words import Word
+
+PLACE, NOUN, TAG, ANY, ALL, FILLER = 'PLACE', 'NOUN', 'TAG', 'ANY', 'ALL', 'MUST'
+ARTICLE, ANY_ARTICLE = 'ARTICLE', 'ANY_ARTICLE'
+SIGNS = {',': COMMA, ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', ':': 'COLON'}
+SIGNS |= {'&': 'AND', '<': 'BELOW', '>': 'ABOVE', '\u2014': COMMA, '\u2013': COMMA, '-': COMMA}
+# What may stand between an article and its noun.
+ADJECTIVES = frozenset({'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL', TAG, ANY, ALL})
+# Misspelt words that are looked up in one sentence, so that none takes long.
+MOST_CORRECTIONS = 6
+WALL = 'wall'
+
+
+@dataclass(frozen=True, eq=False)
+class Lexer:
+    """Reads instructions with the words of one language and of a map's places."""
+
+    lexicon: Lexicon
+    vocabulary: Vocabulary
+
+    def lexemes(self, words: Sequence[Word]) -> list[Lexeme]:
+        """Return the lexemes of words, without articles and filling words."""
+        scanned: list[Lexeme] = []
+        at = 0
+        while at < len(words):
+            count, found = self.scan(words, at)
+            scanned += found
+            at += count
+        kept = [lexeme for lexeme in scanned if lexeme.kind not in (ARTICLE, FILLER)]
+        return settled(in_context(combined(kept)))
+
+    def scan(self, words: Sequence[Word], at: int) -> tuple[int, list[Lexeme]]:
+        """Return how many words the longest phrase at a word takes, and its lexemes."""
+        found: list[tuple[int, list[tuple[str, object]]]] = []
+        count, places = self.lexicon.names.longest(words, at)
+        found.append((count, [(PLACE, place) for place in places]))
+        count, tags = self.lexicon.tag_groups.longest(words, at)
+        found.append((count, [(NOUN, self.tag_group(tag)) for tag in tags]))
+        found += self.noun(words, at)
+        count, places = self.lexicon.near_names.longest(words, at)
+        found.append((count, [(PLACE, place) for place in places]))
+        count, tags = self.lexicon.tags.longest(words, at)
+        found.append((count, [(TAG, tag) for tag in tags]))
+        count, values = max(found, key=lambda one: one[0])
+        taken, meanings = self.vocabulary.phrases.longest(words, at)
+        if taken > count:
+            return taken, phrase_lexemes(words[at : at + taken], meanings)
+        if count:
+            return count, [place_lexeme(words[at : at + count], values, self.lexicon.places)]
+        return 1, [self.single(words[at])]
+
+    def noun(self, words: Sequence[Word], at: int) -> list[tuple[int, list[tuple[str, object]]]]:
+        """Return the places that a noun at a word may mean, if there are any on the map."""
+        found: list[tuple[int, list[tuple[str, object]]]] = []
+        for language in dict.fromkeys((self.vocabulary.language, 'en')):
+            count, meant = nouns().by_language[language].longest(words, at)
+            text = ' '.join(word.text for word in words[at : at + count])
+            group = merged([self.lexicon.group(noun, text) for noun in meant], meant)
+            if group is not None:
+                found.append((count, [(NOUN, group)]))
+        return found
+
+    def tag_group(self, tag: str) -> Group:
+        """Return the places of a kind or with a tag."""
+        return Group(
+            f'{tag} places', self.lexicon.places, self.lexicon.places.with_tag(tag), True, tag
+        )
+
+    def single(self, word: Word) -> Lexeme:
+        """Return the lexeme of a word that is in no table of phrases."""
+        kind, value = UNKNOWN, word.text
+        if word.is_number:
+            kind = NUMBER if abs(float(word.text)) <= MOST else UNKNOWN
+        elif word.text in SIGNS:
+            kind = SIGNS[word.text]
+        elif not word.is_letters:
+            kind = SIGN
+        elif word.text in self.vocabulary.any_articles:
+            kind = ANY_ARTICLE
+        elif word.text in self.vocabulary.articles:
+            kind = ARTICLE
+        return Lexeme(kind, value, word.start, word.end)
+
+    def knows(self, word: str) -> bool:
+        """Whether a word is in any of the tables."""
+        lexicon = self.lexicon
+        return (
+            self.vocabulary.knows(word)
+            or word in lexicon.names.words
+            or word in lexicon.near_names.words
+            or word in lexicon.tags.words
+            or word in lexicon.tag_groups.words
+            or word in nouns().by_language[self.vocabulary.language].words
+            or word in nouns().by_language['en'].words
+        )
+
+    def corrected(self, words: Sequence[Word]) -> tuple[list[Word], list[str]]:
+        """Return the words with misspelt ones corrected, and what to say of unclear ones."""
+        result: list[Word] = []
+        notes: list[str] = []
+        left = MOST_CORRECTIONS
+        for word in words:
+            if not word.is_letters or self.knows(word.text) or not left:
+                result.append(word)
+                continue
+            left -= 1
+            near = self.near(word.text)
+            if len(near) > 1:
+                notes.append(f'"{word.text}" may be {" or ".join(near)}')
+            result.append(replace(word, text=near[0]) if len(near) == 1 else word)
+        return result, notes
+
+    def near(self, word: str) -> list[str]:
+        """Return the words that a misspelt word may stand for; several are equally possible."""
+        plain = word.replace('ae', 'a').replace('oe', 'o').replace('ue', 'u')
+        if self.knows(plain):
+            return [plain]
+        spellings = self.lexicon.spellings
+        found = corrections(word, spellings) or corrections(word, self.vocabulary.phrases.words)
+        stems = {other.removesuffix('s').removesuffix('e') for other in found}
+        return found[:1] if len(stems) == 1 else found
+
+
+def merged(groups: Sequence[Group], meant: Sequence[Noun]) -> Group | None:
+    """Return the places of all meanings of a noun, None if the map has none of them."""
+    is_wall = any(noun.name == WALL for noun in meant)
+    places = tuple(dict.fromkeys(place for group in groups for place in group.places))
+    if not groups or (not places and not is_wall):
+        return None
+    # A word that is the same in both numbers ('Zimmer') counts as singular.
+    plural = all(group.plural for group in groups)
+    noun = WALL if is_wall else groups[0].noun
+    return Group(groups[0].words, groups[0].all_places, places, plural, noun=noun)
+
+
+def place_lexeme(
+    words: Sequence[Word], values: Sequence[tuple[str, object]], places: Places
+) -> Lexeme:
+    """Return the lexeme of a phrase for places; several with one name are a group."""
+    kind, value = values[0]
+    if len(values) > 1:
+        text = ' '.join(word.text for word in words)
+        named = tuple(place for _, place in values if isinstance(place, Place))
+        kind, value = NOUN, Group(text, places, named, plural=False)
+    return Lexeme(kind, value, words[0].start, words[-1].end)
+
+
+def phrase_lexemes(words: Sequence[Word], meanings: Sequence[Meaning]) -> list[Lexeme]:
+    """Return the lexemes of a phrase of the vocabulary."""
+    start, end = words[0].start, words[-1].end
+    other = meanings[1][0] if len(meanings) > 1 else ('', '')
+    return [Lexeme(kind, value, start, end, other[0], other[1]) for kind, value in meanings[0]]
+
+
+def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Settle articles and nouns by the lexemes next to them.
+
+    'a' means any one before a noun and nothing elsewhere; a noun that means one place is it.
+    """
+    result: list[Lexeme] = []
+    for lexeme, after in zip(lexemes, [*lexemes[1:], None]):
+        following = after.kind if after else ''
+        if lexeme.kind == ANY_ARTICLE:
+            if following == NOUN or following in ADJECTIVES:
+                result.append(replace(lexeme, kind=ANY, value='any'))
+            continue
+        before = result[-1].kind if result else ''
+        result.append(lexeme if before in ADJECTIVES else as_place(lexeme))
+    return result
+
+
+def as_place(lexeme: Lexeme) -> Lexeme:
+    """Return a noun that means exactly one place as that place; walls in plural stay a group."""
+    group = lexeme.value
+    if not isinstance(group, Group) or len(group.places) != 1:
+        return lexeme
+    if group.noun == WALL and group.plural:
+        return lexeme
+    return replace(lexeme, kind=PLACE, value=group.places[0])

@@ -1,0 +1,237 @@
+"""The words for a map's places: names, aliases, their translations, kinds and tags."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+from llm_astar_msgs_adapter.maps.places import Place, Places
+
+from llm_astar_planner.instructions.grammar.nouns import Noun, nouns
+from llm_astar_planner.instructions.grammar.phrases import Phrases
+from llm_astar_planner.instructions.grammar.vocabulary import LANGUAGES, vocabulary
+from llm_astar_planner.instructions.grammar.words import (
+    Word,
+    comparable,
+    phrase_words,
+    read_words,
+    word_set,
+)
+
+# What a name goes on with after its noun: 'door | between kitchen and lab'.
+PREPOSITIONS = word_set(
+    'of in at to between near by with from behind beside under over x y = von '
+    'zwischen im in am an zu zur zum bei mit de du des del entre en a con pour para'
+)
+AREA = 'area'
+OBJECT, PASSAGE, ROOM, PLACE = 'object', 'passage', 'room', 'place'
+# Of a place without a noun in its name, kind and tags.
+UNNAMED = 'unnamed'
+
+
+@dataclass(frozen=True)
+class Group:
+    """Places that one word may mean: 'room', 'doors', 'blue'.
+
+    - `all_places`: all places of the map.
+    - `tag`: where the words name a kind or tag ('all blue places').
+    - `noun`: the noun of the table, '' if it is none.
+    """
+
+    words: str
+    all_places: Places
+    places: tuple[Place, ...]
+    plural: bool
+    tag: str = ''
+    noun: str = ''
+
+
+@dataclass(frozen=True, eq=False)
+class Lexicon:
+    """The words for the places of a map.
+
+    - `names`: names and aliases; `near_names`: their translations and other number.
+    - `tags`: kinds and tags that are no nouns, as adjectives ('blue').
+    - `nouns_of`: by the name of a place, the nouns that it is called by.
+    """
+
+    places: Places
+    names: Phrases[Place]
+    near_names: Phrases[Place]
+    tags: Phrases[str]
+    tag_groups: Phrases[str]
+    nouns_of: dict[str, frozenset[str]]
+    spellings: frozenset[str]
+
+    def generic_of(self, place: Place) -> str:
+        """Return the generic word for a place: 'room', 'passage', 'door', 'object', ..."""
+        return generic_of(place, self.nouns_of[place.name])
+
+    def group(self, noun: Noun, words: str) -> Group:
+        """Return the places that a noun may mean."""
+        found = tuple(place for place in self.places if noun.name in self.nouns_of[place.name])
+        if noun.name == PLACE:
+            found = self.places.places
+        elif noun.name == noun.generic:
+            covered = (noun.generic, UNNAMED) if noun.name == ROOM else (noun.generic,)
+            found = tuple(place for place in self.places if self.generic_of(place) in covered)
+        elif not found and noun.generic == PASSAGE:
+            found = tuple(place for place in self.places if self.generic_of(place) == PASSAGE)
+        return Group(words, self.places, found, noun.plural, noun=noun.name)
+
+
+@lru_cache(maxsize=16)
+def lexicon(places: Places) -> Lexicon:
+    """Return the words for a map's places, made once for each `Places`."""
+    names: Phrases[Place] = Phrases(articles())
+    near: Phrases[Place] = Phrases(articles())
+    tags: Phrases[str] = Phrases()
+    groups: Phrases[str] = Phrases()
+    for place in places:
+        for name in (place.name, *place.aliases):
+            words = phrase_words(name)
+            names.add(words, place)
+            names.add(without_articles(words), place)
+            for variant in variants(words):
+                near.add(variant, place)
+    for tag in places.tags:
+        add_tag(tag, tags, groups)
+    nouns_of = {place.name: place_nouns(place) for place in places}
+    letters = frozenset(word for word in names.words | near.words | tags.words if word.isalpha())
+    return Lexicon(places, names, near, tags, groups, nouns_of, letters)
+
+
+@lru_cache(maxsize=1)
+def articles() -> frozenset[str]:
+    """Return the articles of all languages, which may stand within a name."""
+    tables = [vocabulary(language) for language in LANGUAGES]
+    return frozenset().union(*(table.articles | table.any_articles for table in tables))
+
+
+def without_articles(words: tuple[str, ...]) -> tuple[str, ...]:
+    """Return a phrase without the articles within it; the last word of 'rack A' is none."""
+    kept = tuple(word for word in words[:-1] if word not in articles())
+    return (*kept, words[-1]) if words else words
+
+
+def add_tag(tag: str, tags: Phrases[str], groups: Phrases[str]) -> None:
+    """Add the words for a kind or tag: as an adjective, and as '<tag> places'."""
+    words = phrase_words(tag)
+    for places in ('places', 'place'):
+        groups.add((*words, places), tag)
+    colour = nouns().colours.get(words[0]) if len(words) == 1 else None
+    for word, other in nouns().colours.items() if colour else ():
+        if other == colour:
+            tags.add((word,), tag)
+    count, _ = nouns().everywhere.longest(read_words(tag), 0)
+    if count < len(words):
+        tags.add(words, tag)
+        groups.add((*words[:-1], words[-1] + 's'), tag)
+
+
+def head_of(words: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the words of a name up to its first preposition and without its identifier."""
+    end = next((n for n, word in enumerate(words) if n and word in PREPOSITIONS), len(words))
+    while end > 1 and (len(words[end - 1]) == 1 or not words[end - 1].isalpha()):
+        end -= 1
+    return words[:end]
+
+
+def head_nouns(words: tuple[str, ...]) -> frozenset[str]:
+    """Return the nouns that the head of a name ends with: the longest phrase decides."""
+    head = [Word(word, 0, 0) for word in head_of(words)]
+    for start in range(len(head)):
+        count, found = nouns().everywhere.longest(head, start)
+        if count == len(head) - start:
+            return frozenset(noun.name for noun in found)
+    return frozenset()
+
+
+def generic_of(place: Place, called: Collection[str]) -> str:
+    """Return the generic word for a place that is called by some nouns."""
+    if place.is_object:
+        return OBJECT
+    known = [nouns().generic[name] for name in sorted(called)]
+    return known[0] if known else UNNAMED
+
+
+def place_nouns(place: Place) -> frozenset[str]:
+    """Return the nouns that a place is called by: of its names, kind and tags."""
+    kinds = [kind for kind in (place.kind, *place.tags) if kind not in (AREA, PLACE)]
+    texts = (place.name, *place.aliases, *kinds)
+    return frozenset().union(*(head_nouns(phrase_words(text)) for text in texts))
+
+
+@lru_cache(maxsize=1024)
+def sides_in(*names: str) -> frozenset[str]:
+    """Return the sides that names hold: 'north' of 'north aisle'."""
+    found = set()
+    for name in names:
+        for word in phrase_words(name):
+            for language in LANGUAGES:
+                _, meanings = vocabulary(language).phrases.longest([Word(word, 0, 0)], 0)
+                for meaning in meanings:
+                    if meaning[0][0] in ('SIDE', 'CENTER'):
+                        found.add(meaning[0][1] or 'center')
+    return frozenset(found)
+
+
+def common_tag(group: Group, found: Sequence[Place], wanted: Sequence[str]) -> str:
+    """Return the kind or tag that means exactly the places found, '' if there is none.
+
+    Of several, one of the `wanted` or one that is the group's noun.
+    """
+    names = {place.name for place in found}
+    exact = [
+        tag
+        for tag in group.all_places.tags
+        if {place.name for place in group.all_places.with_tag(tag)} == names
+    ]
+    said = [tag for tag in exact if tag in wanted or group.noun in head_nouns(phrase_words(tag))]
+    return (said or exact or [''])[0]
+
+
+def variants(words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    """Yield other ways to say a name: number, translations, 'door of the kitchen'."""
+    last = words[-1]
+    if last.isalpha() and len(last) > 2:
+        yield (*words[:-1], last.removesuffix('s') if last.endswith('s') else f'{last}s')
+    if '=' in words:
+        at = words.index('=')
+        yield words[:at] + words[at + 1 :]
+        yield (*words[: at - 1], 'at', *words[at - 1 :])
+    yield from translated(words)
+
+
+def translated(words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+    """Yield the translations of 'rack A' (noun and identifier) and 'kitchen door' (two nouns)."""
+    read = [Word(word, 0, 0) for word in words]
+    count, first = nouns().everywhere.longest(read, 0)
+    if not count or count == len(words):
+        return
+    rest = words[count:]
+    if len(rest) == 1 and (len(rest[0]) == 1 or not rest[0].isalpha()):
+        for noun, language in itertools.product(first, LANGUAGES):
+            for phrase in nouns().words[noun.name, language]:
+                yield (*phrase, *rest)
+    more, second = nouns().everywhere.longest(read, count)
+    if more == len(rest):
+        yield from compounds(first, second)
+
+
+def compounds(first: list[Noun], second: list[Noun]) -> Iterator[tuple[str, ...]]:
+    """Yield 'door of kitchen', 'Küchentür', 'porte de cuisine' of 'kitchen' and 'door'."""
+    words = nouns().words
+    for one, two, language in itertools.product(first, second, LANGUAGES):
+        for a, b in itertools.product(words[one.name, language], words[two.name, language]):
+            if language == 'en':
+                yield (*b, 'of', *a)
+                yield (*b, 'to', *a)
+            elif language == 'de':
+                yield from (
+                    (*a[:-1], a[-1] + joint + comparable(b[0]), *b[1:]) for joint in ('', 'n', 's')
+                )
+            else:
+                yield (*b, 'de', *a)

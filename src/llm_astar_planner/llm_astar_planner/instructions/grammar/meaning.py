@@ -1,0 +1,466 @@
+"""From the parts of a parsed clause to the clauses of a specification."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from lark import Token, Transformer, v_args
+
+from llm_astar_planner.instructions.grammar.lexicon import (
+    PASSAGE,
+    Group,
+    generic_of,
+    place_nouns,
+)
+from llm_astar_planner.instructions.grammar.regions import (
+    Part,
+    Selection,
+    Unclear,
+    axis_half,
+    common_box,
+    half_of,
+    outside,
+    select_group,
+    select_place,
+)
+from llm_astar_planner.instructions.grammar.relative import OPPOSITE
+from llm_astar_planner.instructions.specification import (
+    ALONG_WIDTH,
+    MAX_METRES,
+    SHOULD,
+    WALLS,
+    Along,
+    Avoid,
+    Before,
+    Between,
+    Box,
+    Clause,
+    Disc,
+    EndAt,
+    Half,
+    KeepDistance,
+    NamedPlace,
+    Pass,
+    Region,
+    StayIn,
+    Visit,
+)
+
+# The type parameters of lark's class differ between its versions.
+Callbacks: Any = Transformer
+Things = tuple[Selection, ...]
+DOOR = 'door'
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one clause of an instruction says.
+
+    `things` are regions without a verb; `is_negative` where a 'not' stands before them.
+    """
+
+    clauses: tuple[Clause, ...] = ()
+    things: Things = ()
+    is_negative: bool = False
+
+
+def visit_of(things: Things) -> Visit:
+    """Return the visit of all things, in any order. Raises Unclear."""
+    regions: list[Region] = []
+    for thing in things:
+        if thing.is_walls:
+            raise Unclear('walls cannot be visited')
+        regions += [thing.one] if thing.any_one else thing.regions
+    return Visit(regions=tuple(regions))
+
+
+def avoid_of(things: Things, metres: float = 0.0) -> tuple[Clause, ...]:
+    """Return what avoids all things. Raises Unclear."""
+    clauses: list[Clause] = []
+    for thing in things:
+        if thing.any_one == 'one':
+            raise Unclear('which one is to be avoided')
+        if thing.is_walls:
+            clauses.append(KeepDistance(metres=positive(metres)))
+        elif thing.is_point and metres:
+            clauses.append(Avoid(region=with_radius(thing, metres)))
+        else:
+            regions = thing.regions if thing.together is None else (thing.together,)
+            clauses += [Avoid(region=region, margin=metres) for region in regions]
+    return tuple(clauses)
+
+
+def distance_of(things: Things, metres: float) -> tuple[Clause, ...]:
+    """Return what keeps a distance from all things. Raises Unclear."""
+    clauses: list[Clause] = []
+    for thing in things:
+        if thing.any_one == 'one':
+            raise Unclear('a distance from which one')
+        if thing.is_walls:
+            clauses.append(KeepDistance(metres=positive(metres)))
+        elif thing.is_point:
+            clauses.append(Avoid(region=with_radius(thing, positive(metres))))
+        else:
+            regions = thing.regions if thing.together is None else (thing.together,)
+            clauses += [KeepDistance(metres=positive(metres), region=one) for one in regions]
+    return tuple(clauses)
+
+
+def with_radius(thing: Selection, metres: float) -> Disc:
+    """Return a point as a disc."""
+    point = thing.one
+    if not isinstance(point, Disc):
+        raise Unclear('no point')
+    return Disc(point.x, point.y, metres)
+
+
+def positive(metres: float) -> float:
+    """Return a distance. Raises Unclear where there is none."""
+    if not 0.0 < metres <= MAX_METRES:
+        raise Unclear('no distance that can be kept')
+    return metres
+
+
+def strip_along(thing: Selection, metres: float) -> Along:
+    """Return the strip around a place or the walls."""
+    return Along(WALLS if thing.is_walls else thing.place.name, positive(metres))
+
+
+def single(things: Things) -> Selection:
+    """Return the only thing. Raises Unclear where there are several."""
+    if len(things) != 1:
+        raise Unclear('several things where one is expected')
+    return things[0]
+
+
+def value(token: Token) -> Any:
+    """Return what a lexeme stands for."""
+    return token.value.value
+
+
+def side_in(tokens: tuple[Token, ...]) -> str:
+    """Return the side among some lexemes."""
+    return next(str(value(token)) for token in tokens if token.type == 'SIDE')
+
+
+def visits(*in_turn: Things) -> Reading:
+    """Return the visits of some things, one after the other."""
+    return Reading(tuple(visit_of(things) for things in in_turn))
+
+
+@v_args(inline=True)
+class Meaning(Callbacks):  # type: ignore[misc]
+    """Called by the parser for each rule of `clauses.lark`, with what its parts mean."""
+
+    def start(self, reading: Reading) -> Reading:
+        """The whole clause."""
+        return reading
+
+    # ---- avoid
+
+    def avoid(self, *parts: Any) -> Reading:
+        """'avoid A and B'; a verb of entering may stand before the things."""
+        return Reading(avoid_of(parts[-1]))
+
+    def avoid_around(self, things: Things) -> Reading:
+        """'go around A'; in 'go around the racks on the north side' the side is the way's."""
+        if any(thing.is_positioned for thing in things):
+            raise Unclear('the side of the places or of the way')
+        return Reading(avoid_of(things))
+
+    def avoid_by(self, things: Things, metres: float) -> Reading:
+        """'avoid A by 3 m'."""
+        return Reading(avoid_of(things, metres))
+
+    def avoid_field(self, thing: Selection) -> Reading:
+        """'do not go north of y = 10'."""
+        if not isinstance(thing.one, (Box, Half, Between)):
+            raise Unclear('no area')
+        return Reading(avoid_of((thing,)))
+
+    def not_bare(self, things: Things) -> Reading:
+        """'not A', which means something only after a visit."""
+        return Reading(avoid_of(things), is_negative=True)
+
+    def by(self, metres: Token) -> float:
+        """'by 3 m'."""
+        return float(value(metres))
+
+    # ---- distances
+
+    def keep_distance(self, *parts: Any) -> Reading:
+        """'keep 3 m away from A and B'; a distance and the things among the parts."""
+        token, things = (part for part in parts if part is not None)
+        return Reading(distance_of(things, float(value(token))))
+
+    def keep_distance_after(self, things: Things, metres: Token) -> Reading:
+        """'do not approach A closer than 2 m'."""
+        return Reading(distance_of(things, float(value(metres))))
+
+    def away(self) -> None:
+        """'from', 'to'."""
+
+    # ---- visits
+
+    def visit(self, *parts: Any) -> Reading:
+        """'visit A and B'."""
+        return visits(parts[-1])
+
+    def missing(self, *_: Any) -> None:
+        """'miss', 'forget to visit'."""
+
+    def enter(self, *tokens: Token) -> str:
+        """'go through'; says whether it is 'pass by'."""
+        return tokens[0].type if tokens else ''
+
+    def use(self, *_: Any) -> None:
+        """'take', 'drive along'."""
+
+    def visit_by_way_of(self, *parts: Any) -> Reading:
+        """'go to B via A', 'before B visit A', 'visit B after A'."""
+        second, first = (part for part in parts if isinstance(part, tuple))
+        return visits(first, second)
+
+    def visit_in_turn(self, *parts: Any) -> Reading:
+        """'go through A to B', 'visit A before B', 'after A visit B'."""
+        first, second = (part for part in parts if isinstance(part, tuple))
+        return visits(first, second)
+
+    def before(self, *parts: Any) -> Reading:
+        """'visit A before you enter B'."""
+        first, second = (single(part).one for part in parts if isinstance(part, tuple))
+        return Reading((Before(first=first, second=second),))
+
+    def before_swapped(self, *parts: Any) -> Reading:
+        """'do not enter B before A'."""
+        second, first = (single(part).one for part in parts if isinstance(part, tuple))
+        return Reading((Before(first=first, second=second),))
+
+    def until(self) -> None:
+        """'before', 'until'."""
+
+    def move_in(self, thing: Selection) -> Reading:
+        """'drive in the north half'."""
+        if not isinstance(thing.one, (Half, Box)):
+            raise Unclear('through it or within it')
+        return Reading((StayIn(SHOULD, region=thing.one),))
+
+    # ---- stay
+
+    def stay_in(self, thing: Selection) -> Reading:
+        """'stay in the corridor'."""
+        return Reading((StayIn(region=thing.one),))
+
+    def stay_on(self, thing: Selection) -> Reading:
+        """'stay on the north side', 'stay on the ramp'."""
+        if isinstance(thing.one, Half):
+            return self.keep_to(thing)
+        return self.stay_in(thing)
+
+    def keep_to(self, thing: Selection) -> Reading:
+        """'keep to the south side'."""
+        return Reading((StayIn(SHOULD, region=thing.one),))
+
+    def keep_side(self, side: str) -> Reading:
+        """'keep north', 'as far north as you can'."""
+        return Reading((StayIn(SHOULD, region=Half(side)),))
+
+    def toward_side(self, side: Token) -> str:
+        """'to the north'."""
+        return str(value(side))
+
+    def stay_field(self, thing: Selection) -> Reading:
+        """'stay south of y = 10'."""
+        region = thing.one
+        if not isinstance(region, Box):
+            raise Unclear('to stay in what')
+        beyond = outside(region)
+        return Reading((StayIn(region=region) if beyond is None else Avoid(region=beyond),))
+
+    def take(self, thing: Selection) -> Reading:
+        """'take the middle aisle' is to drive along it, 'take the door' is to go through."""
+        if isinstance(thing.one, (Half, Box)):
+            return self.keep_to(thing)
+        if isinstance(thing.one, Between):
+            return visits((thing,))
+        generic = generic_of(thing.place, place_nouns(thing.place))
+        if generic == DOOR:
+            return visits((thing,))
+        if generic != PASSAGE:
+            raise Unclear('to go through it or to stay in it')
+        return self.keep_to(thing)
+
+    def follow(self, things: Things) -> Reading:
+        """'drive along the corridor', 'follow the wall'."""
+        thing = single(things)
+        if thing.is_walls or (thing.places and thing.place.is_object):
+            return self.stay_close(things)
+        if thing.places and not isinstance(thing.one, Half):
+            generic = generic_of(thing.place, place_nouns(thing.place))
+            if generic != PASSAGE:
+                raise Unclear('along it or through it')
+        return self.keep_to(thing)
+
+    def drive_on(self, thing: Selection) -> Reading:
+        """'drive on the north side', 'drive on the north side of the rack'."""
+        region = thing.one
+        if not isinstance(region, Half):
+            raise Unclear('to drive on what')
+        return self.pass_half(thing) if region.of else self.keep_to(thing)
+
+    def stay_close(self, things: Things) -> Reading:
+        """'hug the walls'."""
+        strip = strip_along(single(things), ALONG_WIDTH)
+        return Reading((StayIn(SHOULD, region=strip),))
+
+    def stay_within(self, metres: Token, things: Things) -> Reading:
+        """'stay within 2 m of the walls'."""
+        thing = single(things)
+        if thing.is_point:
+            return Reading((StayIn(region=with_radius(thing, positive(value(metres)))),))
+        return Reading((StayIn(region=strip_along(thing, value(metres))),))
+
+    # ---- pass
+
+    def pass_at(self, things: Things, side: str) -> Reading:
+        """'pass A on the north side'."""
+        thing = single(things)
+        if thing.is_positioned or thing.is_walls:
+            raise Unclear('the side of the places or of the way')
+        return Reading((Pass(region=thing.one, side=side),))
+
+    def pass_by_at(self, how: str, things: Things, *tokens: Token) -> Reading:
+        """'pass by A on the north side'."""
+        if how != 'PASSBY':
+            raise Unclear('a side for what is visited')
+        return self.pass_at(things, side_in(tokens))
+
+    def pass_of(self, side: Token, thing: Selection) -> Reading:
+        """'pass north of A'."""
+        return self.pass_at((thing,), str(value(side)))
+
+    def pass_half(self, thing: Selection) -> Reading:
+        """'pass on the north side of A'."""
+        region = thing.one
+        if not isinstance(region, Half) or not region.of or not thing.place.is_object:
+            raise Unclear('past it or through it')
+        return Reading((Pass(region=NamedPlace(region.of), side=region.side),))
+
+    def leave_at(self, thing: Selection, side: str) -> Reading:
+        """'keep A on your left' is to pass it on its right."""
+        return self.pass_at((thing,), OPPOSITE[side])
+
+    def at_side(self, *tokens: Token) -> str:
+        """'on the north side'."""
+        return side_in(tuple(token for token in tokens if token is not None))
+
+    own_side = at_side
+
+    def at(self) -> None:
+        """'on', 'to'."""
+
+    # ---- the rest
+
+    def end_at(self, thing: Selection) -> Reading:
+        """'end in A'."""
+        return Reading((EndAt(region=thing.one),))
+
+    def bare(self, things: Things) -> Reading:
+        """Things without a verb."""
+        return Reading(things=things)
+
+    # ---- regions
+
+    def things(self, *things: Selection) -> Things:
+        """'A, B and C'."""
+        return things
+
+    def place(self, token: Token) -> Selection:
+        """A name."""
+        return select_place(value(token))
+
+    def all_of(self, _: Token, place: Selection) -> Selection:
+        """'all of A'."""
+        return place
+
+    def point(self, token: Token) -> Selection:
+        """'20, 12'."""
+        x, y = value(token)
+        return Selection((Disc(x, y),), is_point=True)
+
+    def group(self, described: tuple[Group, list[Part]], *where: list[Part]) -> Selection:
+        """'the northern rooms', 'the room in the top left'."""
+        noun, parts = described
+        return select_group(noun, parts, where[0] if where else [])
+
+    def described(self, *parts: Any) -> tuple[Group, list[Part]]:
+        """'all blue rooms': adjectives, then the noun."""
+        *adjectives, noun = parts
+        return value(noun), list(adjectives)
+
+    def adjective(self, token: Token) -> Part:
+        """'blue', 'northern', 'all'."""
+        return Part(token.type, value(token))
+
+    def where(self, *tokens: Token) -> list[Part]:
+        """'in the top left', 'in the middle'."""
+        return [Part(token.type, value(token)) for token in tokens]
+
+    def around(self, metres: Token, thing: Selection) -> Selection:
+        """'the 3 m around 20, 12'."""
+        if not thing.is_point:
+            raise Unclear('a strip around a place is said as avoid it by')
+        return Selection((with_radius(thing, positive(value(metres))),))
+
+    def surroundings(self, thing: Selection) -> Selection:
+        """'the surroundings of 20, 12': a disc of the default radius."""
+        return Selection(thing.regions)
+
+    def half(self, *parts: Any) -> Selection:
+        """'the north half of the lab'."""
+        tokens = tuple(part for part in parts if isinstance(part, Token))
+        wholes = [part for part in parts if not isinstance(part, Token)]
+        whole = wholes[0] if wholes else None
+        is_half = any(token.type == 'HALFNOUN' for token in tokens)
+        return half_of(side_in(tokens), is_half, whole)
+
+    def of_map(self) -> str:
+        """'of the map'."""
+        return 'map'
+
+    def of_way(self) -> str:
+        """'of the direct way'."""
+        return 'way'
+
+    def of_place(self, thing: Selection) -> object:
+        """'of the lab'."""
+        return thing.place
+
+    def field(self, side: Token, line: Token) -> Selection:
+        """'north of y = 10'."""
+        return Selection((axis_half(str(value(side)), *value(line)),))
+
+    def above(self, line: Token) -> Selection:
+        """'above y = 10'."""
+        return Selection((axis_half('north', *value(line)),))
+
+    def below(self, line: Token) -> Selection:
+        """'below y = 10'."""
+        return Selection((axis_half('south', *value(line)),))
+
+    def same(self, thing: Selection) -> Selection:
+        """'everything north of y = 10'."""
+        return thing
+
+    def ranges(self, *tokens: Token) -> Selection:
+        """'the area with x from 1 to 2 and y above 3'."""
+        return Selection((common_box([value(token) for token in tokens]),))
+
+    def between(self, first: Selection, second: Selection) -> Selection:
+        """'between A and B'."""
+        return Selection((Between(first.place.name, second.place.name),))
+
+    def strip(self, metres: Token, thing: Selection) -> Selection:
+        """'the 1 m along the lab'."""
+        return Selection((strip_along(thing, value(metres)),))

@@ -1,0 +1,268 @@
+"""Where one clause of an instruction ends and another begins.
+
+One pass over the lexemes: a comma or an 'and' before a region goes on with a list, before
+anything else it begins a new piece. Each piece is then put into the order that the grammar reads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, LENGTH, POINT, RANGE, Lexeme
+from llm_astar_planner.instructions.grammar.words import word_set
+
+NEG, SHOULD_WORD, FIRST, THEN, BUT, OR = 'NEG', 'SHOULD', 'FIRST', 'THEN', 'BUT', 'OR'
+HARD, COLON, CONDITION, POISON = 'HARD', 'COLON', 'CONDITION', 'POISON'
+ANYORDER, INORDER = 'ANYORDER', 'INORDER'
+
+REGION_STARTS = word_set(
+    'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
+    'RADIUS SURROUNDINGS HALkinds_ofOUN SIDENOUN ABOVE BELOW'
+) | {POINT, RANGE, LENGTH}
+REGION_ENDS = word_set(
+    'PLACE NOUN SIDE SIDENOUN HALkinds_ofOUN CORNER CENTER OFMAP OFWAY AXISLINE'
+) | {POINT, RANGE, LENGTH}
+VERBS = word_set(
+    'AVOID AROUND_VERB SKIP MISS VISIT PASSBY MOVE STAY USE CLOSE END PASS LEAVE '
+    'WITHIN CLOSER APPROACH ALONG'
+)
+PREPOSITIONS = word_set('THROUGH TO FROM IN UPON BY')
+# A verb after one of these belongs to it: 'before you enter A'.
+ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER'})
+# A comma before one of these ends nothing.
+TRAILERS = ORDER_WORDS - {'AFTER'} | {ANYORDER, INORDER, 'BY', 'REQUIRED', 'FORBIDDEN'}
+SEPARATORS = frozenset({HARD, COLON, THEN, BUT, AND, COMMA, CONDITION})
+
+
+@dataclass(eq=False)
+class Piece:
+    """The lexemes of one clause, and how it follows the one before.
+
+    - `link`: '' at the beginning, else the kind of the separator before it.
+    - `start`, `end`: where its words stand in the text, separators included.
+    - `is_first`: it begins with 'first'. `is_wish`: it has an 'if possible'; `wish_leads`: at the
+      beginning. `order`: it ends with 'in any order' or 'in this order'.
+    - `is_broken`: it holds a condition or words that make it no instruction.
+    """
+
+    link: str = ''
+    lexemes: list[Lexeme] = field(default_factory=list)
+    start: int = 0
+    end: int = 0
+    is_first: bool = False
+    is_wish: bool = False
+    wish_leads: bool = False
+    order: str = ''
+    is_broken: bool = False
+
+    @property
+    def kinds(self) -> set[str]:
+        """The kinds of its lexemes."""
+        return {lexeme.kind for lexeme in self.lexemes}
+
+    @property
+    def last(self) -> str:
+        """The kind of its last lexeme, '' if there is none."""
+        return self.lexemes[-1].kind if self.lexemes else ''
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether it could end here: its last word is a region."""
+        return self.last in REGION_ENDS
+
+    @property
+    def awaits_verb(self) -> bool:
+        """Whether the next verb belongs to it: there is none yet, or an order word waits."""
+        if self.lexemes and self.lexemes[0].kind in ORDER_WORDS:
+            return True
+        return not (self.kinds & VERBS or 'THROUGH' in self.kinds)
+
+
+class Splitter:
+    """Splits lexemes into pieces; one instance splits one instruction."""
+
+    def __init__(self, lexemes: Sequence[Lexeme]) -> None:
+        """Take the lexemes of an instruction."""
+        self.lexemes = lexemes
+        self.pieces: list[Piece] = [Piece()]
+        self.skipped = 0
+
+    def split(self) -> list[Piece]:
+        """Return the pieces, each in the order that the grammar reads."""
+        for at, lexeme in enumerate(self.lexemes):
+            if self.skipped:
+                self.skipped -= 1
+            elif lexeme.kind in SEPARATORS:
+                self.separate(at, lexeme)
+            elif lexeme.kind == OR:
+                self.choose(at, lexeme)
+            else:
+                self.add(at, lexeme)
+        filled = [piece for piece in self.pieces if piece.lexemes or piece.is_broken]
+        for piece in filled:
+            piece.lexemes = in_reading_order(piece.lexemes)
+        return filled
+
+    @property
+    def piece(self) -> Piece:
+        """The piece that grows."""
+        return self.pieces[-1]
+
+    def kind_after(self, at: int) -> str:
+        """Return the kind of the lexeme after one that is no comma or 'and', '' at the end."""
+        while at + 1 < len(self.lexemes) and self.lexemes[at + 1].kind in (COMMA, AND):
+            at += 1
+        return self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
+
+    def begin(self, link: str) -> None:
+        """Begin a new piece; a stronger link before it stays."""
+        if self.piece.lexemes or self.piece.is_broken:
+            self.pieces.append(Piece(link))
+        elif link not in (AND, COMMA) or not self.piece.link:
+            self.piece.link = link if self.piece.link != THEN else THEN
+            self.piece.is_broken = self.piece.is_broken or link == CONDITION
+
+    def extend(self, lexeme: Lexeme) -> None:
+        """Add a lexeme to the piece."""
+        piece = self.piece
+        if not (piece.lexemes or piece.is_wish or piece.is_first or piece.is_broken):
+            piece.start = lexeme.start
+        piece.lexemes.append(lexeme)
+        piece.end = lexeme.end
+
+    def separate(self, at: int, lexeme: Lexeme) -> None:
+        """Take a separator: go on with a list, leave it out, or begin a new piece."""
+        kind = lexeme.kind
+        if kind == CONDITION:
+            self.begin(kind)
+            self.piece.link = CONDITION
+            self.piece.is_broken = True
+            self.piece.start, self.piece.end = lexeme.start, lexeme.end
+            return
+        if kind not in (AND, COMMA):
+            self.begin(kind)
+            return
+        following = self.kind_after(at)
+        if following in TRAILERS and kind == COMMA and self.piece.lexemes:
+            return
+        if following in (THEN, BUT, '') or self.leads_an_order(kind):
+            return
+        if self.goes_on(at, following):
+            return
+        if following == SHOULD_WORD and kind == COMMA and not self.ends_before(at):
+            return
+        self.begin(kind)
+
+    def leads_an_order(self, kind: str) -> bool:
+        """Whether the comma in 'before A, visit B' is at hand: it ends nothing."""
+        piece = self.piece
+        if kind != COMMA or not piece.lexemes or piece.lexemes[0].kind not in ORDER_WORDS:
+            return False
+        return piece.is_complete
+
+    def goes_on(self, at: int, following: str) -> bool:
+        """Whether a comma or 'and' goes on with a list; then its lexeme is added."""
+        piece, lexeme = self.piece, self.lexemes[at]
+        if not piece.is_complete:
+            return False
+        if following in REGION_STARTS and not self.names_a_subject(at):
+            if piece.last != AND:
+                self.extend(Lexeme(AND, '', lexeme.start, lexeme.end))
+            return True
+        nearest = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
+        repeated = nearest in PREPOSITIONS and self.kind_after(at + 1) in REGION_STARTS
+        if repeated and nearest in ('THROUGH', 'TO', 'FROM') and self.repeats(nearest):
+            kind = 'UNKNOWN' if NEG in piece.kinds else AND
+            self.extend(Lexeme(kind, '', lexeme.start, lexeme.end))
+            self.skipped = 1
+            return True
+        return False
+
+    def repeats(self, preposition: str) -> bool:
+        """Whether the piece has the preposition already, in a verb or alone."""
+        kinds = self.piece.kinds
+        return preposition in kinds or (preposition in ('THROUGH', 'TO') and 'VISIT' in kinds)
+
+    def names_a_subject(self, at: int) -> bool:
+        """Whether the region after a comma begins a clause: 'avoid A, B is closed'."""
+        has_verb = bool(self.piece.kinds & VERBS or 'THROUGH' in self.piece.kinds)
+        if not has_verb:
+            return False
+        for lexeme in self.lexemes[at + 1 :]:
+            if lexeme.kind in ('FORBIDDEN', 'REQUIRED'):
+                return True
+            if lexeme.kind in VERBS or lexeme.kind in (HARD, THEN, BUT, 'BEFORE', 'AFTER'):
+                return False
+        return False
+
+    def ends_before(self, at: int) -> bool:
+        """Whether what follows an 'if possible' after a comma is a clause of its own."""
+        index = at + 1
+        while index < len(self.lexemes) and self.lexemes[index].kind in (COMMA, SHOULD_WORD):
+            index += 1
+        ends = index >= len(self.lexemes) or self.lexemes[index].kind in SEPARATORS
+        return not ends and self.piece.is_complete
+
+    def choose(self, at: int, lexeme: Lexeme) -> None:
+        """Take an 'or': after a negation it is an 'and', elsewhere nobody knows which."""
+        following = self.kind_after(at)
+        if NEG in self.piece.kinds and self.piece.is_complete:
+            if following in REGION_STARTS:
+                self.extend(Lexeme(AND, '', lexeme.start, lexeme.end))
+                return
+            if following in VERBS or following == 'THROUGH':
+                self.begin(AND)
+                self.extend(Lexeme(NEG, '', lexeme.start, lexeme.end))
+                return
+        self.separate(at, Lexeme(CONDITION, '', lexeme.start, lexeme.end))
+
+    def add(self, at: int, lexeme: Lexeme) -> None:
+        """Take a word of a clause, or one that says how the clause is meant."""
+        piece = self.piece
+        if lexeme.kind == SHOULD_WORD:
+            piece.wish_leads = piece.wish_leads or not piece.lexemes
+            piece.is_wish = True
+        elif lexeme.kind == FIRST:
+            piece.is_first = piece.is_first or not piece.lexemes
+        elif lexeme.kind in (ANYORDER, INORDER):
+            piece.order = lexeme.kind
+        elif self.begins_clause(at, lexeme):
+            self.begin('')
+            self.extend(lexeme)
+        else:
+            self.extend(lexeme)
+        if lexeme.kind in (SHOULD_WORD, FIRST, ANYORDER, INORDER):
+            if not self.piece.lexemes and not self.piece.end:
+                self.piece.start = lexeme.start
+            self.piece.end = lexeme.end
+
+    def begins_clause(self, at: int, lexeme: Lexeme) -> bool:
+        """Whether a verb or a 'not' begins a clause although no separator stands before it."""
+        piece = self.piece
+        if not piece.is_complete or any(kind in ORDER_WORDS for kind in waiting(piece)):
+            return False
+        following = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
+        if lexeme.kind == NEG:
+            at_end = not following or following in SEPARATORS
+            return not at_end and not (piece.awaits_verb and following in VERBS)
+        return lexeme.kind in VERBS and not piece.awaits_verb
+
+
+def waiting(piece: Piece) -> Iterable[str]:
+    """Yield the order words of a piece that no region follows yet, and one that leads it."""
+    if piece.lexemes and piece.lexemes[0].kind in ORDER_WORDS:
+        yield piece.lexemes[0].kind
+    for lexeme in reversed(piece.lexemes):
+        if lexeme.kind in REGION_ENDS:
+            return
+        yield lexeme.kind
+
+
+def in_reading_order(lexemes: list[Lexeme]) -> list[Lexeme]:
+    """Return a piece with its negation first and a verb at its end before what it governs."""
+    negations = [lexeme for lexeme in lexemes if lexeme.kind == NEG]
+    rest = [lexeme for lexeme in lexemes if lexeme.kind != NEG]
+    if rest and rest[-1].kind in VERBS and not any(one.kind in VERBS for one in rest[:-1]):
+        rest = [rest[-1], *rest[:-1]]
+    return negations + rest

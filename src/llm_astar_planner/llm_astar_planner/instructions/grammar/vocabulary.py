@@ -1,0 +1,84 @@
+"""The words of each language, read from the tables in `vocabulary/`."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from llm_astar_planner.instructions.grammar.phrases import Phrases
+from llm_astar_planner.instructions.grammar.words import comparable, phrase_words
+
+FOLDER = Path(__file__).with_name('vocabulary')
+LANGUAGES = ('en', 'de', 'fr', 'es')
+ARTICLES, ANY_ARTICLE, IRRELEVANT = 'ARTICLES', 'ANY_ARTICLE', 'IRRELEVANT'
+
+# One or more lexemes: the kind and the value of each.
+Meaning = tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Vocabulary:
+    """The words of one language.
+
+    - `phrases`: what each phrase means, in the order of the table where it means several things.
+    - `articles`: words that are left out; `any_articles`: those that mean any one ('a').
+    - `irrelevant`: phrases that say nothing about the route.
+    """
+
+    language: str
+    phrases: Phrases[Meaning]
+    articles: frozenset[str]
+    any_articles: frozenset[str]
+    irrelevant: Phrases[str]
+
+    def knows(self, word: str) -> bool:
+        """Whether a word is in this language's table."""
+        return word in self.phrases.words or word in self.articles or word in self.irrelevant.words
+
+
+def read_table(name: str) -> dict[str, Any]:
+    """Return a table of `vocabulary/` by its name without suffix."""
+    loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+    text = (FOLDER / f'{name}.yaml').read_text(encoding='utf-8')
+    table: dict[str, Any] = yaml.load(text, Loader=loader)  # noqa: S506 (a safe loader)
+    return table
+
+
+def expand(phrase: str) -> Iterator[tuple[str, ...]]:
+    """Yield what a phrase of a table stands for: 'a/b' are alternatives, 'c?' may be absent."""
+    choices = []
+    for part in phrase.split():
+        options = part.removesuffix('?').split('/')
+        choices.append(options + [''] if part.endswith('?') else options)
+    for words in itertools.product(*choices):
+        yield phrase_words(' '.join(words))
+
+
+def meaning_of(key: str) -> Meaning:
+    """Return the lexemes of a table's key: 'SIDE=north SIDENOUN' are two."""
+    return tuple((kind, value) for kind, _, value in (part.partition('=') for part in key.split()))
+
+
+@cache
+def vocabulary(language: str) -> Vocabulary:
+    """Return the words of a language, read once."""
+    table = {
+        key: [phrase for phrase in str(text).split(',') if phrase.strip()]
+        for key, text in read_table(language).items()
+    }
+    any_articles = frozenset(comparable(word.strip()) for word in table.pop(ANY_ARTICLE))
+    articles = frozenset(comparable(word.strip()) for word in table.pop(ARTICLES))
+    phrases: Phrases[Meaning] = Phrases(articles | any_articles)
+    irrelevant: Phrases[str] = Phrases(articles | any_articles)
+    for phrase in table.pop(IRRELEVANT):
+        irrelevant.add(phrase_words(phrase), IRRELEVANT)
+    for key, texts in table.items():
+        for words in itertools.chain.from_iterable(map(expand, texts)):
+            phrases.add(words, meaning_of(key))
+    return Vocabulary(language, phrases, articles, any_articles, irrelevant)
