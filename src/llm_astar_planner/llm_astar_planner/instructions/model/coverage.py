@@ -56,12 +56,19 @@ def unread_parts(clauses: Sequence[Clause], used: set[int], structure: Structure
     tokens = structure.reading.tokens
     known = accounted_labels(clauses)
     mentioned = {n for m in structure.reading.mentions for n in m.tokens}
-    reasons = reason_words(structure) - mentioned
+    optional = {
+        n for m in structure.reading.mentions if m.tags for n in m.tokens if tokens[n].labels
+    }
+    excused = reason_words(structure) | (statement_words(structure) if clauses else set())
     unread = [
         n
         for n, token in enumerate(tokens)
-        if n not in used
-        and (n in mentioned or not (token.is_break or n in reasons or is_read(token, known)))
+        if (
+            n not in used
+            and not (token.is_break or is_read(token, known))
+            and (n in mentioned or n not in excused)
+        )
+        or (n in mentioned - used - optional)
     ]
     return parts_of(unread, structure)
 
@@ -111,6 +118,17 @@ def reason_words(structure: Structure) -> set[int]:
                 found.add(n)
         if piece.boundary == 'comma' and 'verb' in piece.labels and 'reason' not in piece.labels:
             inside = False
+    return found
+
+
+def statement_words(structure: Structure) -> set[int]:
+    """Return the words of statements ('the floor is wet'): by themselves they ask nothing."""
+    found: set[int] = set()
+    for piece in structure.pieces:
+        labels = [structure.reading.tokens[n].labels for n in piece.tokens]
+        copula = next((k for k, of in enumerate(labels) if 'copula' in of), None)
+        if copula is not None and not any('verb' in of for of in labels[:copula]):
+            found.update(piece.tokens)
     return found
 
 

@@ -42,11 +42,13 @@ class Evidence:
 
     - `tokens`: the words of the sentence that it accounts for.
     - `anchors`: the mentions of its regions, or of what stands for them.
+    - `parts`: the anchors of each region.
     - `problems`: what does not stand in the sentence; empty for a clause that does.
     """
 
     tokens: set[int] = field(default_factory=set)
     anchors: list[Mention] = field(default_factory=list)
+    parts: list[list[Mention]] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
     def use(self, mentions: Iterable[Mention], *, anchor: bool = False) -> None:
@@ -71,7 +73,9 @@ class Witness:
         """Return the evidence for a clause."""
         found = Evidence()
         for region in regions_of(clause):
+            before = len(found.anchors)
             self._region(region, found)
+            found.parts.append(found.anchors[before:])
         match clause:
             case KeepDistance(metres=metres):
                 if clause.region is None:
@@ -81,7 +85,7 @@ class Witness:
                 self._number(margin, found, with_unit=True)
             case Pass(side=side):
                 self._side(side, found, near=True)
-        problem = kind_problem(clause, found.anchors, self.structure)
+        problem = kind_problem(clause, found.parts or [found.anchors], self.structure)
         if problem:
             found.problems.append(problem)
         return found

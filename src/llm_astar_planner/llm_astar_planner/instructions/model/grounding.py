@@ -16,6 +16,7 @@ from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.model.coverage import says_of_route, unread_parts
 from llm_astar_planner.instructions.model.evidence import Evidence, Witness
+from llm_astar_planner.instructions.model.kinds import is_said_first
 from llm_astar_planner.instructions.model.mentions import Mention, read
 from llm_astar_planner.instructions.model.structure import Structure
 from llm_astar_planner.instructions.sentence import clause_sentence
@@ -31,6 +32,7 @@ from llm_astar_planner.instructions.specification import (
     EndAt,
     KeepDistance,
     NamedPlace,
+    Region,
     Specification,
     Unknown,
     Visit,
@@ -49,6 +51,8 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
     used = {n for _, evidence in kept for n in evidence.tokens}
     unread = unread_parts([clause for clause, _ in kept], used, structure)
     kept = without_inventions(kept, len(unread))
+    used = {n for _, evidence in kept if evidence.anchors for n in evidence.tokens}
+    unread = unread_parts([clause for clause, _ in kept], used, structure)
     if not kept and not says_of_route(structure):
         unread = []
     return assembled(kept, unread, structure)
@@ -87,16 +91,21 @@ def joined_visits(clauses: Sequence[Clause], structure: Structure) -> list[Claus
 
 
 def is_said_before(first: Visit, second: Visit, structure: Structure) -> bool:
-    """Return whether 'before' stands between two places, or 'before' and then the second."""
-    a, b = first.regions[-1], second.regions[0]
-    if len(first.regions) > 1 or not (isinstance(a, NamedPlace) and isinstance(b, NamedPlace)):
+    """Return whether 'before' stands between two places and puts the first one first."""
+    if not structure.reading.has('strong.before') or len(first.regions) > 1:
         return False
-    order = [m for m in structure.reading.mentions if {a.place, b.place} & set(m.names)]
-    for n, token in enumerate(structure.reading.tokens):
-        follows = next((m for m in order if m.first > n), None)
-        if follows is not None and 'strong.before' in token.labels:
-            return b.place in follows.names
-    return False
+    mentions = [mention_of(visit.regions[0], structure) for visit in (first, second)]
+    if mentions[0] is None or mentions[1] is None:
+        return False
+    return is_said_first(mentions[0], mentions[1], structure) is True
+
+
+def mention_of(region: Region, structure: Structure) -> Mention | None:
+    """Return the first mention of a named place, None for another region or without one."""
+    if not isinstance(region, NamedPlace):
+        return None
+    found = (m for m in structure.reading.mentions if region.place in m.names)
+    return next(found, None)
 
 
 def weigh(clauses: Sequence[Clause], witness: Witness) -> Weighed:
@@ -114,12 +123,19 @@ def weigh(clauses: Sequence[Clause], witness: Witness) -> Weighed:
 
 
 def without_extras(weighed: Weighed) -> Weighed:
-    """Return the clauses without those whose words all belong to clauses that stand."""
-    taken = {n for _, evidence in weighed if not evidence.problems for n in evidence.tokens}
+    """Return the clauses without those whose words all belong to clauses that stand.
+
+    Of clauses that stand, one whose words are a part of another one's says nothing more.
+    """
+    standing = [evidence.tokens for _, evidence in weighed if not evidence.problems]
+    taken = set().union(*standing)
     kept: Weighed = []
     for clause, evidence in weighed:
-        has_own_words = bool(evidence.tokens - taken) or not evidence.tokens
-        if not evidence.problems or has_own_words:
+        if evidence.problems:
+            is_extra = bool(evidence.tokens) and evidence.tokens <= taken
+        else:
+            is_extra = any(evidence.tokens < other for other in standing)
+        if not is_extra:
             kept.append((clause, evidence))
     return kept
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from llm_astar_planner.instructions.model.mentions import Mention
+from llm_astar_planner.instructions.model.names import orientation
 from llm_astar_planner.instructions.model.regions import regions_of
 from llm_astar_planner.instructions.model.structure import Polarity, Structure
 from llm_astar_planner.instructions.specification import (
@@ -22,11 +23,19 @@ from llm_astar_planner.instructions.specification import (
     Visit,
 )
 
+Parts = Sequence[Sequence[Mention]]
 
-def kind_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
-    """Return why the sentence does not say this kind of clause of its regions, None if it does."""
+
+def kind_problem(clause: Clause, parts: Parts, structure: Structure) -> str | None:
+    """Return why the sentence does not say this kind of clause of its regions, None if it does.
+
+    `parts` are the mentions of each region.
+    """
+    anchors = [mention for part in parts for mention in part]
     if not anchors:
         return None
+    if isinstance(clause, Before):
+        return before_problem(parts, structure)
     return PROBLEMS[type(clause)](clause, anchors, structure)
 
 
@@ -63,9 +72,18 @@ def visit_problem(clause: Clause, anchors: Sequence[Mention], structure: Structu
     between = any(isinstance(region, (Between, Along)) for region in regions_of(clause))
     if labels & {'strong.before', 'strong.until'} and not between:
         return 'it may be one of before and after'
+    if 'strong.take' in labels and 'strong.way' not in labels and is_long(clause, structure):
+        return 'it may be one to stay in'
     if not labels & {'kinds.visit', 'verb', 'order'}:
         return 'nothing says to go there'
     return None
+
+
+def is_long(clause: Clause, structure: Structure) -> bool:
+    """Return whether a clause is about a long and narrow place: taking an aisle is staying in."""
+    names = [region.place for region in regions_of(clause) if isinstance(region, NamedPlace)]
+    found = [structure.reading.places.get(name) for name in names]
+    return any(place is not None and orientation(place) for place in found)
 
 
 def stay_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
@@ -90,25 +108,34 @@ def end_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> 
     return None
 
 
-def before_problem(clause: Clause, _: Sequence[Mention], structure: Structure) -> str | None:
+def before_problem(parts: Parts, structure: Structure) -> str | None:
     """Check that a word says which of the two is first."""
-    regions = regions_of(clause)
-    names = [region.place for region in regions if isinstance(region, NamedPlace)]
-    if len(names) != 2:
-        return 'it names no two places'
-    first, second = names
-    order = [m for m in structure.reading.mentions if first in m.names or second in m.names]
-    for n, token in enumerate(structure.reading.tokens):
-        follows = next((m for m in order if m.first > n), None)
-        if follows is None:
-            break
+    first, second = parts
+    if not first or not second:
+        return 'it does not name both'
+    said = is_said_first(first[0], second[0], structure)
+    if said is None:
+        return 'nothing says before or after'
+    return None if said else 'the order is another one'
+
+
+def is_said_first(first: Mention, second: Mention, structure: Structure) -> bool | None:
+    """Return whether 'before', 'after', 'until' or 'first' puts one before the other.
+
+    None where no such word stands with them. Not before, like after, goes before the first one.
+    """
+    both = sorted([first, second], key=lambda mention: mention.first)
+    for n, token in enumerate(structure.reading.tokens[: both[1].first]):
+        follows = both[0] if n < both[0].first else both[1]
+        other = both[1] if n < both[0].first else both[0]
         if 'strong.before' in token.labels:
-            return None if second in follows.names else 'the order is another one'
+            negated = structure.polarity_of(other) is Polarity.REFUSED
+            return (follows is first) if negated else (follows is second)
         if token.labels & {'strong.after', 'strong.until'}:
-            return None if first in follows.names else 'the order is another one'
-    if structure.reading.has('strong.sequence') and order and first in order[0].names:
-        return None
-    return 'nothing says before or after'
+            return follows is first
+    if structure.reading.has('strong.sequence'):
+        return both[0] is first
+    return None
 
 
 def pass_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
@@ -150,7 +177,6 @@ PROBLEMS: dict[type[Clause], Callable[[Clause, Sequence[Mention], Structure], st
     Visit: visit_problem,
     StayIn: stay_problem,
     EndAt: end_problem,
-    Before: before_problem,
     Pass: pass_problem,
     KeepDistance: distance_problem,
 }

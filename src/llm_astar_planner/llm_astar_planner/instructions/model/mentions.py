@@ -11,6 +11,7 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_planner.instructions.model.names import NameFinder
 from llm_astar_planner.instructions.model.vocabulary import (
     Token,
+    correct,
     label,
     tokens_of,
     vocabulary,
@@ -50,6 +51,7 @@ class Reading:
     text: str
     tokens: tuple[Token, ...]
     mentions: tuple[Mention, ...]
+    places: Places
 
     @property
     def numbers(self) -> list[float]:
@@ -90,10 +92,11 @@ def read(text: str, places: Places) -> Reading:
     taken: set[int] = set()
     mentions = name_mentions(tokens, places)
     taken.update(index for mention in mentions for index in mention.tokens)
+    correct(tokens, taken)
     mentions += number_mentions(tokens, taken)
     mentions += side_mentions(tokens, taken)
     mentions.sort(key=lambda mention: mention.first)
-    return Reading(text, tuple(tokens), tuple(mentions))
+    return Reading(text, tuple(tokens), tuple(mentions), places)
 
 
 def name_mentions(tokens: Sequence[Token], places: Places) -> list[Mention]:

@@ -268,7 +268,11 @@ def same_word(word: str, known: str) -> bool:
     """Return whether a word of a sentence may be a word of a name: inflected or misspelt."""
     if word == known:
         return True
-    if min(len(word), len(known)) < MIN_STEM or word[0] != known[0]:
+    if word[0] != known[0]:
+        return False
+    if max(len(word), len(known)) >= MIN_STEM and undoubled(word) == undoubled(known):
+        return len(known) >= MIN_STEM
+    if min(len(word), len(known)) < MIN_STEM:
         return False
     if stem(word) == stem(known):
         return True
@@ -276,6 +280,11 @@ def same_word(word: str, known: str) -> bool:
         return False
     allowed = 2 if len(known) >= LONG_WORD else 1
     return OSA.distance(word, known, score_cutoff=allowed) <= allowed
+
+
+def undoubled(word: str) -> str:
+    """Return a word with doubled letters written once: 'wal' and 'wall' are the same then."""
+    return ''.join(a for a, b in zip(word, f'{word[1:]} ') if a != b)
 
 
 def is_name_word(word: str, alike: dict[str, set[str]]) -> bool:

@@ -5,10 +5,15 @@ from __future__ import annotations
 import json
 import re
 import unicodedata
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
+
+from rapidfuzz.distance import OSA
+
+from llm_astar_planner.instructions.specification import SIDES
 
 WORDS_FILE = Path(__file__).with_name('words.json')
 # Words that end a part of a sentence, besides punctuation.
@@ -19,6 +24,17 @@ _TOKEN = re.compile(
 )
 _MARKS = str.maketrans({'\u2019': "'", '`': "'", '\u2212': '-'})
 _ELISION = re.compile(r"(?:l|d|n|j|s|c|m|t|qu|jusqu|lorsqu|puisqu)'", re.IGNORECASE)
+
+# Words of these classes are recognised where they are misspelt.
+_CORRECTED = (
+    ['verb', 'shun', 'negator', 'kinds.visit', 'order', 'strong.before', 'strong.after']
+    + ['strong.way', 'articles', 'regions.half']
+    + [f'sides.{side}' for side in SIDES]
+)
+# A phrase of the first class is none of the others: 'stop by' is no stop.
+_OVERRIDES = {'strong.passing': {'strong.finish', 'strong.end_at'}}
+MIN_SWAPPED = 3
+MIN_MISSPELT = 5
 
 
 def plain(text: str) -> str:
@@ -112,6 +128,7 @@ class Vocabulary:
     units: dict[str, float]
     numbers: dict[str, float]
     words: frozenset[str]
+    correctable: dict[str, list[str]]
 
 
 @cache
@@ -135,7 +152,17 @@ def vocabulary() -> Vocabulary:
     }
     known = {word for book in classes.values() for phrase in book for word in phrase}
     known.update(word for table in tables.values() for phrase in table for word in phrase.split())
-    return Vocabulary(classes, tables['units'], tables['numbers'], frozenset(known))
+    correctable: dict[str, list[str]] = {}
+    for name in _CORRECTED:
+        for word in sorted({phrase[0] for phrase in classes[name] if len(phrase) == 1}):
+            correctable.setdefault(word[0], []).append(word)
+    return Vocabulary(
+        classes,
+        tables['units'],
+        tables['numbers'],
+        frozenset(known),
+        defaultdict(list, correctable),
+    )
 
 
 def phrases_of(lists: Sequence[str]) -> list[str]:
@@ -164,3 +191,38 @@ def label(tokens: Sequence[Token]) -> None:
             for token in tokens[index : index + length]:
                 token.labels.add(name)
             index += max(1, length)
+    for token in tokens:
+        for name, others in _OVERRIDES.items():
+            if name in token.labels:
+                token.labels -= others
+
+
+def correct(tokens: Sequence[Token], taken: set[int]) -> None:
+    """Give misspelt words, which no class has, the classes of the word that was meant."""
+    for index, token in enumerate(tokens):
+        if token.labels or index in taken or token.is_number or token.is_break:
+            continue
+        meant = nearest_word(token.text)
+        if meant:
+            token.text = meant
+            for name, book in vocabulary().classes.items():
+                if book.length_at([meant], 0):
+                    token.labels.add(name)
+
+
+@lru_cache(maxsize=4096)
+def nearest_word(word: str) -> str:
+    """Return the word of the vocabulary that a misspelt one stands for, '' if none is near.
+
+    Letters may be swapped in any word, and one may be wrong in those of five letters and more.
+    """
+    if len(word) < MIN_SWAPPED:
+        return ''
+    known = vocabulary().correctable
+    close = [other for other in known[word[0]] if abs(len(other) - len(word)) <= 1]
+    for other in close:
+        if OSA.distance(word, other, score_cutoff=1) > 1:
+            continue
+        if sorted(other) == sorted(word) or min(len(word), len(other)) >= MIN_MISSPELT:
+            return other
+    return ''
