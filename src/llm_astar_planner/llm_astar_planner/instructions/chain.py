@@ -14,6 +14,7 @@ from typing import Any
 from cachetools import TLRUCache
 from llm_astar_msgs_adapter.maps.places import Places
 
+from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Interpreter,
@@ -160,10 +161,6 @@ def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
     of `transcript`; others: the grammar alone. Values that are no settings of a source are
     ignored. Raises SettingsError, or TranscriptError for a file.
     """
-    from llm_astar_planner.instructions.grammar.interpreter import (  # noqa: PLC0415
-        GrammarInterpreter,
-    )
-
     settings = SourceSettings(**{name: values[name] for name in SOURCE if name in values})
     settings.check()
     slow = make_slow_interpreter(settings)

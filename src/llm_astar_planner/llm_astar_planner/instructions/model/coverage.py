@@ -123,13 +123,7 @@ def reason_words(structure: Structure) -> set[int]:
 
 def statement_words(structure: Structure) -> set[int]:
     """Return the words of statements ('the floor is wet'): by themselves they ask nothing."""
-    found: set[int] = set()
-    for piece in structure.pieces:
-        labels = [structure.reading.tokens[n].labels for n in piece.tokens]
-        copula = next((k for k, of in enumerate(labels) if 'copula' in of), None)
-        if copula is not None and not any('verb' in of for of in labels[:copula]):
-            found.update(piece.tokens)
-    return found
+    return {n for piece in structure.pieces if structure.states(piece) for n in piece.tokens}
 
 
 def parts_of(unread: Sequence[int], structure: Structure) -> list[str]:

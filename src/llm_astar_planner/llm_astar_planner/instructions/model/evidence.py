@@ -128,7 +128,7 @@ class Witness:
             found.problems.append(f'no {name!r} in the sentence')
             return
         found.use([mention], anchor=True)
-        if len(mention.names) > 1 and not mention.tags and not mention.is_plural:
+        if len(mention.names) > 1 and not mention.is_plural:
             found.problems.append(f'{name!r} is one of several that may be meant')
 
     def _tag(self, tag: str, found: Evidence) -> None:

@@ -46,7 +46,7 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
     structure = Structure(read(text, places))
     witness = Witness(structure, places)
     wanted = [usual_form(clause) for clause in clauses if not isinstance(clause, Unknown)]
-    weighed = weigh(joined_visits(list(dict.fromkeys(wanted)), structure), witness)
+    weighed = weigh(said_orders(list(dict.fromkeys(wanted)), structure), witness)
     kept = without_extras(weighed)
     used = {n for _, evidence in kept for n in evidence.tokens}
     unread = unread_parts([clause for clause, _ in kept], used, structure)
@@ -55,7 +55,7 @@ def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Spec
     unread = unread_parts([clause for clause, _ in kept], used, structure)
     if not kept and not says_of_route(structure):
         unread = []
-    return assembled(kept, unread, structure)
+    return assembled(joined_visits(kept, structure), unread, structure)
 
 
 def usual_form(clause: Clause) -> Clause:
@@ -68,36 +68,55 @@ def usual_form(clause: Clause) -> Clause:
     return clause
 
 
-def joined_visits(clauses: Sequence[Clause], structure: Structure) -> list[Clause]:
-    """Return the clauses with successive visits in the form that the words between them ask for.
-
-    With 'before' between two it is one clause about their order; without any word for an order
-    they are visited in any order.
-    """
+def said_orders(clauses: Sequence[Clause], structure: Structure) -> list[Clause]:
+    """Return the clauses with two visits as one clause where 'before' puts one first."""
     joined: list[Clause] = []
-    ordered = structure.reading.has('order') or structure.reading.has('reverse')
     for clause in clauses:
         last = joined[-1] if joined else None
-        if isinstance(clause, Visit) and isinstance(last, Visit):
-            if is_said_before(last, clause, structure):
-                joined[-1] = Before(first=last.regions[-1], second=clause.regions[0])
-                continue
-            fits = len(last.regions) + len(clause.regions) <= MAX_VISITS
-            if fits and (not ordered or structure.reading.has('any_order')):
-                joined[-1] = replace(last, regions=last.regions + clause.regions)
-                continue
-        joined.append(clause)
+        order = said_order(last, clause, structure)
+        if order is None:
+            joined.append(clause)
+        else:
+            joined[-1] = order
     return joined
 
 
-def is_said_before(first: Visit, second: Visit, structure: Structure) -> bool:
-    """Return whether 'before' stands between two places and puts the first one first."""
+def joined_visits(weighed: Weighed, structure: Structure) -> Weighed:
+    """Return the clauses with successive visits in any order, where no word says in which."""
+    reading = structure.reading
+    ordered = (reading.has('order') or reading.has('reverse')) and not reading.has('any_order')
+    joined: Weighed = []
+    for clause, evidence in weighed:
+        last, before = joined[-1] if joined else (None, Evidence())
+        alike = bool(before.problems) == bool(evidence.problems)
+        if isinstance(clause, Visit) and isinstance(last, Visit) and alike and not ordered:
+            regions = tuple(dict.fromkeys(last.regions + clause.regions))
+            joined[-1] = replace(last, regions=regions), both(before, evidence)
+        else:
+            joined.append((clause, evidence))
+    return joined
+
+
+def both(first: Evidence, second: Evidence) -> Evidence:
+    """Return the evidence of two clauses that become one."""
+    return Evidence(
+        first.tokens | second.tokens,
+        first.anchors + second.anchors,
+        first.parts + second.parts,
+        first.problems + second.problems,
+    )
+
+
+def said_order(first: Clause | None, second: Clause, structure: Structure) -> Before | None:
+    """Return the clause of two visits between which 'before' puts the first one first."""
+    if not (isinstance(first, Visit) and isinstance(second, Visit)):
+        return None
     if not structure.reading.has('strong.before') or len(first.regions) > 1:
-        return False
-    mentions = [mention_of(visit.regions[0], structure) for visit in (first, second)]
-    if mentions[0] is None or mentions[1] is None:
-        return False
-    return is_said_first(mentions[0], mentions[1], structure) is True
+        return None
+    earlier, later = (mention_of(visit.regions[0], structure) for visit in (first, second))
+    if earlier is None or later is None or not is_said_first(earlier, later, structure):
+        return None
+    return Before(first=first.regions[0], second=second.regions[0])
 
 
 def mention_of(region: Region, structure: Structure) -> Mention | None:

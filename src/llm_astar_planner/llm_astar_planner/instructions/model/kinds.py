@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from llm_astar_planner.instructions.model.descriptions import orientation
 from llm_astar_planner.instructions.model.mentions import Mention
-from llm_astar_planner.instructions.model.names import orientation
 from llm_astar_planner.instructions.model.regions import regions_of
 from llm_astar_planner.instructions.model.structure import Polarity, Structure
 from llm_astar_planner.instructions.specification import (
@@ -14,8 +14,10 @@ from llm_astar_planner.instructions.specification import (
     Avoid,
     Before,
     Between,
+    Box,
     Clause,
     EndAt,
+    Half,
     KeepDistance,
     NamedPlace,
     Pass,
@@ -66,17 +68,24 @@ def visit_problem(clause: Clause, anchors: Sequence[Mention], structure: Structu
     if polarity(anchors, structure) is not Polarity.WANTED:
         return 'it is refused, or may be'
     labels = labels_around(anchors, structure)
-    for name, meaning in (('strong.stay', 'stay in'), ('strong.finish', 'end in')):
-        if name in labels:
-            return f'it may be one to {meaning}'
+    if 'strong.finish' in labels:
+        return 'it may be one to end in'
+    if may_be_to_stay_in(clause, labels, structure):
+        return 'it may be one to stay in'
     between = any(isinstance(region, (Between, Along)) for region in regions_of(clause))
     if labels & {'strong.before', 'strong.until'} and not between:
         return 'it may be one of before and after'
-    if 'strong.take' in labels and 'strong.way' not in labels and is_long(clause, structure):
-        return 'it may be one to stay in'
-    if not labels & {'kinds.visit', 'verb', 'order'}:
-        return 'nothing says to go there'
-    return None
+    return None if labels & {'kinds.visit', 'verb', 'order'} else 'nothing says to go there'
+
+
+def may_be_to_stay_in(clause: Clause, labels: set[str], structure: Structure) -> bool:
+    """Return whether a region may be meant as one to stay in, not only to go through."""
+    if 'strong.stay' in labels:
+        return True
+    half = any(isinstance(region, (Half, Box)) for region in regions_of(clause))
+    held = half and 'strong.stay_in' in labels
+    taken = 'strong.take' in labels and is_long(clause, structure)
+    return (held or taken) and 'strong.way' not in labels
 
 
 def is_long(clause: Clause, structure: Structure) -> bool:
@@ -99,11 +108,13 @@ def stay_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) ->
     return 'nothing says to stay there'
 
 
-def end_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def end_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
     """Check that the region is wanted and that there is a word for ending."""
     if polarity(anchors, structure) is not Polarity.WANTED:
         return 'it is refused, or may be'
-    if 'strong.end_at' not in labels_around(anchors, structure):
+    half = any(isinstance(region, (Half, Box)) for region in regions_of(clause))
+    wanted = 'strong.finish' if half else 'strong.end_at'
+    if wanted not in labels_around(anchors, structure):
         return 'nothing says to end there'
     return None
 
@@ -129,7 +140,7 @@ def is_said_first(first: Mention, second: Mention, structure: Structure) -> bool
         follows = both[0] if n < both[0].first else both[1]
         other = both[1] if n < both[0].first else both[0]
         if 'strong.before' in token.labels:
-            negated = structure.polarity_of(other) is Polarity.REFUSED
+            negated = structure.piece_of(other).polarity is Polarity.REFUSED
             return (follows is first) if negated else (follows is second)
         if token.labels & {'strong.after', 'strong.until'}:
             return follows is first

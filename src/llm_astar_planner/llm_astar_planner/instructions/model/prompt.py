@@ -15,8 +15,8 @@ from pathlib import Path
 from llm_astar_msgs_adapter.errors import LlmAstarError, read_text
 from llm_astar_msgs_adapter.maps.places import Place, Places, places_from_polygons
 
+from llm_astar_planner.instructions.model.descriptions import orientation
 from llm_astar_planner.instructions.model.mentions import read
-from llm_astar_planner.instructions.model.names import orientation
 from llm_astar_planner.waypoints.source import Message
 
 EXAMPLES_FILE = Path(__file__).with_name('examples.json')

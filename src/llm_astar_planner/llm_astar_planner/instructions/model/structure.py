@@ -149,7 +149,17 @@ class Structure:
             if own is Polarity.WANTED and piece.boundary == OR and last is Polarity.REFUSED:
                 own = last
             piece.polarity = last = own or last
+            if self._refuses_behind(piece) and piece.boundary in (COMMA, AND, OR):
+                # 'betritt das Labor und den Flur nicht': it may be of both.
+                self.pieces[n - 1].polarity = Polarity.UNCLEAR
         self._leave_conditions_open()
+
+    def _refuses_behind(self, piece: Piece) -> bool:
+        """Return whether a piece without a verb ends with a refusal, after what it mentions."""
+        if 'verb' in piece.labels or not (self._mentioned & set(piece.tokens)):
+            return False
+        refusals = [n for n in piece.tokens if self._refuses(n)]
+        return bool(refusals) and refusals[0] > max(self._mentioned & set(piece.tokens))
 
     def _leave_conditions_open(self) -> None:
         """Make all of a sentence with 'if' or 'when' unclear: nobody knows whether it holds."""
@@ -173,7 +183,15 @@ class Structure:
             return Polarity.UNCLEAR
         if negations or shuns:
             return Polarity.REFUSED
+        if self.states(piece):
+            return Polarity.UNCLEAR
         return Polarity.WANTED if 'verb' in piece.labels else None
+
+    def states(self, piece: Piece) -> bool:
+        """Return whether a piece says how things are: 'the floor is wet' asks nothing."""
+        labels = [self._labels(n) for n in piece.tokens]
+        copula = next((k for k, of in enumerate(labels) if 'copula' in of), None)
+        return copula is not None and not any('verb' in of for of in labels[:copula])
 
     def _negations(self, piece: Piece) -> int:
         """Count the negations of a piece; one of several words, or 'ne ... pas', is one."""
