@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_msgs_adapter.maps.places_file import load_places
+from llm_astar_planner.benchmark.instructions.suite import load_suite
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.specification import (
     CLAUSES,
@@ -78,6 +79,11 @@ def test_there_are_enough_instructions_on_enough_maps():
     assert any(map_and_places(name)[0].grid_map.origin.yaw for name in per_map)
 
 
+def test_the_benchmark_reads_the_suite():
+    suite = load_suite(FOLDER / 'suite.json')
+    assert [item.id for item in suite.instructions] == [entry['id'] for entry in INSTRUCTIONS]
+
+
 def test_ids_are_unique_and_so_are_the_texts_of_a_map():
     assert len({entry['id'] for entry in INSTRUCTIONS}) == len(INSTRUCTIONS)
     assert len({(entry['map'], entry['text']) for entry in INSTRUCTIONS}) == len(INSTRUCTIONS)
@@ -122,7 +128,7 @@ def test_the_checks_of_a_clause_are_of_its_kind():
 
 
 def test_few_are_met_by_the_direct_path():
-    assert sum(entry['already'] for entry in MEETABLE) < 0.25 * len(MEETABLE)
+    assert sum(entry['already'] for entry in MEETABLE) < 0.1 * len(MEETABLE)
 
 
 def test_half_is_templated_and_half_written_freely():
