@@ -15,7 +15,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport, report_from_message
 from llm_astar_planner.benchmark.bags.writing import write_sample_bag
 from llm_astar_planner.benchmark.datasets.samples import load_samples
-from llm_astar_planner.benchmark.results import ResultsFolder
+from llm_astar_planner.benchmark.results import ADDED_COLUMNS, ResultsFolder
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.parameter_file import read_parameter_files
@@ -153,16 +153,21 @@ def old_folder(name, tmp_path):
 
 
 def untimed(path):
-    """Return the rows of a results.csv without their times, methods by their present names."""
+    """Return the rows of a results.csv without their times, methods by their present names.
+
+    Columns that are newer than the old files must be empty.
+    """
     with path.open() as file:
-        return [
-            {
-                name: value.replace('llm_only', 'waypoints_only')
-                for name, value in row.items()
-                if name not in ('seconds_source', 'seconds_search')
-            }
-            for row in csv.DictReader(file)
-        ]
+        rows = list(csv.DictReader(file))
+    assert not any(row.get(name) for row in rows for name in ADDED_COLUMNS)
+    return [
+        {
+            name: value.replace('llm_only', 'waypoints_only')
+            for name, value in row.items()
+            if name not in ('seconds_source', 'seconds_search', *ADDED_COLUMNS)
+        }
+        for row in rows
+    ]
 
 
 @pytest.mark.parametrize('name', FOLDERS)

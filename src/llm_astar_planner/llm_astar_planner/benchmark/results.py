@@ -37,7 +37,8 @@ RULE_ALIASES = {'cost_multiplier': 'cost_travel_multiplier'}
 # A run is resumed only with equal values of these parameters: they change the rows.
 COMPARED_PARAMETERS = (
     'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
-    'start_tolerance', 'paper_corners', 'requests', 'plan_window', 'topics',
+    'start_tolerance', 'paper_corners', 'requests', 'plan_window', 'topics', 'instruction',
+    'instruction_policy',
 )  # fmt: skip
 # Source statuses that a second query would not change.
 FINAL_STATUSES = frozenset(status.value for status in (
@@ -83,13 +84,15 @@ class Row:
     `seconds_round_trip` is the time of a call through the running graph, NaN without a graph.
     `first_operation` counts the expansions up to the first path. `ratio` is the suboptimality
     bound that was proven, NaN where the method proves none. `clearance` and `unknown_length` are
-    in metres, `turns` counts changes of direction.
+    in metres, `turns` counts changes of direction. `instruction` says what became of each clause
+    of an instruction; `instruction_satisfied` is 1 if all of it was understood and satisfied, 0
+    if not, NaN where nothing was asked.
 
     For a request from a bag: the bag's name, the index of the request in it, its time (seconds
     since 1970) and the digest of the map at that time. `recorded_*` is the result of the planner
     that was running on the robot: its result code and waypoints where it was this planner, length
-    (cells) and turning points of its path, and why that path is invalid on this map. They are
-    empty where nothing was recorded.
+    (cells) and turning points of its path, why that path is invalid on this map, and what became
+    of its instruction. They are empty where nothing was recorded.
     """
 
     map: int
@@ -127,6 +130,10 @@ class Row:
     recorded_problem: str = ''
     recorded_waypoints: str = ''
     recorded_path: str = ''
+    instruction: str = ''
+    instruction_satisfied: float = math.nan
+    recorded_instruction: str = ''
+    recorded_instruction_satisfied: float = math.nan
 
     @property
     def variant(self) -> Variant:
@@ -150,10 +157,15 @@ class Row:
 
 
 COLUMNS = {field.name: str(field.type) for field in dataclasses.fields(Row)}
+# The columns that results of 0.1.0 do not have.
+ADDED_COLUMNS = (
+    'instruction', 'instruction_satisfied', 'recorded_instruction',
+    'recorded_instruction_satisfied',
+)  # fmt: skip
 # The columns that a plan fills, by the names of `Plan.to_dict()` and of reports.
 PLAN_COLUMNS = (
     'operation', 'storage', 'seconds_source', 'seconds_search', 'source_status', 'guided_by',
-    'ratio',
+    'ratio', 'instruction',
 )  # fmt: skip
 # The columns that it fills only if a path was found.
 PATH_COLUMNS = ('length', 'first_operation', 'clearance', 'turns', 'unknown_length')
@@ -204,7 +216,8 @@ class ResultsFolder:
         text = read_text(self.results, ResultsError)
         complete = text[: text.rfind('\n') + 1]
         reader = csv.DictReader(io.StringIO(complete))
-        if list(reader.fieldnames or []) != list(COLUMNS):
+        names = list(reader.fieldnames or [])
+        if names != [name for name in COLUMNS if name in names or name not in ADDED_COLUMNS]:
             message = (
                 f'{self.results}: its columns are not those of version '
                 f'{llm_astar_planner.__version__}'
@@ -342,7 +355,14 @@ def plan_columns(
         unknown = math.inf if name == 'clearance' else math.nan
         value = unknown if values[name] is None else values[name]
         columns[name] = float(value) if COLUMNS[name] == 'float' else value
+    columns['instruction_satisfied'] = satisfied_column(values['instruction_report'])
     return columns
+
+
+def satisfied_column(report: Mapping[str, Any] | None) -> float:
+    """Return 1 if a report says that an instruction is satisfied, 0 if not, NaN without one."""
+    satisfied = None if report is None else report.get('satisfied')
+    return math.nan if satisfied is None else float(satisfied is True)
 
 
 def format_row(row: Row) -> list[str]:
@@ -366,10 +386,12 @@ def format_csv(lines: Iterable[Sequence[str]]) -> str:
 def parse_row(record: Mapping[str, str]) -> Row:
     """Read a CSV record, with the method names of older versions. Raises ValueError."""
     if None in record or None in record.values():  # more or fewer cells than columns
-        message = f'{len(COLUMNS)} values are expected'
+        message = f'{len([name for name in record if name])} values are expected'
         raise ValueError(message)
     values: dict[str, Any] = dict(record)
     for name, kind in COLUMNS.items():
+        if name not in record:
+            continue
         if kind == 'int':
             values[name] = int(record[name])
         elif kind == 'float':

@@ -29,10 +29,12 @@ from llm_astar_planner.benchmark.results import (
 from llm_astar_planner.benchmark.runner.config import BenchmarkConfig, start_run
 from llm_astar_planner.benchmark.runner.engine import SearchSettings
 from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, check_grid_options
+from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.cli.run_options import (
     BAD_INPUT,
     INCOMPLETE,
     OK,
+    add_instruction,
     add_running,
     add_variants,
     close_run,
@@ -40,6 +42,7 @@ from llm_astar_planner.cli.run_options import (
     count,
     deciding_files,
     deciding_parameters,
+    instruction_of,
     run_into,
     seed,
     settle_variants,
@@ -70,6 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     add_samples(parser.add_argument_group('samples'))
     add_variants(parser.add_argument_group('methods and sources'))
+    add_instruction(parser.add_argument_group('an instruction for every sample'))
     add_running(parser.add_argument_group('running'), 'out/bench')
 
 
@@ -140,6 +144,9 @@ def benchmark_config(
     grids = [item for item in maps if isinstance(item, GridProblem)]
     for problem in grids:
         check_grid_options(problem, scales, args.source)
+    instruction = instruction_of(args, open_places(args.places_file or '', str(dataset)))
+    if instruction is not None and scales != [1]:
+        raise ValueError('--instruction is about metres, so it needs --scales 1')
     barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
     sources = source_specs(args, barrier_maps, GRID_BASELINES if grids else None)
     return BenchmarkConfig(
@@ -148,7 +155,11 @@ def benchmark_config(
         args.methods,
         sources,
         SearchSettings(
-            args.heuristic, args.weight, args.max_planning_time, args.max_suboptimality
+            args.heuristic,
+            args.weight,
+            args.max_planning_time,
+            args.max_suboptimality,
+            instruction=instruction,
         ),
         scales,
         args.scale_samples,

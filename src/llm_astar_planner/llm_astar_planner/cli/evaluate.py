@@ -40,6 +40,7 @@ from llm_astar_planner.benchmark.results import (
 from llm_astar_planner.benchmark.runner.config import open_folder
 from llm_astar_planner.benchmark.runner.engine import Outcome, SearchSettings, Task
 from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES
+from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.cli.parameter_flags import (
     add_parameter_flags,
     add_params_file_flag,
@@ -50,12 +51,14 @@ from llm_astar_planner.cli.run_options import (
     BAD_INPUT,
     INCOMPLETE,
     OK,
+    add_instruction,
     add_running,
     add_variants,
     close_run,
     complain,
     deciding_files,
     deciding_parameters,
+    instruction_of,
     run_into,
     settle_variants,
     source_specs,
@@ -93,6 +96,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     rules = parser.add_argument_group('rules, by the names of the parameters of planner_node')
     add_params_file_flag(rules)
     add_parameter_flags(rules, RULES)
+    add_instruction(
+        parser.add_argument_group('an instruction for every request, instead of the recorded ones')
+    )
     add_running(parser.add_argument_group('running'), 'out/evaluate')
 
 
@@ -228,6 +234,7 @@ def make_config(
     All baselines are added only where the barriers of every map are known.
     """
     values = defaults(RULES) | rules
+    places = open_places(args.places_file or '', None)
     settings = SearchSettings(
         args.heuristic,
         args.weight,
@@ -237,12 +244,13 @@ def make_config(
         values['tolerance'],
         values['start_tolerance'],
         'corner_cutting' not in rules and not args.params_file,
+        instruction_of(args, places),
     )
     all_barriers = all(BARRIER_MAP in bag.topics for bag in bags)
     sources = source_specs(args, (), None if all_barriers else GRID_BASELINES)
     selection = replace(selection, base_frame=values['robot_base_frame'])
     return EvaluationConfig(
-        bags, selection, args.methods, sources, settings, args.plan_window, listed
+        bags, selection, args.methods, sources, settings, args.plan_window, listed, places
     )
 
 

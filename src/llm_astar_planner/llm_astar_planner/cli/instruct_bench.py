@@ -57,7 +57,9 @@ from llm_astar_planner.cli.run_options import (
     complain,
     names,
 )
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.chain import make_interpreter
+from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.parameters import REQUESTS, SEARCH, SOURCE, defaults
 from llm_astar_planner.planning.types import PlanRequest
@@ -301,7 +303,6 @@ def draw(result: InstructionResult, path: str) -> None:
     plan, suite_map = result.plan, result.instruction.suite_map
     barriers = suite_map.barrier_map
     offset = (0, 0) if barriers is None else (barriers.range_x[0], barriers.range_y[0])
-    picture = picture_of(
-        plan, suite_map.grid_map, plan.start, plan.goal, offset, places=suite_map.places
-    )
+    route = Route(Costmap(suite_map.grid_map), plan.start, plan.goal, suite_map.places)
+    picture = picture_of(plan, suite_map.grid_map, plan.start, plan.goal, offset, route=route)
     save_picture(picture, path)

@@ -8,12 +8,17 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Place, Places
 from llm_astar_msgs_adapter.maps.places_file import load_places, places_beside
 from llm_astar_msgs_adapter.maps.places_problems import places_problems
 
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps
+from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.resources import find_file
+
+# Decimals of metres in listings.
+DECIMALS = 3
+PLACES_FILE = next(item for item in PLANNER if item.name == 'places_file')
 
 
 def add_map_options(group: Any, *, default: str | None = None) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -27,6 +32,18 @@ def add_map_options(group: Any, *, default: str | None = None) -> None:  # noqa:
         'MovingAI x.map.scen',
     )
     group.add_argument('--map-id', type=int, metavar='ID', help='map of the file (default: first)')
+
+
+def add_places_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add `--places`, the flag of the parameter `places_file`."""
+    group.add_argument(
+        '--places',
+        '--places-file',
+        dest=PLACES_FILE.name,
+        metavar='FILE',
+        help='GeoJSON with the named places of the map (default: NAME.places.geojson or '
+        'places.geojson beside the map)',
+    )
 
 
 def open_maps(arguments: argparse.Namespace) -> tuple[list[ProblemMap], ProblemMap]:
@@ -57,3 +74,16 @@ def warn_of_places(places: Places, grid_map: GridMap) -> None:
     """Print what is doubtful about places on a map, a line each."""
     for problem in places_problems(places, grid_map):
         sys.stderr.write(f'llm-astar: warning: places: {problem}\n')
+
+
+def place_to_json(place: Place) -> dict[str, Any]:
+    """Return a place for a listing; `area` is null for a point."""
+    middle, area = place.geometry.representative_point(), place.geometry.area
+    return {
+        'name': place.name,
+        'kind': place.kind,
+        'tags': list(place.tags),
+        'aliases': list(place.aliases),
+        'centre': [round(middle.x, DECIMALS), round(middle.y, DECIMALS)],
+        'area': round(area, DECIMALS) if area else None,
+    }

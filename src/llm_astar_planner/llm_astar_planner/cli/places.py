@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import argparse
 import json
-from typing import Any
 
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.places_problems import places_problems
 
-from llm_astar_planner.cli.map_files import add_map_options, open_maps, open_places
+from llm_astar_planner.cli.map_files import (
+    add_map_options,
+    open_maps,
+    open_places,
+    place_to_json,
+)
 
 EPILOG = """\
 examples:
@@ -60,19 +64,6 @@ def draw(places: Places, grid_map: GridMap | None, path: str) -> None:
     from llm_astar_planner.visualization.places import places_figure  # noqa: PLC0415
 
     write_figure(places_figure(places, grid_map), path)
-
-
-def place_to_json(place: Place) -> dict[str, Any]:
-    """Return a place for a listing; `area` is null for a point."""
-    middle, area = place.geometry.representative_point(), place.geometry.area
-    return {
-        'name': place.name,
-        'kind': place.kind,
-        'tags': list(place.tags),
-        'aliases': list(place.aliases),
-        'centre': [round(middle.x, 3), round(middle.y, 3)],
-        'area': round(area, 3) if area else None,
-    }
 
 
 def places_to_text(places: Places) -> str:

@@ -7,40 +7,41 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator
 from typing import Any
 
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point, find_barrier_map
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point, Sample
+from llm_astar_msgs_adapter.maps.places import Places
 
-from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps
-from llm_astar_planner.cli.parameter_flags import (
-    add_parameter_flags,
-    add_params_file_flag,
-    parameter_values,
-    read_params_files,
+from llm_astar_planner.benchmark.datasets.samples import ProblemMap
+from llm_astar_planner.cli.map_files import (
+    add_map_options,
+    add_places_option,
+    barrier_maps_of,
+    open_maps,
+    open_places,
+    warn_of_places,
 )
-from llm_astar_planner.parameter import ParameterError, Scalar
+from llm_astar_planner.cli.plan_output import plan_to_json, plan_to_text
+from llm_astar_planner.cli.planning_options import (
+    PlanningOptions,
+    add_planning_options,
+    read_planning_options,
+)
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions.place_goal import find_place, goal_cell
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import (
-    PLANNER,
-    SOURCE,
-    costmap_config,
     request_fields,
-    source_config,
 )
-from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, check_request
-from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.paper import compile_kernels
-from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 
-# planner_node's parameters that decide a plan, wherever it is made.
-RULES = tuple(item for item in PLANNER if not item.node_only)
 EPILOG = """\
 examples:
   llm-astar plan
@@ -48,6 +49,7 @@ examples:
   llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --robot-radius 0.2
   llm-astar plan --start 5 5 --goal 20 20 --via 30 8 --tolerance 1.5
   llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --params-file robot.yaml
+  llm-astar plan --map house.yaml --from kitchen --to study --instruction "avoid the hall"
   llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
   llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
   llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids
@@ -59,24 +61,29 @@ examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     where = parser.add_argument_group('where')
-    where.add_argument(
-        '--map',
-        default='demo.json',
-        metavar='FILE',
-        help='barrier-map JSON, a path or a name in maps/ (default: %(default)s); or a '
-        'map_server yaml, or a MovingAI x.map.scen',
-    )
-    where.add_argument('--map-id', type=int, metavar='ID', help='map of the file (default: first)')
+    add_map_options(where, default='demo.json')
+    add_places_option(where)
     where.add_argument(
         '--pair',
         type=int,
         default=0,
         metavar='N',
-        help='start-goal pair of the map, unless --start and --goal are given (default: 0)',
+        help='start-goal pair of the map, unless start and goal are given (default: 0)',
     )
     cell: dict[str, Any] = {'type': int, 'nargs': 2, 'metavar': ('X', 'Y')}
-    where.add_argument('--start', **cell, help='a cell, not metres')
-    where.add_argument('--goal', **cell, help='likewise')
+    first, last = (where.add_mutually_exclusive_group() for _ in range(2))
+    first.add_argument('--start', **cell, help='a cell, not metres')
+    first.add_argument(
+        '--from', dest='start_place', metavar='NAME', help='start at a place instead'
+    )
+    last.add_argument('--goal', **cell, help='a cell')
+    last.add_argument(
+        '--to',
+        dest='goal_place',
+        metavar='NAME',
+        help='go to a place instead: to the free cell that is nearest to its centre; without a '
+        'start, from that of --pair',
+    )
     where.add_argument(
         '--query',
         metavar='TEXT',
@@ -91,13 +98,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=('X', 'Y'),
         help='a cell to pass on the way; repeat it for more, in order',
     )
-    rules = parser.add_argument_group(
-        'rules', 'the parameters of planner_node; a cell of a barrier map is one metre wide'
-    )
-    add_params_file_flag(rules)
-    add_parameter_flags(rules, RULES)
-    guide = parser.add_argument_group('waypoints', 'the parameters of llm_client_node')
-    add_parameter_flags(guide, SOURCE)
+    guide = add_planning_options(parser)
     guide.add_argument('--reply', metavar='TEXT', help="a model's reply, used instead of a source")
     output = parser.add_argument_group('output')
     output.add_argument('--png', metavar='FILE', help='draw the plan')
@@ -109,89 +110,124 @@ def run(arguments: argparse.Namespace) -> int:
 
     Raises ParameterError, and what reading a map or a source raises, on bad input.
     """
-    if (arguments.start is None) != (arguments.goal is None):
-        raise ParameterError('--start and --goal go together; leave both out to take --pair')
-    files = read_params_files(arguments).values if arguments.params_file else {}
-    values = parameter_values(arguments, RULES, files.get('planner_node'))
-    settings = source_settings(arguments, files.get('llm_client_node'))
-    maps, (problem, start, goal) = choose_problem(arguments)
-    barriers = problem if isinstance(problem, BarrierMap) else None
-    if arguments.corner_cutting is None and not arguments.params_file:
-        values['corner_cutting'] = barriers is not None
-    # The map coordinates of cell (0, 0).
-    offset = (0, 0) if barriers is None else (barriers.range_x[0], barriers.range_y[0])
-    source: WaypointSource | None = None
-    if arguments.reply is not None:
-        source = FixedReply(arguments.reply, offset)
-    elif values['use_waypoints']:
-        source = make_source(settings, dataset=barrier_maps_of(maps))
+    maps, problem = choose_problem(arguments)
+    options = read_planning_options(arguments, problem)
+    planner = options.make_planner(problem)
+    map_file = arguments.map if arguments.query is None else None
+    places = open_places(options.values['places_file'], map_file)
+    warn_of_places(places, planner.grid_map)
+    start, goal = choose_endpoints(arguments, problem, places, planner.costmap)
+    offset = offset_of(problem)
     request = PlanRequest(
         problem.to_cell(start),
         problem.to_cell(goal),
-        source=source,
+        source=waypoint_source(arguments, options, maps, offset),
         sample=sample_key_of(problem, start, goal),
         via=tuple(problem.to_cell((x, y)) for x, y in arguments.via),
-        **request_fields(values),
+        instruction=options.route_instruction(places),
+        **request_fields(options.values),
     )
     check_request(request)
     compile_kernels()
-    planner = Planner(problem.to_grid(), costmap_config(values), barriers).prepare()
-    plan = planner.plan(request)
+    plan = planner.prepare().plan(request)
     if arguments.json:
         print(json.dumps(plan_to_json(plan, offset)))
     else:
-        print(plan_to_text(plan, offset))
+        print('\n'.join([*place_lines(arguments, start, goal), plan_to_text(plan, offset)]))
     if arguments.png:
-        # Importing matplotlib takes most of a second.
-        from llm_astar_planner.visualization.figures import drawable_map, picture_of, save_picture  # noqa: PLC0415
-
-        grid_map = drawable_map(planner.grid_map, planner.config)
-        picture = picture_of(plan, grid_map, plan.start, plan.goal, offset)
-        save_picture(picture, arguments.png)
+        draw(plan, Route(planner.costmap, plan.start, plan.goal, places), offset, arguments.png)
         if not arguments.json:
             print(f'picture    {arguments.png}')
     return 0 if plan.code == 0 else 1
 
 
-def source_settings(
-    arguments: argparse.Namespace, file: Mapping[str, Scalar] | None
-) -> SourceSettings:
-    """Return the settings of the waypoint source, by flags and llm_client_node's parameters.
+def waypoint_source(
+    arguments: argparse.Namespace,
+    options: PlanningOptions,
+    maps: list[ProblemMap],
+    offset: Point,
+) -> WaypointSource | None:
+    """Return the source of waypoints, or None. Raises what making one raises."""
+    if arguments.reply is not None:
+        return FixedReply(arguments.reply, offset)
+    if not options.values['use_waypoints']:
+        return None
+    return make_source(options.settings, dataset=barrier_maps_of(maps))
 
-    Raises ParameterError, and FileNotFoundError for a transcript that does not exist.
-    """
-    settings = source_config(parameter_values(arguments, SOURCE, file))
-    if arguments.record and settings.source != 'endpoint':
-        raise ParameterError('--record keeps exchanges with --source endpoint; no other has any')
-    if settings.transcript:
-        settings = replace(settings, transcript=str(find_file(settings.transcript, 'maps')))
-    return settings
+
+def draw(plan: Plan, route: Route, offset: Point, path: str) -> None:
+    """Draw a plan with places and instruction. Raises OSError, and ValueError for the name."""
+    # Importing matplotlib takes most of a second.
+    from llm_astar_planner.visualization.figures import drawable_map, picture_of, save_picture  # noqa: PLC0415
+
+    grid_map = drawable_map(route.costmap.grid_map, route.costmap.config)
+    save_picture(picture_of(plan, grid_map, plan.start, plan.goal, offset, route=route), path)
+
+
+def place_lines(arguments: argparse.Namespace, start: Point, goal: Point) -> Iterator[str]:
+    """Yield which cells the named places became."""
+    named = (('from', arguments.start_place, start), ('to', arguments.goal_place, goal))
+    for option, name, (x, y) in named:
+        if name is not None:
+            yield f'{option:<10} {name}, at cell {x}, {y}'
 
 
 def choose_problem(
     arguments: argparse.Namespace,
-) -> tuple[list[ProblemMap], tuple[ProblemMap, Point, Point]]:
-    """Return all maps, and the map, start and goal to plan: from a sentence or from numbers."""
+) -> tuple[list[ProblemMap], ProblemMap]:
+    """Return all maps, and the one to plan on: of a sentence or of a file."""
     if arguments.query is not None:
         barrier_map = parse_query(arguments.query)
-        sample = barrier_map.samples[0]
-        return [barrier_map], (barrier_map, sample.start, sample.goal)
-    maps = load_maps(find_file(arguments.map, 'maps'))
-    problem = maps[0]
-    if arguments.map_id not in (None, problem.id):
-        problem = find_barrier_map(barrier_maps_of(maps), arguments.map_id)
-    if arguments.start is not None:
-        return maps, (problem, tuple(arguments.start), tuple(arguments.goal))
+        return [barrier_map], barrier_map
+    return open_maps(arguments)
+
+
+def choose_endpoints(
+    arguments: argparse.Namespace, problem: ProblemMap, places: Places, costmap: Costmap
+) -> tuple[Point, Point]:
+    """Return start and goal: of places, of coordinates, else of the map's pair.
+
+    Raises ParameterError for options that do not go together, PlaceGoalError for a place that
+    does not exist or that nobody can stand in.
+    """
+    start, goal = (
+        point if name is None else place_point(name, places, costmap, problem)
+        for name, point in (
+            (arguments.start_place, arguments.start),
+            (arguments.goal_place, arguments.goal),
+        )
+    )
+    if (start is None) != (goal is None) and arguments.goal_place is None:
+        raise ParameterError(
+            '--start and --goal, or --from and --to, go together; leave them out to take --pair'
+        )
+    if start is None:
+        sample = pair_of(arguments, problem)
+        start, goal = sample.start, goal or sample.goal
+    return (start[0], start[1]), (goal[0], goal[1])
+
+
+def pair_of(arguments: argparse.Namespace, problem: ProblemMap) -> Sample:
+    """Return the start-goal pair of `--pair`. Raises ParameterError where there is none."""
     if not 0 <= arguments.pair < len(problem.samples):
         count = len(problem.samples)
         raise ParameterError(f'--pair {arguments.pair}: map {problem.id} has {count} pairs')
-    sample = problem.samples[arguments.pair]
-    return maps, (problem, sample.start, sample.goal)
+    sample: Sample = problem.samples[arguments.pair]
+    return sample
 
 
-def barrier_maps_of(maps: list[ProblemMap]) -> list[BarrierMap]:
-    """Return the maps that are given by barriers."""
-    return [item for item in maps if isinstance(item, BarrierMap)]
+def place_point(name: str, places: Places, costmap: Costmap, problem: ProblemMap) -> Point:
+    """Return the point of the map at which a place is gone to. Raises PlaceGoalError."""
+    x, y = goal_cell(find_place(name, places), costmap)
+    x_min, y_min = offset_of(problem)
+    return x + x_min, y + y_min
+
+
+def offset_of(problem: ProblemMap) -> Point:
+    """Return the map coordinates of cell (0, 0)."""
+    if isinstance(problem, BarrierMap):
+        return problem.range_x[0], problem.range_y[0]
+    return 0, 0
 
 
 def sample_key_of(problem: ProblemMap, start: Point, goal: Point) -> SampleKey | None:
@@ -200,59 +236,3 @@ def sample_key_of(problem: ProblemMap, start: Point, goal: Point) -> SampleKey |
         if (sample.start, sample.goal) == (start, goal):
             return SampleKey(problem.id, pair)
     return None
-
-
-def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
-    """Return a plan as a JSON object, in map coordinates: cells counted from `offset`.
-
-    `start_shift`, `goal_shift`, `unknown_length` and `clearance` (null: no obstacle) are in
-    metres, the lengths and costs in cells.
-    """
-    x_min, y_min = offset
-    shortened = plan.any_angle
-    return plan.to_dict() | {
-        'start': [plan.start[0] + x_min, plan.start[1] + y_min],
-        'goal': [plan.goal[0] + x_min, plan.goal[1] + y_min],
-        'path': (plan.path + offset).tolist(),
-        'waypoints': [
-            {'x': point.x + x_min, 'y': point.y + y_min, 'verdict': point.status.value}
-            for point in plan.checked_waypoints
-        ],
-        'any_angle_path': None if shortened is None else (shortened.points + offset).tolist(),
-    }
-
-
-def plan_to_text(plan: Plan, offset: Point) -> str:
-    """Return a plan as a few lines for a person."""
-    lines = [f'{plan.code.name} ({int(plan.code)}): {plan.message}']
-    lines += [f'warning    {warning}' for warning in plan.warnings]
-    asked = f'{plan.source}, {plan.source_status.value}'
-    lines.append(f'guided by  {plan.guided_by} (source {asked})')
-    for number, point in enumerate(plan.checked_waypoints, start=1):
-        place = f'[{point.x + offset[0]:g}, {point.y + offset[1]:g}]'
-        lines.append(f'waypoint {number} {place} {point.status.value.replace("_", " ")}')
-    if plan.code == 0:
-        lines += path_lines(plan)
-    milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)
-    lines.append('time       {:.2f} ms in source, {:.2f} ms in search'.format(*milliseconds))
-    return '\n'.join(lines)
-
-
-def path_lines(plan: Plan) -> list[str]:
-    """Return the lines that only a plan with a path has."""
-    turns = f'{plan.turns} turn{"" if plan.turns == 1 else "s"}'
-    lines = [
-        f'expansions {plan.expansions}',
-        f'storage    {plan.storage}',
-        f'length     {plan.length:.3f} cells over {len(plan.path)} points, {turns}',
-    ]
-    if math.isfinite(plan.clearance):
-        lines.append(f'clearance  {plan.clearance:.2f} m')
-    if plan.unknown_length:
-        lines.append(f'unknown    {plan.unknown_length:.2f} m through unknown cells')
-    if plan.any_angle is not None:
-        segments = len(plan.any_angle.points) - 1
-        lines.append(
-            f'any angle  {plan.any_angle.length:.3f} cells in {segments} straight segments'
-        )
-    return lines

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.benchmark.analysis.summary import summarise
 from llm_astar_planner.benchmark.analysis.thresholds import (
@@ -43,13 +44,17 @@ from llm_astar_planner.benchmark.runner.sources import (
     embedded_sources,
     make_source_specs,
 )
+from llm_astar_planner.cli.map_files import add_places_option
 from llm_astar_planner.cli.parameter_flags import (
     add_endpoint_arguments,
     add_parameter_flags,
     parameter_values,
 )
+from llm_astar_planner.instructions.chain import make_interpreter
+from llm_astar_planner.instructions.interpretation import RouteInstruction, clean_instruction
 from llm_astar_planner.parameter import Scalar
-from llm_astar_planner.planning.parameters import REQUESTS, SEARCH
+from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, defaults
+from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.paper import GUIDED
 from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
@@ -57,6 +62,7 @@ from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_pat
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
 LIVE_JOBS = 8
+INSTRUCTION = ('instruction', 'instruction_policy')
 # The parameters of the search, with the defaults of the benchmark.
 SEARCH_PARAMETERS = tuple(
     item.for_bench()
@@ -94,6 +100,36 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
     )  # fmt: skip
 
 
+def add_instruction(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options of an instruction for every sample."""
+    items = [item for item in PLANNER if item.name in INSTRUCTION]
+    add_parameter_flags(group, items)
+    group.set_defaults(**defaults(items))
+    add_places_option(group)
+
+
+def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction | None:
+    """Return what is understood of the instruction for every sample, None if there is none.
+
+    The settings of a live or recorded model are those of the sources. Raises ValueError.
+    """
+    text = clean_instruction(args.instruction)
+    if not text:
+        return None
+    names = [name for name in ('endpoint', 'replay') if name in args.source]
+    values = {
+        'source': names[0] if names else 'none',
+        'model': next(iter(args.model), ''),
+        'transcript': args.transcript,
+        'base_url': args.base_url,
+        'api_key_env': args.api_key_env,
+    }
+    interpreter = make_interpreter(values)
+    interpretation = interpreter.interpret(text, places, args.max_planning_time)
+    sys.stderr.write(f'instruction {interpretation.status.value}: {interpretation.sentence}\n')
+    return RouteInstruction(interpretation, places, args.instruction_policy)
+
+
 def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options for running and output; `out` is the default folder."""
     group.add_argument('--out', default=out, metavar='DIR', help='(default: %(default)s)')
@@ -105,8 +141,9 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
     )  # fmt: skip
     group.add_argument('--dask', metavar='ADDRESS', help='scheduler of a Dask cluster to run on')
     group.add_argument(
-        '--fail-under', type=threshold, action='append', default=[], metavar='LIMIT',
-        help='VARIANT:METRIC=LIMIT in percent; exit 1 if a ratio is above it or a share below',
+        '--fail-under', '--assert', type=threshold, action='append', default=[], metavar='LIMIT',
+        help='VARIANT:METRIC=LIMIT in percent, or METRIC=LIMIT for all variants that have the '
+        'metric, such as instruction=95; exit 1 if a ratio is above it or a share below',
     )  # fmt: skip
     group.add_argument('--json', action='store_true', help='print the summary as JSON')
 
@@ -160,12 +197,15 @@ def deciding_parameters(args: argparse.Namespace, *more: str) -> dict[str, Any]:
         'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds', 'heuristic',
         'weight', 'max_suboptimality', 'price', 'jobs', *more,
     )  # fmt: skip
-    return {name: getattr(args, name) for name in names} | {'time_limit': args.max_planning_time}
+    instruction = INSTRUCTION if args.instruction else ()
+    found = {name: getattr(args, name) for name in (*names, *instruction)}
+    return found | {'time_limit': args.max_planning_time}
 
 
 def deciding_files(args: argparse.Namespace) -> list[Path]:
-    """Return the transcript and the prompt files, which change the rows as the dataset does."""
+    """Return the transcript, the prompt files and the places, which change the rows too."""
     files = [Path(args.transcript)] if args.transcript else []
+    files += [find_file(args.places_file, 'maps')] if args.places_file else []
     if 'endpoint' in args.source:
         prompts = args.prompt or [DEFAULT_PROMPT]
         files += [template_path(p) if p in TEMPLATES else Path(p).expanduser() for p in prompts]

@@ -16,8 +16,15 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.result import Cell
+from llm_astar_planner.visualization.instructions import (
+    INSTRUCTED_PATH,
+    InstructedPath,
+    add_instruction_legend,
+    draw_instruction,
+)
 from llm_astar_planner.visualization.places import draw_places, write_names
 
 # Colour and marker by waypoint status; the shapes differ too, for readers who see few colours.
@@ -38,7 +45,7 @@ class Picture:
     """What to draw, in grid coordinates: `path` [n, 2], `expanded` bool [height, width].
 
     `waypoints` are (x, y, status). `offset` is the map coordinate of cell (0, 0), for the axes.
-    `places` are drawn with their names.
+    `places` are drawn with their names, and `instructed` says what became of an instruction.
     """
 
     grid_map: GridMap
@@ -50,6 +57,7 @@ class Picture:
     title: str
     offset: Cell = (0, 0)
     places: Places = NO_PLACES
+    instructed: InstructedPath | None = None
 
     def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points [n, 2] in metres of the map's frame in the coordinates of the axes."""
@@ -63,17 +71,23 @@ def picture_of(
     goal: Cell,
     offset: Cell = (0, 0),
     *,
-    places: Places = NO_PLACES,
+    route: Route | None = None,
 ) -> Picture:
-    """Return the picture of a plan."""
+    """Return the picture of a plan, with places and instruction if its route is given."""
     waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
     if plan.code == 0:
         outcome = f'{plan.expansions} expansions, length {plan.length:.2f} cells'
         title = f'{describe_guidance(plan.method, plan.guided_by)}: {outcome}'
     else:
         title = f'{plan.method}: {plan.code.name}, {plan.message}'
+    places = NO_PLACES if route is None else route.places
+    path, instructed = plan.path, None
+    if route is not None and plan.instruction is not None and len(path):
+        # The path that leaves the planner is the one that the instruction is verified on.
+        path = path if plan.any_angle is None else plan.any_angle.points
+        instructed = InstructedPath(plan.instruction, route, grid_map.grid_to_world(path))
     return Picture(
-        grid_map, start, goal, plan.path, plan.expanded, waypoints, title, offset, places
+        grid_map, start, goal, path, plan.expanded, waypoints, title, offset, places, instructed
     )
 
 
@@ -100,6 +114,8 @@ def save_picture(picture: Picture, path: str | Path) -> None:
     axes = figure.add_subplot()
     draw(axes, picture)
     figure.legend(loc='outside lower center', ncols=6, frameon=False)
+    if picture.instructed is not None:
+        add_instruction_legend(figure, picture.instructed)
     ends = np.array([picture.start, picture.goal]) + picture.offset
     write_names(axes, picture.places, picture.project, ends)
     write_figure(figure, path)
@@ -119,7 +135,11 @@ def draw(axes: Axes, picture: Picture) -> None:
     draw_places(axes, picture.places, picture.project)
     if len(picture.path):
         x, y = (picture.path + picture.offset).T
-        axes.plot(x, y, color=PATH, linewidth=2, label='path')
+        # Red is what violates an instruction.
+        colour = PATH if picture.instructed is None else INSTRUCTED_PATH
+        axes.plot(x, y, color=colour, linewidth=2, label='path')
+    if picture.instructed is not None:
+        draw_instruction(axes, picture.instructed, picture.project)
     labelled = set()
     for number, (x, y, status) in enumerate(picture.waypoints, start=1):
         label = None if status in labelled else f'waypoint, {status.replace("_", " ")}'

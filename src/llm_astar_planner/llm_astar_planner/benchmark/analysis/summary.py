@@ -56,6 +56,8 @@ class VariantSummary:
     expansions to our exact A*, where that was run; `proven` are the proven suboptimality bounds,
     of methods that prove one. `clearance` and `unknown_length` (metres) and `turns` describe the
     paths found. `recorded` is the length over that of the path in the bag, where there is one.
+    `instruction` is the share of satisfied instructions among the samples that had one, and
+    `recorded_instruction` that of the plans in the bag; unknown where none had one.
     """
 
     variant: Variant
@@ -82,6 +84,8 @@ class VariantSummary:
     turns: Spread = NO_SPREAD
     unknown_length: Spread = NO_SPREAD
     recorded: Ratio | None = None
+    instruction: Interval = UNKNOWN
+    recorded_instruction: Interval = UNKNOWN
 
 
 @dataclass(frozen=True)
@@ -192,6 +196,18 @@ def summarise_variant(
             [row.unknown_length for row in found if math.isfinite(row.unknown_length)]
         ),
         recorded=ratio(recorded, 'length', seed) if recorded else None,
+        instruction=satisfied_share(every, 'instruction_satisfied', seed),
+        recorded_instruction=satisfied_share(every, 'recorded_instruction_satisfied', seed),
+    )
+
+
+def satisfied_share(rows: Sequence[Row], column: str, seed: int) -> Interval:
+    """Return the share of rows with 1 in a column among those that have a number there."""
+    asked = [row for row in rows if math.isfinite(getattr(row, column))]
+    if not asked:
+        return UNKNOWN
+    return mean_interval(
+        [getattr(row, column) == 1.0 for row in asked], [row.map for row in asked], seed
     )
 
 

@@ -1,24 +1,26 @@
-"""Thresholds for continuous integration that a run must meet: VARIANT:METRIC=LIMIT."""
+"""Thresholds for continuous integration that a run must meet: [VARIANT:]METRIC=LIMIT."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from llm_astar_planner.benchmark.analysis.summary import VariantSummary
+from llm_astar_planner.benchmark.analysis.statistics import Interval
+from llm_astar_planner.benchmark.analysis.summary import Ratio, VariantSummary
 from llm_astar_planner.benchmark.results import METHOD_ALIASES
 
 # Metrics in percent. A limit is the maximum of a ratio and the minimum of a share.
 RATIOS = ('operation', 'storage', 'length', 'recorded')
-SHARES = ('valid', 'optimal')
+SHARES = ('valid', 'optimal', 'instruction', 'recorded_instruction')
 
 
 class Threshold(NamedTuple):
     """A limit in percent on one metric of a variant, written method/source/prompt/model.
 
     A method alone means the method without waypoints, if that was run. Any other beginning of a
-    name means all variants whose names begin with it.
+    name means all variants whose names begin with it, and no name all variants that have the
+    metric.
     """
 
     variant: str
@@ -27,12 +29,12 @@ class Threshold(NamedTuple):
 
 
 def parse_threshold(text: str) -> Threshold:
-    """Parse VARIANT:METRIC=LIMIT, such as `llm_astar/oracle:operation=35`. Raises ValueError."""
+    """Parse [VARIANT:]METRIC=LIMIT, as `llm_astar/oracle:operation=35`. Raises ValueError."""
     name, equals, limit = text.rpartition('=')
     variant, colon, metric = name.rpartition(':')
-    if not (equals and colon and variant) or metric not in RATIOS + SHARES:
+    if not equals or (colon and not variant) or metric not in RATIOS + SHARES:
         known = ', '.join(RATIOS + SHARES)
-        message = f'{text!r}: VARIANT:METRIC=LIMIT is expected, METRIC one of {known}'
+        message = f'{text!r}: [VARIANT:]METRIC=LIMIT is expected, METRIC one of {known}'
         raise ValueError(message)
     method, slash, rest = variant.partition('/')
     try:
@@ -49,6 +51,9 @@ def missed_thresholds(
     by_name = {str(summary.variant): summary for summary in summaries}
     for threshold in thresholds:
         name = threshold.variant
+        if not name:
+            lines += problems_of_all(by_name, threshold)
+            continue
         exact = [known for known in (name, f'{name}/none') if known in by_name][:1]
         names = exact or [known for known in by_name if known.startswith(f'{name}/')]
         if not names:
@@ -60,14 +65,32 @@ def missed_thresholds(
     return lines
 
 
+def problems_of_all(by_name: Mapping[str, VariantSummary], threshold: Threshold) -> list[str]:
+    """Return a line for each variant that has a metric and misses its limit, or that none has."""
+    having = {
+        name: summary
+        for name, summary in by_name.items()
+        if not math.isnan(metric_value(summary, threshold.metric))
+    }
+    if not having:
+        return [f'{threshold.metric} is unknown, so the limit {threshold.limit:g} is not met']
+    problems = {name: threshold_problem(summary, threshold) for name, summary in having.items()}
+    return [f'{name}: {problem}' for name, problem in problems.items() if problem is not None]
+
+
+def metric_value(summary: VariantSummary, metric: str) -> float:
+    """Return a metric of a variant in percent, NaN where it is unknown."""
+    found = getattr(summary, metric)
+    if isinstance(found, Ratio):
+        found = found.mean
+    value = found.value if isinstance(found, Interval) else found
+    return math.nan if value is None else 100.0 * float(value)
+
+
 def threshold_problem(summary: VariantSummary, threshold: Threshold) -> str | None:
     """Say how a variant misses a threshold, or return None where it meets it."""
     _, metric, limit = threshold
-    if metric in RATIOS:
-        ratio = getattr(summary, metric)
-        value = math.nan if ratio is None else 100.0 * float(ratio.mean.value)
-    else:
-        value = 100.0 * (summary.valid.value if metric == 'valid' else summary.optimal)
+    value = metric_value(summary, metric)
     if math.isnan(value):
         return f'{metric} is unknown, so the limit {limit:g} is not met'
     if metric in RATIOS:

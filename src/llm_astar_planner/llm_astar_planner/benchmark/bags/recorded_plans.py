@@ -6,17 +6,33 @@ the call they answer, by their stamp, or because the path ends at the request's 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of, values_of_report
 from numpy.typing import NDArray
 
-from llm_astar_planner.benchmark.results import cells_along, format_points, turning_points
+from llm_astar_planner.benchmark.results import (
+    cells_along,
+    format_points,
+    satisfied_column,
+    turning_points,
+)
+from llm_astar_planner.instructions.interpretation import (
+    InstructionError,
+    Interpretation,
+    RouteInstruction,
+    Understanding,
+    clean_instruction,
+    status_of,
+)
+from llm_astar_planner.instructions.specification import SpecificationError
+from llm_astar_planner.instructions.specification_json import from_json
 from llm_astar_planner.planning.planner import Planner
 
 # A recorded path belongs to a request if it ends this near to the goal, in metres.
@@ -27,6 +43,7 @@ FARTHEST = 1e8
 MAX_WAITING = 16
 # A longer path (in cells) is not checked cell by cell.
 LONGEST = 10_000_000
+IRRELEVANT = Understanding.IRRELEVANT.value
 
 # The client's id and its number of the call.
 Call = tuple[bytes, int]
@@ -37,12 +54,14 @@ class StackAnswer:
     """What the robot's own stack answered to a request.
 
     `points` [n, 2] are its path in metres in the map's frame: empty where it found none, None
-    where none was recorded. `code` and `waypoints` (m) come from a report of our planner.
+    where none was recorded. `code`, `waypoints` (m) and `instruction` come from a
+    report of our planner.
     """
 
     points: NDArray[np.float64] | None = None
     code: str = ''
     waypoints: tuple[tuple[float, float], ...] = ()
+    instruction: Mapping[str, Any] | None = None
 
 
 @dataclass
@@ -148,6 +167,8 @@ class PendingRequests:
             recorded = item.request.recorded
             recorded.code = code
             recorded.waypoints = waypoints if are_near(np.array(waypoints)) else ()
+            instruction = values.get('instruction_report')
+            recorded.instruction = instruction if isinstance(instruction, dict) else None
             item.stamp = stamp
             item.done = item.call is None or recorded.points is not None
 
@@ -167,6 +188,7 @@ class RecordedPlan:
     points: NDArray[np.float64] | None = None
     code: str = ''
     waypoints: tuple[tuple[float, float], ...] = ()
+    instruction: Mapping[str, Any] | None = None
 
     @classmethod
     def of(cls, bag: str, request: BagRequest) -> RecordedPlan:
@@ -182,7 +204,24 @@ class RecordedPlan:
             None if points is None else grid_map.world_to_grid(points).round(6),
             recorded.code,
             tuple((x, y) for x, y in waypoints),
+            recorded.instruction,
         )
+
+    def asked(self, places: Places) -> RouteInstruction | None:
+        """Return the recorded instruction as it was understood, None if there is none."""
+        interpretation = (self.instruction or {}).get('interpretation')
+        if not isinstance(interpretation, dict) or not interpretation.get('text'):
+            return None
+        try:
+            text = clean_instruction(str(interpretation['text']))
+            specification = from_json(interpretation.get('specification'))
+        except (InstructionError, SpecificationError):
+            return None
+        understood_by = str(interpretation.get('understood_by', ''))
+        status = status_of(specification)
+        if not specification.clauses and interpretation.get('status') != IRRELEVANT:
+            status = Understanding.NONE
+        return RouteInstruction(Interpretation(text, specification, understood_by, status), places)
 
     def columns(self, planner: Planner) -> dict[str, Any]:
         """Return its columns of a results row; `planner` checks the path."""
@@ -193,6 +232,8 @@ class RecordedPlan:
             'map_digest': self.map_digest,
             'recorded_code': self.code,
             'recorded_waypoints': format_points(self.waypoints),
+            'recorded_instruction': str((self.instruction or {}).get('summary', '')),
+            'recorded_instruction_satisfied': satisfied_column(self.instruction),
         }
         if self.points is None:
             return columns

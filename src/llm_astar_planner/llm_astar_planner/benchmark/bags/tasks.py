@@ -10,6 +10,7 @@ from llm_astar_msgs_adapter.bags.reading import Bag
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.grid_map import GridMapError
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
 from llm_astar_planner.benchmark.bags.recorded_plans import BagRequest, RecordedPlan
 from llm_astar_planner.benchmark.bags.requests import ListedRequest, RequestReader
@@ -33,7 +34,8 @@ class EvaluationConfig:
     """What an evaluation of bags covers.
 
     `window` is how many seconds after its request a recorded plan may come. `listed` are further
-    requests, made in every bag.
+    requests, made in every bag. Without an instruction in `settings` a request has the one that
+    the bag recorded with its plan, on `places`.
     """
 
     bags: Sequence[Bag]
@@ -43,6 +45,7 @@ class EvaluationConfig:
     settings: SearchSettings
     window: float = 10.0
     listed: Sequence[ListedRequest] = ()
+    places: Places = NO_PLACES
 
 
 @dataclass
@@ -129,6 +132,8 @@ class BagTasks:
                 if request.tolerance > 0.0:
                     settings = replace(settings, tolerance=request.tolerance)
                 plan = RecordedPlan.of(bag.name, request)
+                if settings.instruction is None:
+                    settings = replace(settings, instruction=plan.asked(config.places))
                 samples = [(sample, 1)]
                 for task in make_tasks(samples, self._variants, config.sources, settings, done):
                     yield replace(task, recorded_plan=plan, is_sample=is_sample)

@@ -37,8 +37,7 @@ from llm_astar_planner.instructions.specification import (
     Visit,
 )
 
-# Of lengths in metres: nobody asks for less than a centimetre.
-DIGITS = 2
+DIGITS = 6
 UNKNOWN = ('unknown',)
 
 

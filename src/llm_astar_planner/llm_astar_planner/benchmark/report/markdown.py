@@ -60,9 +60,10 @@ WAYPOINT_HEAD = (
     'Cost', 'Unanswered',
 )  # fmt: skip
 RECORDED_HEAD = 'Length / recorded plan (%)'
+INSTRUCTION_HEAD = ('Instruction satisfied (%)', 'by the recorded plan (%)')
 PATH_HEAD = (
     'Variant', 'Clearance, least (m)', 'mean', 'Turns, mean', 'Through unknown, mean (m)',
-    RECORDED_HEAD, 'worst',
+    RECORDED_HEAD, 'worst', *INSTRUCTION_HEAD,
 )  # fmt: skip
 COMPARISON_HEAD = ('Variant', 'Operation / none (%)', 'Length / none (%)', 'Effect')
 # The lines of a README between which `replace_section` writes.
@@ -217,6 +218,8 @@ def path_table(summaries: Sequence[VariantSummary]) -> Table:
             number(summary.unknown_length.mean),
             percent_of(summary.recorded),
             worst_percent(summary.recorded),
+            percent(summary.instruction),
+            percent(summary.recorded_instruction),
         )
         for summary in summaries
     ]
@@ -305,6 +308,11 @@ def text_report(rows: Sequence[Row], seed: int = 0) -> str:
         head = (*head, RECORDED_HEAD)
         recorded = [percent_of(summary.recorded) for summary in summaries]
         table = [(*line, cell) for line, cell in zip(table, recorded)]
+    for title, name in zip(INSTRUCTION_HEAD, ('instruction', 'recorded_instruction')):
+        shares: list[Interval] = [getattr(summary, name) for summary in summaries]
+        if not all(math.isnan(share.value) for share in shares):
+            head = (*head, title)
+            table = [(*line, percent(share)) for line, share in zip(table, shares)]
     sentences = [recorded_sentence(rows), headline(compare_with_none(rows, seed))]
     return '\n'.join([text_table(head, table), '', *filter(None, sentences)])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -90,7 +91,8 @@ def write_report(
 def to_json(item: VariantSummary | PairedComparison | Growth) -> dict[str, Any]:
     """Return the figures of a variant by name; named tuples become objects.
 
-    The keys of the file are older than the word variant: `case` is its name.
+    The keys of the file are older than the word variant: `case` is its name. Shares of satisfied
+    instructions are left out where nothing was asked.
     """
     values = asdict(item)
     del values['variant']
@@ -101,6 +103,9 @@ def to_json(item: VariantSummary | PairedComparison | Growth) -> dict[str, Any]:
                 values[name] = {**value.mean._asdict(), 'spread': value.spread._asdict()}
             elif isinstance(value, (Interval, Spread)) and name != 'proven':
                 values[name] = value._asdict()
+        for name in ('instruction', 'recorded_instruction'):
+            if math.isnan(values[name]['value']):
+                del values[name]
     return {'case': str(item.variant), **values, **item.variant._asdict()}
 
 
@@ -136,7 +141,9 @@ def draw_median_sample(
 ) -> Pictures:
     """Draw the sample whose saving over A* is the median: neither the best nor the worst."""
     stored = {item.id: len(item.samples) for item in maps}
-    chosen = median_sample([row for row in rows if row.pair < stored.get(row.map, 0)])
+    # A plan is drawn by planning again, without an instruction.
+    drawable = [row for row in rows if row.pair < stored.get(row.map, 0) and not row.instruction]
+    chosen = median_sample(drawable)
     if chosen is None:
         return []
     base, row = chosen

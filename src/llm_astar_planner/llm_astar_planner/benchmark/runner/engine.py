@@ -34,6 +34,7 @@ from llm_astar_planner.benchmark.results import (
 )
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
 from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS, compile_kernels
@@ -70,6 +71,7 @@ class SearchSettings:
     tolerance: float = 0.0
     start_tolerance: float = 0.0
     paper_corners: bool = False
+    instruction: RouteInstruction | None = None
 
     def costmap_for(self, problem: ProblemMap) -> CostmapConfig:
         """Return the costmap rules for a map."""
@@ -258,6 +260,7 @@ def make_request(
         max_suboptimality=settings.max_suboptimality,
         tolerance=settings.tolerance,
         start_tolerance=settings.start_tolerance,
+        instruction=settings.instruction,
         **options,
     )
 
