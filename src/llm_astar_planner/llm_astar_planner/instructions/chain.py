@@ -135,13 +135,16 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     """Return the reading to use, with the seconds, tokens and reasons of all.
 
     That is the first whole one, else the one with most clauses that stand in the sentence; of
-    equal ones the earlier, since interpreters come with the surest first.
+    equal ones the earlier, since interpreters come with the surest first. Where none is whole and
+    one has yet to answer, it is PENDING.
     """
     best = max(readings, key=lambda reading: (reading.status in READ_WHOLE, sure_count(reading)))
     whole = best.status in READ_WHOLE
     others = [] if whole else [part.detail for part in readings if part is not best]
+    pending = not whole and any(part.status is Understanding.PENDING for part in readings)
     return replace(
         best,
+        status=Understanding.PENDING if pending else best.status,
         detail='; '.join(detail for detail in (best.detail, *others) if detail),
         seconds=sum(reading.seconds for reading in readings),
         prompt_tokens=sum(reading.prompt_tokens for reading in readings),

@@ -97,3 +97,41 @@ def test_a_malformed_threshold_is_refused(suite, capsys):
         main(['instruct-bench', '--suite', suite, '--fail-under', 'speed=1'])
     assert stopped.value.code == 2
     assert 'METRIC one of' in capsys.readouterr().err
+
+
+@pytest.fixture
+def indirect(tmp_path):
+    """Write the suite with a sentence that only a model understands."""
+
+    def change(suite):
+        suite['instructions'][1]['text'] = 'somebody is painting the south door'
+
+    return str(write_suite(tmp_path, change))
+
+
+def test_a_model_is_asked_recorded_and_replayed(indirect, tmp_path, chat_server, capsys):
+    avoid = {'clauses': [{'kind': 'avoid', 'region': {'place': 'south door'}, 'strength': 'must'}]}
+    chat_server.script = [chat_server.completion(json.dumps(avoid))]
+    record = tmp_path / 'exchanges.jsonl'
+    words = ['instruct-bench', '--suite', indirect, '--show', 'tür', '--json', '--model', 'm']
+    live = ['--source', 'endpoint', '--base-url', chat_server.base_url, '--record', str(record)]
+    assert main([*words, *live]) == 0
+    (asked,) = json.loads(capsys.readouterr().out)
+    assert asked['understood'].startswith('avoid the south door')
+    assert asked['understood_by'] == 'm'
+    assert asked['fulfilled'] == 1
+    assert asked['output_tokens'] > 0
+    assert len(chat_server.requests) == 1
+    assert main([*words, '--source', 'replay', '--transcript', str(record)]) == 0
+    (replayed,) = json.loads(capsys.readouterr().out)
+    assert len(chat_server.requests) == 1
+    for name in ('understood', 'exact', 'claimed', 'fulfilled', 'checks', 'output_tokens'):
+        assert replayed[name] == asked[name]
+
+
+def test_a_model_that_does_not_answer_leaves_the_run_incomplete(indirect, capsys):
+    words = ['instruct-bench', '--suite', indirect, '--source', 'endpoint', '--max-retries', '0']
+    assert main([*words, '--base-url', 'http://127.0.0.1:9/v1', '--timeout-s', '2']) == 3
+    printed = capsys.readouterr()
+    assert 'endpoint: 1 instructions without an answer, the first tür' in printed.err
+    assert 'endpoint  5' in printed.out

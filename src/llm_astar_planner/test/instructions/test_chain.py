@@ -90,6 +90,16 @@ def test_a_sentence_is_paid_for_once_for_the_same_places():
     assert model.asked == ['a', 'a', 'b']
 
 
+@pytest.mark.parametrize('grammar', [partial(), Scripted('grammar', Understanding.NONE, ())])
+def test_while_an_answer_is_missing_a_partial_reading_is_pending(grammar):
+    model = Scripted('model', Understanding.PENDING, ())
+    found = ChainInterpreter([grammar, model]).interpret('a', NO_PLACES, 1.0)
+    assert found.status is Understanding.PENDING
+    assert found.specification.clauses == grammar.clauses
+    whole = ChainInterpreter([Scripted('grammar'), model]).interpret('a', NO_PLACES, 1.0)
+    assert whole.status is Understanding.WHOLE
+
+
 def test_a_missing_answer_is_asked_for_again_after_a_while(monkeypatch):
     model = Scripted('model', Understanding.PENDING, ())
     cached = CachedInterpreter(model)
