@@ -10,6 +10,7 @@ import pytest
 from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_msgs_adapter.maps.places_file import load_places
 from llm_astar_planner.benchmark.instructions.suite import load_suite
+from llm_astar_planner.cli.main import main
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.specification import (
     CLAUSES,
@@ -163,3 +164,11 @@ def test_what_cannot_be_met_and_what_asks_nothing_is_there():
     tags = Counter(tag for entry in INSTRUCTIONS for tag in entry['tags'])
     assert tags['hostile'] >= 8
     assert tags['misspelt'] >= 8
+
+
+@pytest.mark.slow
+def test_the_planner_satisfies_the_whole_truth():
+    limits = ('exact=100', 'satisfied=100', 'recognised=100')
+    arguments = [word for limit in limits for word in ('--fail-under', limit)]
+    suite = str(FOLDER / 'suite.json')
+    assert main(['instruct-bench', '--suite', suite, '--source', 'truth', *arguments]) == 0
