@@ -1,10 +1,25 @@
 """Paths that satisfy and paths that violate, by little and by much, for each clause and region."""
 
+import ast
+import math
+from pathlib import Path
+
+import numpy as np
 import pytest
+import shapely
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions import verification
+from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import (
+    NOTHING_ASKED,
     SHOULD,
+    Along,
     Avoid,
     Before,
+    Between,
     Box,
     Disc,
     EndAt,
@@ -12,20 +27,25 @@ from llm_astar_planner.instructions.specification import (
     KeepDistance,
     NamedPlace,
     Pass,
+    Specification,
     StayIn,
     Tagged,
     Unknown,
     Visit,
 )
+from llm_astar_planner.instructions.verification import PathError, verify, visited_regions
 from verified_maps import (
     GUESSED,
     IMPOSSIBLE,
     NOT_UNDERSTOOD,
+    PLACES,
     SATISFIED,
     VIOLATED,
     field,
     outcome,
     outcomes,
+    route,
+    turned,
 )
 
 KITCHEN, LAB, RACK, DOCK = map(NamedPlace, ('kitchen', 'lab', 'rack', 'dock'))
@@ -62,6 +82,25 @@ def test_the_margin_counts(y, status):
 def test_a_tangent_of_a_circle_avoids_it():
     assert outcome([(1.0, 13.0), (19.0, 13.0)], Avoid(region=Disc(10, 10, 3))).status is SATISFIED
     assert outcome([(1.0, 12.99), (19.0, 12.99)], Avoid(region=Disc(10, 10, 3))).status is VIOLATED
+
+
+def test_a_cut_corner_of_three_centimetres_counts():
+    found = outcome([(3.51, 4.51), (4.51, 3.51)], Avoid(region=KITCHEN))
+    assert found.status is VIOLATED
+    assert found.measured == pytest.approx(0.02 * math.sqrt(2.0), abs=1e-4)
+    assert found.detail == '0.028 m inside, from 4.0, 4.0'
+
+
+def test_a_wish_to_avoid_allows_the_least_possible_alone():
+    wish = Avoid(SHOULD, region=Box(8.0, -math.inf, 9.0, math.inf))
+    straight = outcome([(1.25, 1.25), (18.75, 1.25)], wish)
+    assert straight.status is SATISFIED
+    assert straight.detail == '1.0 m inside, from 8.0, 1.2, the least possible is 1.0 m'
+    slant = outcome([(1.25, 1.25), (8.25, 1.25), (8.25, 5.25), (18.75, 5.25)], wish)
+    assert slant.status is VIOLATED
+    assert slant.least == pytest.approx(1.0, abs=0.05)
+    needless = [(1.25, 3.75), (4.25, 4.25), (8.75, 3.75)]
+    assert outcome(needless, Avoid(SHOULD, region=KITCHEN)).status is VIOLATED
 
 
 def test_who_starts_inside_may_leave_by_the_shortest_way():
@@ -144,3 +183,418 @@ def test_before_looks_at_the_first_entry():
 def test_end_at_looks_at_the_last_point():
     assert outcome([(1.25, 1.25), (6.25, 6.25)], EndAt(region=KITCHEN)).status is SATISFIED
     assert outcome(THROUGH, EndAt(region=KITCHEN)).status is VIOLATED
+
+
+def test_pieces_of_a_place_and_repaired_outlines_are_measured():
+    bow_tie = shapely.Polygon([(4, 4), (8, 8), (8, 4), (4, 8)])
+    two = shapely.MultiPolygon([shapely.box(2, 5, 3, 7), shapely.box(12, 5, 15, 7)])
+    places = Places([Place('tie', bow_tie), Place('two', two)])
+    found = outcome(THROUGH, Avoid(region=NamedPlace('tie')), places=places)
+    assert found.measured == pytest.approx(3.5, abs=1e-4)
+    assert outcome(
+        THROUGH, Avoid(region=NamedPlace('two')), places=places
+    ).measured == pytest.approx(4.0, abs=1e-4)
+    assert outcome(THROUGH, Visit(regions=(NamedPlace('two'),)), places=places).status is SATISFIED
+
+
+@pytest.mark.parametrize(
+    'geometry',
+    [
+        shapely.Polygon(),
+        shapely.Polygon([(4, 4), (8, 8), (6, 6)]),
+        shapely.LineString([(4, 4), (8, 8)]),
+    ],
+    ids=['empty', 'flat', 'line'],
+)
+def test_nothing_is_claimed_of_a_place_without_area(geometry):
+    places = Places([Place('it', geometry), Place('lab', shapely.box(12, 4, 16, 8))])
+    it = NamedPlace('it')
+    clauses = [
+        Avoid(region=it), Avoid(region=it, margin=1.0), Visit(regions=(it,)), StayIn(region=it),
+        Before(first=it, second=LAB), Before(first=LAB, second=it), Pass(region=it, side='north'),
+        KeepDistance(metres=1.0, region=it), EndAt(region=it), Avoid(region=Half('north', 'it')),
+        StayIn(SHOULD, region=it), Visit(regions=(Along('it', 0.5),)),
+    ]  # fmt: skip
+    for found in outcomes(PAST, *clauses, places=places):
+        assert found.status in {NOT_UNDERSTOOD, IMPOSSIBLE}
+        assert 'no area' in found.detail
+
+
+def test_a_place_off_the_map_is_avoided_and_cannot_be_visited():
+    far = NamedPlace('far hall')
+    avoided, visited, stayed, ended = outcomes(
+        PAST, Avoid(region=far), Visit(regions=(far,)), StayIn(region=far), EndAt(region=far)
+    )
+    assert avoided.status is SATISFIED
+    for found in (avoided, visited, stayed, ended):
+        assert 'off the map' in found.detail
+    assert {visited.status, stayed.status, ended.status} == {IMPOSSIBLE}
+
+
+def test_a_visit_goes_well_inside():
+    def status(y, region):
+        return outcome([(1.0, y), (19.0, y)], Visit(regions=(region,))).status
+
+    assert status(4.5, KITCHEN) is SATISFIED
+    assert status(4.49, KITCHEN) is VIOLATED
+    assert status(4.26, Box(4.0, 4.0, 8.0, 5.0)) is SATISFIED
+    assert status(4.24, Box(4.0, 4.0, 8.0, 5.0)) is VIOLATED
+    assert status(18.4, DOCK) is SATISFIED
+    assert status(18.6, DOCK) is VIOLATED
+    found = outcome([(1.0, 4.1), (19.0, 4.1)], Visit(regions=(KITCHEN,)))
+    assert found.detail == 'entered, but 0.4 m short of a visit'
+
+
+def test_a_visit_of_a_thin_ring_goes_into_its_middle():
+    ring = shapely.Polygon(
+        shapely.box(2, 2, 12, 12).exterior, [shapely.box(2.6, 2.6, 11.4, 11.4).exterior]
+    )
+    places = Places([Place('ring', ring)])
+    visit = Visit(regions=(NamedPlace('ring'),))
+    assert outcome([(1.0, 2.3), (19.0, 2.3)], visit, places=places).status is SATISFIED
+    assert outcome([(1.0, 7.0), (2.05, 7.0)], visit, places=places).status is VIOLATED
+
+
+def test_a_point_is_visited_through_its_cell_where_cells_are_large():
+    coarse = field(1.0)
+    visit = Visit(regions=(Disc(10.9, 10.9),))
+    points = [(1.5, 10.5), (10.5, 10.5), (10.5, 1.5)]
+    assert outcome(points, visit, costmap=coarse).status is SATISFIED
+    assert outcome(points, visit).status is VIOLATED
+
+
+def test_any_place_of_a_tag_is_enough():
+    blue = Visit(regions=(Tagged('blue'),))
+    assert outcome([(10.0, 6.0), (14.0, 6.0)], blue).status is SATISFIED
+    assert outcome([(10.0, 6.0), (10.0, 2.0)], blue).status is VIOLATED
+    assert outcome(THROUGH, Avoid(region=Tagged('BLUE'))).measured == pytest.approx(8.0, abs=1e-4)
+
+
+def test_a_small_object_is_visited_within_a_metre_of_its_point():
+    places = Places([Place('lamp', shapely.Point(10.0, 10.0), 'object')])
+    lamp = Visit(regions=(NamedPlace('lamp'),))
+    assert outcome([(1.0, 10.9), (19.0, 10.9)], lamp, places=places).status is SATISFIED
+    assert outcome([(1.0, 11.1), (19.0, 11.1)], lamp, places=places).status is VIOLATED
+
+
+def test_there_is_no_visit_of_what_lies_in_walls_or_behind_them():
+    costmap = field(walls=[(3.0, 3.0, 9.0, 9.0), (15.0, 15.0, 19.5, 19.5)])
+    walled = field(walls=[(3.0, 3.0, 9.0, 4.0), (3.0, 8.0, 9.0, 9.0), (3.0, 3.0, 4.0, 9.0),
+                          (8.0, 3.0, 9.0, 9.0)])  # fmt: skip
+    for where in (costmap, walled):
+        for clause in (Visit(regions=(KITCHEN,)), EndAt(region=KITCHEN), StayIn(region=KITCHEN)):
+            found = outcome(PAST, clause, costmap=where)
+            assert found.status is IMPOSSIBLE
+            assert found.detail == 'no free cell of it can be reached'
+    assert outcome(PAST, Visit(regions=(Disc(6.0, 6.0),)), costmap=costmap).status is IMPOSSIBLE
+    assert outcome(PAST, Visit(regions=(Disc(6.0, 2.0),)), costmap=costmap).status is VIOLATED
+
+
+def test_one_region_of_several_that_cannot_be_reached_makes_a_visit_impossible():
+    costmap = field(walls=[(3.0, 3.0, 9.0, 9.0)])
+    found = outcome(PAST, Visit(regions=(LAB, KITCHEN)), costmap=costmap)
+    assert found.status is IMPOSSIBLE
+    after = outcomes(THROUGH[::-1], Visit(regions=(LAB,)), Visit(regions=(DOCK,)))
+    assert [one.status for one in after] == [SATISFIED, VIOLATED]
+
+
+def test_what_was_visited_before_counts():
+    both = Visit(regions=(LAB,)), Visit(regions=(KITCHEN,))
+    found = outcomes(THROUGH, *both, visited={(0, 0)})
+    assert [one.status for one in found] == [SATISFIED, SATISFIED]
+    assert found[0].detail == 'visited before'
+    assert outcomes(THROUGH, *both)[1].status is VIOLATED
+    clause = Before(first=LAB, second=KITCHEN)
+    assert outcome(THROUGH, clause, visited={(0, 0)}).status is SATISFIED
+    passed = Pass(region=RACK, side='north')
+    assert outcome(PAST, passed, visited={(0, 0)}).status is VIOLATED
+    short = [(12.0, 18.0), (19.0, 18.0)]
+    assert outcome(short, passed).status is VIOLATED
+    assert outcome(short, passed, visited={(0, 0)}).status is SATISFIED
+
+
+def test_progress_counts_regions_in_their_turn():
+    specification = Specification((
+        Visit(regions=(LAB, KITCHEN)), Visit(regions=(DOCK,)), Before(first=LAB, second=RACK),
+        Pass(region=RACK, side='south'),
+    ))  # fmt: skip
+    costmap = field()
+
+    def progress(points, visited=()):
+        return visited_regions(
+            specification, points, route(costmap, points, PLACES, frozenset(visited))
+        )
+
+    assert progress([(1.0, 1.0), (2.0, 1.0)]) == set()
+    assert progress([(1.0, 6.0), (6.0, 6.0)]) == {(0, 1)}
+    assert progress([(1.0, 6.0), (14.0, 6.0)]) == {(0, 0), (0, 1), (2, 0), (3, 0)}
+    assert progress([(18.0, 18.0), (14.0, 6.0)]) == {(0, 0), (2, 0)}
+    assert progress([(14.0, 6.0), (18.0, 18.0)], {(0, 1)}) == {(0, 0), (0, 1), (1, 0), (2, 0)}
+    assert progress([(6.0, 6.0)]) == {(0, 1)}
+
+
+def test_progress_does_not_wait_for_what_nobody_can_visit():
+    specification = Specification((Visit(regions=(KITCHEN,)), Visit(regions=(LAB,))))
+    points = [(1.0, 1.0), (14.0, 1.0), (14.0, 6.0)]
+    free, filled = field(), field(walls=[(3.0, 3.0, 9.0, 9.0)])
+    assert visited_regions(specification, points, route(free, points)) == set()
+    assert visited_regions(specification, points, route(filled, points)) == {(1, 0)}
+
+
+def test_before_is_impossible_where_one_starts_in_the_second():
+    assert outcome(THROUGH[::-1], Before(first=KITCHEN, second=LAB)).status is VIOLATED
+    start = [(14.25, 6.25), (1.25, 6.25)]
+    assert outcome(start, Before(first=KITCHEN, second=LAB)).status is IMPOSSIBLE
+    assert outcome(start, Before(first=LAB, second=KITCHEN)).status is SATISFIED
+
+
+def test_before_is_impossible_where_the_first_lies_behind_the_second():
+    costmap = field(walls=[(0.0, 9.0, 20.0, 10.0)])
+    gate = Box(0.0, 0.0, 20.0, 3.0)
+    there = [(1.25, 5.25), (1.25, 1.25), (18.75, 1.25)]
+    assert outcome(there, Before(first=KITCHEN, second=gate), costmap=costmap).status is VIOLATED
+    behind = Before(first=Box(0.0, 0.0, 20.0, 1.0), second=gate)
+    assert outcome(there, behind, costmap=costmap).status is IMPOSSIBLE
+
+
+def test_touching_the_edge_of_the_second_is_not_entering_it():
+    clause = Before(first=LAB, second=KITCHEN)
+    assert outcome([(1.0, 4.0), (19.0, 4.0)], clause).status is SATISFIED
+    assert outcome([(1.0, 4.01), (19.0, 4.01)], clause).status is VIOLATED
+
+
+def test_staying_in_is_not_said_of_a_path_that_never_enters():
+    far = Box(0.0, 18.0, 20.0, 20.0)
+    assert outcome([(1.25, 1.25), (3.25, 1.25)], StayIn(region=far)).status is VIOLATED
+    wish = outcome([(1.25, 1.25), (3.25, 1.25)], StayIn(SHOULD, region=far))
+    assert wish.status is SATISFIED
+    assert wish.detail == '2.0 m outside, from 1.2, 1.2, the least possible is 2.0 m'
+
+
+def test_no_excursion_is_allowed_where_one_can_stay_in():
+    out = [(4.25, 6.25), (4.25, 8.25), (7.75, 6.25)]
+    found = outcome(out, StayIn(region=KITCHEN))
+    assert found.status is VIOLATED
+    assert found.measured == pytest.approx(0.25 * (1.0 + math.hypot(3.5, 2.0) / 2.0), abs=1e-3)
+    assert found.least == 0.0
+    assert (
+        outcome([(4.0, 8.0), (8.0, 8.0), (8.0, 4.0)], StayIn(region=KITCHEN)).status is SATISFIED
+    )
+
+
+def test_one_point_is_judged_where_it_is():
+    def status(clause, point=(6.25, 6.25)):
+        return outcome([point], clause).status
+
+    assert status(Visit(regions=(KITCHEN,))) is SATISFIED
+    assert status(StayIn(region=KITCHEN)) is SATISFIED
+    assert status(EndAt(region=KITCHEN)) is SATISFIED
+    assert status(StayIn(region=KITCHEN), (1.25, 1.25)) is VIOLATED
+    assert status(Visit(regions=(DOCK,)), (18.25, 18.25)) is SATISFIED
+    assert status(Avoid(region=KITCHEN), (1.25, 1.25)) is SATISFIED
+    assert status(Pass(region=RACK, side='north'), (10.25, 17.25)) is VIOLATED
+    assert status(Avoid(region=Half('left'))) is NOT_UNDERSTOOD
+
+
+@pytest.mark.parametrize('points', [[], [(1.0, math.nan)], [(math.inf, 1.0), (2.0, 2.0)]])
+def test_what_is_no_path_is_refused(points):
+    ends = [(1.25, 1.25), (2.25, 1.25)]
+    with pytest.raises(PathError):
+        verify(Specification((Avoid(region=KITCHEN),)), points, route(field(), ends))
+
+
+def test_ends_near_a_wall_are_excepted_up_to_where_the_path_leaves_them():
+    costmap = field(walls=[(0.0, 0.0, 20.0, 0.5), (0.0, 19.5, 20.0, 20.0)])
+    keep = KeepDistance(metres=2.0)
+    leave = [(1.25, 0.75), (1.25, 6.25), (18.75, 6.25), (18.75, 0.75)]
+    assert outcome(leave, keep, costmap=costmap).status is SATISFIED
+    again = [(1.25, 0.75), (1.25, 6.25), (9.25, 2.35), (18.75, 6.25), (18.75, 0.75)]
+    found = outcome(again, keep, costmap=costmap)
+    assert found.status is VIOLATED
+    assert found.measured == pytest.approx(0.15, abs=1e-6)
+    assert found.detail == 'least distance 1.9 m of 2 m, at 9.2, 2.4'
+    along = [(1.25, 0.75), (4.25, 0.75), (4.25, 6.25), (18.75, 6.25), (18.75, 0.75)]
+    assert outcome(along, keep, costmap=costmap).status is VIOLATED
+    whole = outcome([(1.25, 0.75), (18.75, 0.75)], keep, costmap=costmap)
+    assert whole.status is VIOLATED
+
+
+def test_a_wish_for_distance_is_not_met_by_a_needless_approach():
+    costmap = field(walls=[(9.0, 9.0, 10.0, 10.0)])
+    near = [(1.25, 1.25), (7.45, 9.25), (1.25, 18.75)]
+    wish = KeepDistance(SHOULD, metres=2.0)
+    assert outcome(near, wish, costmap=costmap).status is VIOLATED
+    away = [(1.25, 1.25), (6.95, 9.25), (1.25, 18.75)]
+    assert outcome(away, wish, costmap=costmap).status is SATISFIED
+
+
+def test_a_gap_too_narrow_for_a_distance_is_proven():
+    costmap = field(walls=[(9.0, 0.0, 10.0, 8.0), (9.0, 11.0, 10.0, 20.0)])
+    through = [(1.25, 9.75), (18.75, 9.75)]
+    assert outcome(through, KeepDistance(metres=2.0), costmap=costmap).status is IMPOSSIBLE
+    assert outcome(through, KeepDistance(metres=1.25), costmap=costmap).status is SATISFIED
+    high = [(1.25, 9.75), (9.25, 10.75), (18.75, 9.75)]
+    assert outcome(high, KeepDistance(metres=1.25), costmap=costmap).status is VIOLATED
+    wish = KeepDistance(SHOULD, metres=2.0)
+    assert outcome(through, wish, costmap=costmap).status is SATISFIED
+
+
+def test_a_distance_to_a_place_is_proven_impossible_too():
+    costmap = field(walls=[(4.0, 9.5, 8.0, 20.0)])
+    keep = KeepDistance(metres=5.0, region=KITCHEN)
+    found = outcome([(1.25, 15.25), (1.25, 1.25), (18.75, 1.25)], keep, costmap=costmap)
+    assert found.status is IMPOSSIBLE
+    assert found.measured == pytest.approx(5.0 - 2.75, abs=1e-6)
+    less = KeepDistance(metres=2.7, region=KITCHEN)
+    points = [(1.25, 15.25), (1.25, 1.25), (18.75, 1.25)]
+    assert outcome(points, less, costmap=costmap).status is SATISFIED
+
+
+def test_walls_are_not_inflated_and_unknown_cells_are_none():
+    cells = np.zeros((40, 40), np.int8)
+    cells[20, 10:30], cells[4, 10:30] = 100, -1
+    costmap = Costmap(GridMap(cells, 0.5), CostmapConfig(robot_radius=0.6, inflation_radius=2.0))
+    points = [(1.25, 6.25), (18.75, 6.25)]
+    assert outcome(points, KeepDistance(metres=3.75), costmap=costmap).status is SATISFIED
+    found = outcome(points, KeepDistance(metres=4.0), costmap=costmap)
+    assert found.measured == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(
+    ('points', 'status'),
+    [
+        ([(1, 10), (10, 18), (19, 10)], SATISFIED),
+        ([(1, 10), (10, 17), (10, 18), (10, 17.5), (19, 10)], SATISFIED),
+        ([(1, 10), (10, 18), (1, 11), (10, 2), (19, 10)], VIOLATED),
+        ([(1, 18), (10, 18), (1, 17)], VIOLATED),
+        ([(10, 18), (19, 18)], VIOLATED),
+        ([(10, 2), (1, 2), (1, 18), (19, 18)], SATISFIED),
+        ([(1, 10), (10, 2), (1, 9), (10, 18), (19, 10)], VIOLATED),
+        ([(1, 14), (19, 14)], VIOLATED),
+        ([(1, 14), (8.9, 15.9), (10.0, 16.05), (19, 17)], VIOLATED),
+        ([(1, 14), (9, 16), (11, 16), (19, 17)], SATISFIED),
+    ],
+    ids=['over', 'along the ray', 'around', 'touches the ray', 'starts on the ray',
+         'starts on the other ray', 'touches the other ray', 'through', 'cuts a corner', 'grazes'],
+)  # fmt: skip
+def test_pass_tells_crossing_from_touching(points, status):
+    assert outcome(points, Pass(region=RACK, side='north')).status is status
+
+
+def test_a_side_that_is_walled_up_is_proven_impossible():
+    north, south = [(1.25, 10.25), (10.25, 18.25), (18.75, 10.25)], PAST
+    closed = field(walls=[(9.0, 12.0, 11.0, 20.0)])
+    shut = field(walls=[(9.0, 0.0, 11.0, 12.0), (9.0, 12.0, 11.0, 16.0)])
+    found = outcome(south, Pass(region=RACK, side='north'), costmap=closed)
+    assert found.status is IMPOSSIBLE
+    assert outcome(south, Pass(region=RACK, side='south'), costmap=closed).status is SATISFIED
+    assert outcome(north, Pass(region=RACK, side='south'), costmap=shut).status is IMPOSSIBLE
+    assert outcome(south, Pass(region=RACK, side='north')).status is VIOLATED
+
+
+def test_rays_through_the_centres_of_cells_are_no_leak():
+    """On maps with a cell a metre, the ray from a wall runs over the centres of cells."""
+    cells = np.zeros((21, 21), np.int8)
+    cells[5:21, 10] = 100
+    costmap = Costmap(GridMap(cells, 1.0, Pose2D(-0.5, -0.5)))
+    places = Places([Place('wall', shapely.box(9.5, 4.5, 10.5, 20.5), 'object')])
+    points = [(2.0, 10.0), (10.0, 2.0), (18.0, 10.0)]
+    passed = Pass(region=NamedPlace('wall'), side='south')
+    assert outcome(points, passed, costmap=costmap, places=places).status is SATISFIED
+    other = Pass(region=NamedPlace('wall'), side='north')
+    assert outcome(points, other, costmap=costmap, places=places).status is IMPOSSIBLE
+
+
+def test_halves_and_sides_follow_the_compass_of_the_map_frame():
+    for yaw in (0.0, math.pi / 2, math.pi, -0.4):
+        origin = Pose2D(5.0, -3.0, yaw)
+        costmap = field(origin=origin)
+        centre = turned([(10.0, 10.0)], yaw, origin[:2])[0]
+        north = [centre + (-4.0, 3.0), centre + (4.0, 3.0)]
+        south = [centre + (-4.0, -3.0), centre + (4.0, -3.0)]
+        half = StayIn(region=Half('north'))
+        assert outcome(north, half, costmap=costmap).status is SATISFIED
+        assert outcome(south, half, costmap=costmap).status is not SATISFIED
+        places = Places([Place('it', shapely.Point(*centre).buffer(1.0))])
+        passed = Pass(region=NamedPlace('it'), side='north')
+        assert outcome(north, passed, costmap=costmap, places=places).status is SATISFIED
+        assert outcome(south, passed, costmap=costmap, places=places).status is VIOLATED
+
+
+def test_left_and_right_are_those_of_the_direct_way():
+    way = [(1.25, 1.25), (1.25, 18.75), (18.75, 18.75)]
+    assert outcome(way, StayIn(region=Half('left'))).status is SATISFIED
+    assert outcome(way, Avoid(region=Half('right'))).status is SATISFIED
+    assert outcome(way, Avoid(region=Half('left'))).status is VIOLATED
+    assert outcome(way, StayIn(region=Half('right'))).status is VIOLATED
+    passed = [(1.25, 10.25), (10.0, 18.25), (18.75, 10.25)]
+    assert outcome(passed, Pass(region=RACK, side='left')).status is SATISFIED
+    assert outcome(passed, Pass(region=RACK, side='right')).status is VIOLATED
+    assert outcome(passed[::-1], Pass(region=RACK, side='right')).status is SATISFIED
+
+
+def test_a_gap_and_a_strip_leave_out_the_places_themselves():
+    gap = Between('kitchen', 'lab')
+    assert outcome(THROUGH, Avoid(region=gap)).measured == pytest.approx(4.0, abs=1e-4)
+    assert outcome(THROUGH, Visit(regions=(gap,))).status is SATISFIED
+    assert outcome([(1.0, 2.0), (19.0, 2.0)], Visit(regions=(gap,))).status is VIOLATED
+    strip = Along('kitchen', 1.0)
+    found = outcome(THROUGH, Avoid(region=strip))
+    assert found.measured == pytest.approx(2.0, abs=1e-4)
+    assert outcome([(1.0, 3.5), (19.0, 3.5)], Visit(regions=(strip,))).status is SATISFIED
+    half = Half('south', 'kitchen')
+    assert outcome(THROUGH, Avoid(region=half)).status is SATISFIED
+    assert outcome([(1.0, 5.9), (19.0, 5.9)], Avoid(region=half)).status is VIOLATED
+
+
+def test_a_strip_along_the_walls_is_measured_from_their_cells():
+    costmap = field(walls=[(0.0, 0.0, 20.0, 0.5)])
+    near, far = [(1.25, 1.25), (18.75, 1.25)], [(1.25, 2.25), (18.75, 2.25)]
+    strip = Along('walls', 1.0)
+    assert outcome(near, StayIn(region=strip), costmap=costmap).status is SATISFIED
+    assert outcome(far, Avoid(region=strip), costmap=costmap).status is SATISFIED
+    assert outcome(near, Avoid(region=strip), costmap=costmap).status is VIOLATED
+    assert outcome(near, Visit(regions=(strip,)), costmap=costmap).status is SATISFIED
+    assert outcome(far, Visit(regions=(strip,)), costmap=costmap).status is VIOLATED
+
+
+def test_where_to_end_is_free_for_what_is_least():
+    costmap = field(walls=[(9.0, 0.0, 10.0, 20.0)])
+    points = [(1.25, 1.25), (6.25, 1.25)]
+    end, avoid = outcomes(
+        points, EndAt(region=Box(0.0, 0.0, 8.0, 2.0)), Avoid(region=KITCHEN), costmap=costmap
+    )
+    assert (end.status, avoid.status) == (SATISFIED, SATISFIED)
+    goal = costmap.grid_map.world_to_cell(18.75, 1.25)
+    aside = Route(costmap, costmap.grid_map.world_to_cell(1.25, 1.25), goal, PLACES)
+    through = Specification((EndAt(region=Box(0.0, 0.0, 8.0, 2.0)), Avoid(region=KITCHEN)))
+    found = verify(through, [(1.25, 1.25), (6.25, 6.25), (6.25, 1.25)], aside)
+    assert [one.status for one in found] == [SATISFIED, VIOLATED]
+
+
+def test_a_guess_and_a_name_that_is_missing_are_never_claimed():
+    clauses = [
+        Visit(regions=(KITCHEN,), guessed=True), StayIn(region=LAB, guessed=True),
+        Visit(regions=(NamedPlace('attic'),), guessed=True),
+        Before(first=KITCHEN, second=NamedPlace('attic')),
+        Visit(regions=(KITCHEN, NamedPlace('attic'))), EndAt(region=Between('attic', 'lab')),
+        KeepDistance(metres=1.0, region=Along('attic', 1.0)), Pass(region=Half('left', 'attic')),
+    ]  # fmt: skip
+    statuses = [one.status for one in outcomes(THROUGH, *clauses)]
+    assert statuses == [GUESSED, GUESSED, *[NOT_UNDERSTOOD] * 6]
+
+
+def test_names_are_found_by_alias_in_any_case():
+    assert outcome(THROUGH, Avoid(region=NamedPlace('Cook Room'))).status is VIOLATED
+
+
+def test_nothing_asked_is_nothing_found():
+    assert verify(NOTHING_ASKED, PAST, route(field(), PAST)) == ()
+
+
+def test_the_check_knows_nothing_of_the_enforcement():
+    allowed = {'outcome', 'route', 'specification', 'verification'}
+    for path in Path(verification.__file__).parent.glob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.ImportFrom) and 'planner.instructions.' in node.module:
+                assert node.module.split('.')[2] in allowed

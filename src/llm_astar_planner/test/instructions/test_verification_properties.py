@@ -27,47 +27,12 @@ from llm_astar_planner.instructions.specification import (
     Visit,
 )
 from llm_astar_planner.instructions.verification import verify
+from path_samples import STEP, box_depth, dense, disc_depth, triangle_depth
 from verified_maps import SATISFIED, VIOLATED, field, outcome, outcomes, route, turned
 
-STEP = 0.01
 SIZE = 20.0
 # A path that is no deeper in a region than this is said to run along its edge.
 EDGE = 1.1e-6
-
-
-def dense(points):
-    """Points at most STEP apart, all corners among them, and the metres along the path."""
-    points = np.asarray(points, float)
-    parts = [points[:1]]
-    for begin, end in pairwise(points):
-        count = max(1, math.ceil(math.dist(begin, end) / STEP))
-        parts.append(begin + (end - begin) * (np.arange(1, count + 1) / count)[:, None])
-    xy = np.concatenate(parts)
-    return xy, np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))))
-
-
-def box_depth(xy, x0, y0, x1, y1):
-    """How deep points lie in a box; below 0 how far they are from it."""
-    x, y = xy.T
-    inside = np.minimum.reduce([x - x0, x1 - x, y - y0, y1 - y])
-    gap = np.hypot(
-        np.maximum.reduce([x0 - x, 0 * x, x - x1]), np.maximum.reduce([y0 - y, 0 * y, y - y1])
-    )
-    return np.where(inside >= 0.0, inside, -gap)
-
-
-def disc_depth(xy, x, y, radius):
-    return radius - np.hypot(xy[:, 0] - x, xy[:, 1] - y)
-
-
-def triangle_depth(xy, corners):
-    """How deep points lie in a triangle whose corners turn left; below 0 outside."""
-    sides = []
-    for one, other in zip(corners, [*corners[1:], corners[0]]):
-        along = np.subtract(other, one) / math.dist(one, other)
-        off = xy - one
-        sides.append(along[0] * off[:, 1] - along[1] * off[:, 0])
-    return np.minimum.reduce(sides)
 
 
 # Multiples of a quarter metre meet edges, corners and circles exactly; others pass them anyhow.

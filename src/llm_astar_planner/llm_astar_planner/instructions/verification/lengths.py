@@ -87,11 +87,9 @@ def check_stay_in(measurement: Measurement, clause: StayIn) -> ClauseOutcome:
         if reason:
             return violated(clause, reason, metres, where, impossible=True)
     least = measurement.reference.least_inside(area, outside=True)
-    both = bool(area.contains([measurement.start, measurement.goal]).all())
-    limit = 0.0 if both and least <= NEGLIGIBLE else measurement.allowed(least)
     detail = f'{length_text(metres)} outside, from {point_text(where)}'
     detail += '' if math.isnan(least) else f', {least_text(least)}'
-    if metres <= limit and (clause.strength == SHOULD or total(inside) > 0.0):
+    if metres <= measurement.allowed(least) and (clause.strength == SHOULD or total(inside) > 0.0):
         return satisfied(clause, detail, metres, least)
     return violated(clause, detail, metres, where, least)
 

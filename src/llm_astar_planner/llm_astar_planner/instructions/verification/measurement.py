@@ -67,9 +67,12 @@ class Measurement:
         return area.distance(self.regions.map_outline) <= 0.0
 
     def allowed(self, least: float) -> float:
-        """Return the metres a path may have in a region where `least` are needed; -1 for NaN."""
-        if math.isnan(least):
-            return -1.0
+        """Return the metres a path may have in a region where `least` are needed; 0 for NaN.
+
+        Where none are needed none are allowed.
+        """
+        if math.isnan(least) or least <= NEGLIGIBLE:
+            return 0.0
         return EXCESS * least + self.route.costmap.grid_map.resolution
 
     def first_point(self, spans: Spans) -> Point:

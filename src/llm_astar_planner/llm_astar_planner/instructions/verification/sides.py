@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -34,8 +36,8 @@ def check_pass(measurement: Measurement, clause: Pass, index: int) -> ClauseOutc
     ahead = measurement.regions.direction(clause.side)
     centre = centre_of(region)
     inside = measurement.path.spans_in(region.shrunk(EDGE))
-    right = crossings(measurement.path, centre, ahead, sure=True)
-    wrong = crossings(measurement.path, centre, -ahead, sure=False)
+    right = crossings(measurement.path, centre, ahead, touching=False)
+    wrong = crossings(measurement.path, centre, -ahead, touching=True)
     passed = (index, 0) in measurement.route.visited
     metres = total(inside)
     where = measurement.start
@@ -59,7 +61,7 @@ def has_passed(measurement: Measurement, clause: Pass) -> bool:
     """Tell whether a path crosses the ray to the side. Raises RegionError."""
     centre = centre_of(measurement.regions.resolve(clause.region).area)
     ahead = measurement.regions.direction(clause.side)
-    return bool(crossings(measurement.path, centre, ahead, sure=True))
+    return bool(crossings(measurement.path, centre, ahead, touching=False))
 
 
 def centre_of(region: Area) -> Vector:
@@ -68,29 +70,32 @@ def centre_of(region: Area) -> Vector:
     return centre
 
 
-def crossings(path: Polyline, origin: Vector, ahead: Vector, *, sure: bool) -> list[float]:
+def crossings(path: Polyline, origin: Vector, ahead: Vector, *, touching: bool) -> list[float]:
     """Return the places where a path crosses a ray, from one side of it to the other.
 
-    A path that comes to the ray and leaves it on the same side does not cross. One that runs along
-    the ray's line before it leaves on the other side crosses where all of that stretch is on the
-    ray, or, unless `sure`, where any of it is.
+    With `touching` also where it comes to the ray and leaves it on the same side, which is no
+    crossing. A path that runs along the ray's line between leaving its two sides crosses where
+    all of that stretch is on the ray, or, with `touching`, where any of it is. Where the path
+    begins or ends on the ray it neither crosses nor touches it.
     """
     off = path.corners - origin
     across = ahead[0] * off[:, 1] - ahead[1] * off[:, 0]
     along = off @ ahead
     beside = np.flatnonzero(np.abs(across) > EDGE)
-    changes = np.flatnonzero(np.diff(np.sign(across[beside])))
     found = []
-    for before, after in zip(beside[changes], beside[changes + 1]):
-        if after == before + 1:
+    for before, after in pairwise(beside):
+        is_change = across[before] * across[after] < 0.0
+        if after > before + 1:
+            on_ray = along[before + 1 : after] > 0.0
+            met = on_ray.any() if touching else is_change and on_ray.all()
+            place = path.at[before + 1]
+        elif is_change:
             share = across[before] / (across[before] - across[after])
-            on_ray = along[before] + share * (along[after] - along[before]) > 0.0
+            met = along[before] + share * (along[after] - along[before]) > 0.0
             place = path.at[before] + share * (path.at[after] - path.at[before])
         else:
-            ahead_of_origin = along[before + 1 : after] > 0.0
-            on_ray = ahead_of_origin.all() if sure else ahead_of_origin.any()
-            place = path.at[before + 1]
-        if on_ray:
+            continue
+        if met:
             found.append(float(place))
     return found
 
