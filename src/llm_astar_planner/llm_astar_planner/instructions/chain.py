@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 import time
@@ -27,6 +28,7 @@ from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
 from llm_astar_planner.waypoints.factory import make_client
 
+_LOG = logging.getLogger(__name__)
 CACHE_SIZE = 256
 # How long a model is not asked again about a sentence after it did not answer.
 FAILED_S = 10.0
@@ -73,14 +75,15 @@ class CachedInterpreter:
                 mine = self._running[key] = Future()
         if running is not None:
             return wait_for(running, text, time_limit)
-        answer = not_understood(text, f'{self.name} failed')
         try:
             answer = self.inner.interpret(text, places, time_limit)
-        finally:
-            with self._lock:
-                self._known[key] = answer
-                del self._running[key]
-            mine.set_result(answer)
+        except Exception as error:  # noqa: BLE001 - no sentence may ever stop a plan
+            _LOG.exception('the interpreter %s failed', self.name)
+            answer = not_understood(text, f'{type(error).__name__} in {self.name}')
+        with self._lock:
+            self._known[key] = answer
+            del self._running[key]
+        mine.set_result(answer)
         return answer
 
 
@@ -134,11 +137,11 @@ class ChainInterpreter:
 def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     """Return the reading to use, with the seconds, tokens and reasons of all.
 
-    That is the first whole one, else the one with most clauses that stand in the sentence; of
-    equal ones the earlier, since interpreters come with the surest first. Where none is whole and
-    one has yet to answer, it is PENDING.
+    That is a whole one without guesses, else the one with most clauses that stand in the sentence;
+    of equal ones a whole one, then the earlier, since the surest interpreter comes first. Where
+    none is whole and one has yet to answer, it is PENDING.
     """
-    best = max(readings, key=lambda reading: (reading.status in READ_WHOLE, sure_count(reading)))
+    best = max(readings, key=rank)
     whole = best.status in READ_WHOLE
     others = [] if whole else [part.detail for part in readings if part is not best]
     pending = not whole and any(part.status is Understanding.PENDING for part in readings)
@@ -150,6 +153,14 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
         prompt_tokens=sum(reading.prompt_tokens for reading in readings),
         output_tokens=sum(reading.output_tokens for reading in readings),
     )
+
+
+def rank(reading: Interpretation) -> tuple[bool, float, bool]:
+    """Return what readings are compared by; the greatest is the best."""
+    whole = reading.status in READ_WHOLE
+    clauses = reading.specification.clauses
+    sure = whole and bool(clauses) and not any(clause.guessed for clause in clauses)
+    return sure, sure_count(reading), whole
 
 
 def sure_count(reading: Interpretation) -> float:

@@ -28,7 +28,9 @@ def described(
     """
     used: list[int] = []
     around = [*words_before(tokens, noun[0]), *words_behind(tokens, noun[-1])]
-    for at in around:
+    # Adjectives stand behind the noun in French and Spanish.
+    behind = range(noun[-1] + 1, min(len(tokens), noun[-1] + 2))
+    for at in dict.fromkeys([*around, *behind]):
         kept = [place for place in fitting if is_called(place, tokens[at].text)]
         if kept or is_orientation(tokens[at].text):
             fitting, used = kept, [*used, at]

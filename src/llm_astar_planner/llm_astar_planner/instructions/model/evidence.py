@@ -15,6 +15,7 @@ from llm_astar_planner.instructions.model.regions import regions_of
 from llm_astar_planner.instructions.model.structure import Structure
 from llm_astar_planner.instructions.specification import (
     ALONG_WIDTH,
+    ROUTE_SIDES,
     WALLS,
     Along,
     Avoid,
@@ -84,7 +85,7 @@ class Witness:
             case Avoid(margin=margin) if margin:
                 self._number(margin, found, with_unit=True)
             case Pass(side=side):
-                self._side(side, found, near=True)
+                self._side(self._said_side(side, found), found, near=True)
         problem = kind_problem(clause, found.parts or [found.anchors], self.structure)
         if problem:
             found.problems.append(problem)
@@ -238,6 +239,13 @@ class Witness:
             found.problems.append(f'no {side!r} in the sentence')
             return
         found.use([mention], anchor=anchor)
+
+    def _said_side(self, side: str, found: Evidence) -> str:
+        """Return how a sentence says a side: to leave an object on the left is to pass right."""
+        wishes = {self.structure.piece_of(m).wish for m in found.anchors}
+        if side not in ROUTE_SIDES or not self._words_of(wishes, {'strong.left_behind'}):
+            return side
+        return ROUTE_SIDES[1 - ROUTE_SIDES.index(side)]
 
     def _words(self, name: str, shown: str, found: Evidence) -> None:
         """Find a word of a class of the vocabulary."""

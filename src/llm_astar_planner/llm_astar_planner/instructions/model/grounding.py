@@ -15,16 +15,19 @@ from dataclasses import replace
 from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.model.coverage import says_of_route, unread_parts
-from llm_astar_planner.instructions.model.evidence import Evidence, Witness
+from llm_astar_planner.instructions.model.evidence import Evidence, Witness, holds
 from llm_astar_planner.instructions.model.kinds import is_said_first
-from llm_astar_planner.instructions.model.mentions import Mention, read
+from llm_astar_planner.instructions.model.mentions import Mention, Reading, read
+from llm_astar_planner.instructions.model.regions import regions_of
 from llm_astar_planner.instructions.model.structure import Structure
 from llm_astar_planner.instructions.sentence import clause_sentence
 from llm_astar_planner.instructions.specification import (
+    ALONG_WIDTH,
     MAX_CLAUSES,
     MAX_VISITS,
     MUST,
     SHOULD,
+    Along,
     Avoid,
     Before,
     Clause,
@@ -132,6 +135,7 @@ def weigh(clauses: Sequence[Clause], witness: Witness) -> Weighed:
     found: dict[int, Evidence] = {}
     for n, clause in enumerate(clauses):
         evidence = witness.evidence_of(clause)
+        evidence.problems += read_back_problems(clause, witness.reading)
         if not evidence.problems:
             found[n] = evidence
             witness.used |= evidence.tokens
@@ -139,6 +143,26 @@ def weigh(clauses: Sequence[Clause], witness: Witness) -> Weighed:
         if n not in found:
             found[n] = witness.evidence_of(clause)
     return [(clause, found[n]) for n, clause in enumerate(clauses)]
+
+
+def read_back_problems(clause: Clause, reading: Reading) -> list[str]:
+    """Return what the canonical sentence of a clause says and the sentence does not.
+
+    The sentence that people are shown is read as theirs was: its places and its numbers must be
+    among those of the sentence.
+    """
+    shown = read(clause_sentence(clause), reading.places)
+    names = {name for mention in reading.mentions for name in mention.names}
+    said = {mention.names[0] for mention in shown.mentions if len(mention.names) == 1}
+    problems = [f'the sentence does not name {name!r}' for name in sorted(said - names)]
+    numbers = [mention for mention in reading.mentions if mention.numbers]
+    strip = any(isinstance(region, Along) for region in regions_of(clause))
+    values = [mention.numbers[0] for mention in shown.mentions if mention.numbers]
+    for value in values:
+        is_default = strip and value == ALONG_WIDTH
+        if not is_default and not any(holds(mention, value) for mention in numbers):
+            problems.append(f'the sentence does not say {value:g}')
+    return problems
 
 
 def without_extras(weighed: Weighed) -> Weighed:

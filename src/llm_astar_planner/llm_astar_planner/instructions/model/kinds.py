@@ -150,7 +150,7 @@ def is_said_first(first: Mention, second: Mention, structure: Structure) -> bool
 
 
 def pass_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
-    """Check that the side is the object's; 'leave it on your left' is its right side."""
+    """Check that it is passed, and on a side of its own: 'on your left' may be its right."""
     if polarity(anchors, structure) is not Polarity.WANTED and not avoided_around(
         anchors, structure
     ):
@@ -158,8 +158,9 @@ def pass_problem(clause: Clause, anchors: Sequence[Mention], structure: Structur
     labels = labels_around(anchors, structure)
     if not labels & {'verb', 'kinds.pass'}:
         return 'nothing says to pass it'
-    if getattr(clause, 'side', '') in ROUTE_SIDES and 'strong.at_hand' in labels:
-        return 'the side is that of the robot'
+    of_robot = 'strong.at_hand' in labels and 'strong.left_behind' not in labels
+    if getattr(clause, 'side', '') in ROUTE_SIDES and of_robot:
+        return 'the side may be that of the robot'
     return None
 
 

@@ -8,6 +8,7 @@ from llm_astar_planner.instructions.interpretation import Understanding
 from llm_astar_planner.instructions.model.interpreter import ModelInterpreter
 from llm_astar_planner.instructions.model.prompt import (
     MAX_PROMPT_PLACES,
+    Examples,
     ExamplesError,
     load_examples,
     prompt_messages,
@@ -31,12 +32,12 @@ def brief_pauses(monkeypatch):
     monkeypatch.setattr('llm_astar_planner.waypoints.llm.resilience.FIRST_DELAY_S', 0.01)
 
 
-def interpreter(base_url, recorder=None, **settings):
+def interpreter(base_url, recorder=None, examples=None, **settings):
     defaults = {'response_format': 'json_schema', 'model': 'tiny', 'max_output_tokens': 200}
     client = make_client(
         SourceSettings(source='endpoint', base_url=base_url, **{**defaults, **settings})
     )
-    return ModelInterpreter(client, recorder=recorder)
+    return ModelInterpreter(client, examples=examples or shipped_examples(), recorder=recorder)
 
 
 def interpret(server, text=TEXT, places=HOSPITAL, limit=10.0, **settings):
@@ -231,8 +232,15 @@ def test_an_empty_instruction_is_not_asked(chat_server):
 
 @needs_llm
 def test_a_real_model_answers_in_the_form_of_the_schema():
-    with LocalLlm(context=8192) as server:
-        found = interpret(server, limit=200.0, model='', max_output_tokens=60, max_retries=0)
+    with LocalLlm() as server:
+        found = interpret(
+            server,
+            limit=200.0,
+            examples=Examples(HOSPITAL, shipped_examples().turns[:1]),
+            model='',
+            max_output_tokens=60,
+            max_retries=0,
+        )
     assert found.status is not Understanding.PENDING, found.detail
     assert found.prompt_tokens > 500
     assert found.output_tokens > 0
