@@ -41,13 +41,19 @@ def load_places(path: str | Path) -> Places:
 
     Raises PlacesError, which names the file, the feature and the field.
     """
-    path = Path(path)
-    collection = read_collection(path)
+    return places_from_geojson(parse_json(read_bytes(Path(path)), path), str(path))
+
+
+def places_from_geojson(collection: object, source: str) -> Places:
+    """Read the places of a FeatureCollection; `source` is what errors call it.
+
+    Raises PlacesError, which names the source, the feature and the field.
+    """
     places: list[Place] = []
     frames: dict[str, str] = {}
     owners: dict[str, str] = {}
-    for index, feature in enumerate(collection['features']):
-        where = feature_label(path, index, feature)
+    for index, feature in enumerate(features_of(collection, source)):
+        where = feature_label(source, index, feature)
         place = parse_feature(feature, where)
         if place is None:
             continue
@@ -55,10 +61,10 @@ def load_places(path: str | Path) -> Places:
         frames.setdefault(parse_frame(feature['properties'], where), where)
         places.append(place)
         if len(places) > MAX_PLACES:
-            raise PlacesError(f'{path}: features: over {MAX_PLACES} places; split the file')
+            raise PlacesError(f'{source}: features: over {MAX_PLACES} places; split the file')
     if len(frames) > 1:
         raise PlacesError(
-            f'{path}: frame: the places are in several frames, {", ".join(frames)}; '
+            f'{source}: frame: the places are in several frames, {", ".join(frames)}; '
             'keep those of one'
         )
     return Places(places, next(iter(frames), 'map'))
@@ -75,23 +81,22 @@ def places_beside(map_file: str | Path) -> Path | None:
     return next((path for path in found if path.is_file()), None)
 
 
-def read_collection(path: Path) -> dict[str, Any]:
-    """Return a FeatureCollection with its list of features. Raises PlacesError."""
-    collection = parse_json(read_bytes(path), path)
+def features_of(collection: object, source: str) -> list[Any]:
+    """Return the features of a FeatureCollection. Raises PlacesError."""
     if not isinstance(collection, dict) or collection.get('type') != 'FeatureCollection':
-        raise PlacesError(f'{path}: type: a GeoJSON FeatureCollection is expected')
+        raise PlacesError(f'{source}: type: a GeoJSON FeatureCollection is expected')
     features = collection.get('features')
     if not isinstance(features, list):
-        raise PlacesError(f'{path}: features: a list is expected, not {short_repr(features)}')
+        raise PlacesError(f'{source}: features: a list is expected, not {short_repr(features)}')
     if len(features) > MAX_FEATURES:
-        raise PlacesError(f'{path}: features: {len(features)} are over {MAX_FEATURES}')
+        raise PlacesError(f'{source}: features: {len(features)} are over {MAX_FEATURES}')
     crs = json.dumps(collection.get('crs'))
     if any(name in crs for name in DEGREES):
         raise PlacesError(
-            f'{path}: crs: the coordinates are degrees, not metres of the map; '
+            f'{source}: crs: the coordinates are degrees, not metres of the map; '
             'save the layer without a coordinate system, or with EPSG:3857'
         )
-    return collection
+    return features
 
 
 def read_bytes(path: Path) -> bytes:
@@ -111,7 +116,7 @@ def read_bytes(path: Path) -> bytes:
     return contents
 
 
-def parse_json(contents: bytes, path: Path) -> Any:  # noqa: ANN401 - any JSON
+def parse_json(contents: bytes, path: str | Path) -> Any:  # noqa: ANN401 - any JSON
     """Return the value of a JSON text. Raises PlacesError, also for NaN and infinity."""
 
     def refuse(name: str) -> NoReturn:
@@ -125,11 +130,11 @@ def parse_json(contents: bytes, path: Path) -> Any:  # noqa: ANN401 - any JSON
         raise PlacesError(f'{path}: not JSON: {error}') from None
 
 
-def feature_label(path: Path, index: int, feature: object) -> str:
+def feature_label(source: str, index: int, feature: object) -> str:
     """Return how messages call a feature: file, number, and name where it has one."""
     properties = feature.get('properties') if isinstance(feature, dict) else None
     name = find_property(properties, 'name') if isinstance(properties, dict) else None
-    return f'{path}: feature {index}' + (f' ({short_repr(name)})' if name else '')
+    return f'{source}: feature {index}' + (f' ({short_repr(name)})' if name else '')
 
 
 def parse_feature(feature: object, where: str) -> Place | None:

@@ -21,6 +21,7 @@ COMMANDS = {
     'plan': 'plan from start to goal on a map, without ROS',
     'places': 'check, list and draw the named places of a map',
     'mcp': 'serve route planning to agents over MCP',
+    'call': 'ask a running planner for a plan, or what an instruction means',
     'watch': 'print the plans of a running planner as they are made',
     'demo': 'start the graph, ask for a plan, draw it, stop the graph',
     'bench': 'run methods with and without waypoints over a dataset',

@@ -14,7 +14,8 @@ import sys
 import threading
 import time
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 from llm_astar_planner.parameter import ParameterError
 
@@ -27,6 +28,9 @@ SILENCE_SECONDS = 3.0
 LONGEST_WAIT = 0.5
 # ANSI colours of lines.
 GREEN, YELLOW, RED, DIM = 32, 33, 31, 2
+STATUS_COLOURS = {'satisfied': GREEN, 'violated': RED, 'impossible': RED}
+# Clauses stand below the words of their plan, behind the time.
+CLAUSE_INDENT = ' ' * 10
 
 EPILOG = """\
 The last plans from before the watch come first, at most ten. Ctrl-C ends it.
@@ -114,13 +118,26 @@ def to_json(event: MonitorEvent) -> str:
 def to_line(event: MonitorEvent, *, colour: bool = False) -> str:
     """Return one line for a person, coloured by how well it went if `colour`.
 
-    Characters that could control the terminal, such as a model may write, are replaced.
+    A plan with an instruction has a line more for each clause. Characters that could control the
+    terminal, such as a model may write, are replaced.
     """
     clock = time.strftime('%H:%M:%S', time.localtime(event.stamp))
     words = {'plan': plan_words, 'exchange': exchange_words, 'health': health_words}
     line = '  '.join([clock, *filter(None, words[event.kind.value](event))])
-    text = ''.join(letter if letter.isprintable() else ' ' for letter in line)
-    return f'\033[{colour_of(event)}m{text}\033[0m' if colour else text
+    lines = [(colour_of(event), line), *clause_lines(event)]
+    printed = [
+        (code, ''.join(x if x.isprintable() else ' ' for x in line)) for code, line in lines
+    ]
+    return '\n'.join(f'\033[{code}m{line}\033[0m' if colour else line for code, line in printed)
+
+
+def clause_lines(event: MonitorEvent) -> Iterator[tuple[int, str]]:
+    """Yield a colour and a line for each clause of a plan's instruction."""
+    report = event.values.get('instruction_report') if event.kind == 'plan' else None
+    for clause in (report or {}).get('clauses', ()):
+        detail = f' ({clause["detail"]})' if clause['detail'] else ''
+        code = STATUS_COLOURS.get(clause['status'], YELLOW)
+        yield code, f'{CLAUSE_INDENT}{clause["status"]:<14}  {clause["clause"]}{detail}'
 
 
 def plan_words(event: MonitorEvent) -> list[str]:
@@ -136,10 +153,21 @@ def plan_words(event: MonitorEvent) -> list[str]:
         f'search {1000 * plan["seconds_search"]:.1f} ms',
         f'source {1000 * plan["seconds_source"]:.1f} ms {plan["source_status"]}',
         ', '.join(f'{count} {status}' for status, count in statuses.items()),
-        f'instruction {plan["instruction"]}' if plan['instruction'] else '',
+        instruction_words(plan),
         *(f'! {warning}' for warning in plan['warnings']),
         plan['message'] if plan['code'] else '',
     ]
+
+
+def instruction_words(plan: Mapping[str, Any]) -> str:
+    """Return the words on a plan's instruction: what was understood, by whom; '' without one."""
+    report = plan['instruction_report']
+    if not report or not report['clauses']:
+        return f'instruction {plan["instruction"]}' if plan['instruction'] else ''
+    interpretation = report['interpretation']
+    by = interpretation['understood_by'] or 'nobody'
+    note = f'; {report["note"]}' if report['note'] else ''
+    return f'instruction {interpretation["status"]} by {by}{note}'
 
 
 def exchange_words(event: MonitorEvent) -> list[str]:

@@ -19,6 +19,8 @@ from llm_astar_planner.instructions.interpretation import (
 
 _LOG = logging.getLogger(__name__)
 MAX_WAITING = 8
+MAX_CALLBACKS = 32
+DROPPED = 'dropped, since newer questions came'
 
 Key = tuple[str, str]
 Callback = Callable[[Interpretation], None]
@@ -27,9 +29,9 @@ Callback = Callable[[Interpretation], None]
 class BackgroundInterpreter:
     """Returns the quick interpreter's answer at once, and calls back with the slow one's.
 
-    One worker thread asks the slow interpreter, the newest sentence first; of more than
-    MAX_WAITING sentences the oldest is dropped, and its callback gets the quick answer. Close it
-    when done. Thread-safe.
+    One worker thread asks the slow interpreter, the newest sentence first. Of more than
+    MAX_WAITING sentences the oldest is dropped, and of more than MAX_CALLBACKS callbacks for one
+    sentence too: they get the quick answer, still PENDING. Close it when done. Thread-safe.
     """
 
     def __init__(self, quick: Interpreter, slow: Interpreter, time_limit: float = 120.0) -> None:
@@ -51,7 +53,8 @@ class BackgroundInterpreter:
     ) -> Interpretation:
         """Return what is understood now; PENDING where the slow interpreter is asked as well.
 
-        `on_answer` is then called with the final interpretation, on the worker thread.
+        `on_answer` is then called, on another thread, with the final interpretation, or with
+        what is PENDING still if the slow interpreter did not answer.
         """
         reading = self._quick.interpret(text, places, 0.0)
         if reading.status in READ_WHOLE:
@@ -65,26 +68,31 @@ class BackgroundInterpreter:
             key = text, places.digest
             _, _, callbacks = self._waiting.pop(key, (reading, places, []))
             callbacks += [on_answer] if on_answer else []
+            dropped = [(reading, callback) for callback in callbacks[:-MAX_CALLBACKS]]
+            del callbacks[:-MAX_CALLBACKS]
             self._waiting[key] = reading, places, callbacks
-            dropped = self._drop_oldest()
+            if len(self._waiting) > MAX_WAITING:
+                dropped += self._drop_oldest()
             self._changed.notify()
-        for earlier, callback in dropped:
-            self._tell(callback, earlier)
+        self._tell_dropped(dropped)
         return replace(reading, status=Understanding.PENDING)
 
     def close(self) -> None:
         """End the worker after the question that it is asking; the rest is dropped."""
         with self._changed:
             self._closed = True
-            self._waiting.clear()
+            dropped = [one for _ in list(self._waiting) for one in self._drop_oldest()]
             self._changed.notify()
+        self._tell_dropped(dropped)
 
     def _drop_oldest(self) -> list[tuple[Interpretation, Callback]]:
-        dropped: list[tuple[Interpretation, Callback]] = []
-        while len(self._waiting) > MAX_WAITING:
-            _, (reading, _, callbacks) = self._waiting.popitem(last=False)
-            dropped += [(reading, callback) for callback in callbacks]
-        return dropped
+        _, (reading, _, callbacks) = self._waiting.popitem(last=False)
+        return [(reading, callback) for callback in callbacks]
+
+    def _tell_dropped(self, dropped: list[tuple[Interpretation, Callback]]) -> None:
+        for reading, callback in dropped:
+            status = Understanding.PENDING
+            self._tell(callback, replace(reading, status=status, detail=DROPPED))
 
     def _work(self) -> None:
         while True:

@@ -61,6 +61,13 @@ class Interpretation:
         """The canonical English sentence of what was understood."""
         return canonical_sentence(self.specification)
 
+    def summary(self) -> str:
+        """Return one line for logs: 'understood by grammar: avoid the kitchen'."""
+        by = f' by {self.understood_by}' if self.understood_by else ''
+        sentence = f': {self.sentence}' if self.sentence else ''
+        detail = f' ({self.detail})' if self.detail else ''
+        return f'{self.status.value}{by}{sentence}{detail}'
+
     def to_json(self) -> dict[str, Any]:
         """Return the form of `~/interpretation`, `--json` and transcripts."""
         return {

@@ -26,11 +26,13 @@ from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import run_node
+from llm_astar_planner.nodes.interpretation_server import InterpretationServer
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER, costmap_config, source_config
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
@@ -54,7 +56,10 @@ class NoMapError(LlmAstarError, RuntimeError):
 
 
 class LlmClientNode(Node):
-    """Serves `~/get_waypoints`. An empty path means no waypoints; `~/exchange` says why."""
+    """Serves `~/get_waypoints` and answers `~/interpret`.
+
+    An empty path means no waypoints; `~/exchange` says why.
+    """
 
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Make the source. Raises ParameterError where its parameters do not fit together."""
@@ -64,18 +69,26 @@ class LlmClientNode(Node):
         self._costmap_lock = threading.Lock()
         self._last: ExchangeReport | None = None
         self._source_values: dict[str, Any] = {}
+        self._interpretations: InterpretationServer | None = None
         self._settings = Parameters(self, 'llm_client_node', self.parameter_problem)
         self.adopt_source()
         self.add_post_set_parameters_callback(lambda _: self.adopt_source())
         self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', REPORTS)
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
         together = ReentrantCallbackGroup()
-        MapSubscription(Entities(self), self.on_map)
+        self._entities = Entities(self)
+        MapSubscription(self._entities, self.on_map)
+        self._interpretations = InterpretationServer(self._entities, self._new_interpreter)
         self.create_service(
             GetPlan, '~/get_waypoints', self.on_get_waypoints, callback_group=together
         )
         self.create_timer(1.0, self.publish_health, callback_group=together)
         self.get_logger().info(f'ready; waypoints by {self._source.name}')
+
+    def destroy_node(self) -> None:
+        """Leave the graph; a model that is still asked is left alone."""
+        self._entities.close()
+        super().destroy_node()
 
     def parameter_problem(self, values: dict[str, Any]) -> str | None:
         """Return why parameters do not make a source; else make the source and return None."""
@@ -84,15 +97,19 @@ class LlmClientNode(Node):
         }
         try:
             if source_values != self._source_values:
-                self._new_source = source_from_parameters(values)
+                found = with_transcript(values)
+                self._new_source = source_from_parameters(found)
+                self._new_interpreter = make_interpreter(found)
         except (OSError, ValueError) as error:
             return str(error)
         self._source_values = source_values
         return None
 
     def adopt_source(self) -> None:
-        """Use the source that the last check of the parameters made."""
+        """Use the source and the interpreter that the last check of the parameters made."""
         self._source = self._new_source
+        if self._interpretations is not None:
+            self._interpretations.adopt(self._new_interpreter)
 
     def on_map(self, grid_map: GridMap) -> None:
         """Keep a new map."""
@@ -200,15 +217,17 @@ def exchange_report(reply: WaypointReply, key: SampleKey) -> ExchangeReport:
     )
 
 
+def with_transcript(values: dict[str, Any]) -> dict[str, Any]:
+    """Return parameters with the path of the transcript. Raises FileNotFoundError."""
+    name = values['transcript']
+    return values | {'transcript': str(find_file(name, 'maps')) if name else ''}
+
+
 def source_from_parameters(values: dict[str, Any]) -> WaypointSource:
     """Make the source that the parameters name. Raises ValueError or OSError where it cannot."""
-    transcript, dataset = (
-        str(find_file(values[name], 'maps')) if values[name] else ''
-        for name in ('transcript', 'dataset')
-    )
-    settings = source_config(values | {'transcript': transcript})
-    maps = load_barrier_maps(dataset) if dataset else None
-    return make_source(settings, dataset=maps)
+    dataset = values['dataset']
+    maps = load_barrier_maps(find_file(dataset, 'maps')) if dataset else None
+    return make_source(source_config(values), dataset=maps)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -1,10 +1,15 @@
+import functools
 import threading
 from dataclasses import replace
 
 import pytest
 from instruction_places import HOSPITAL
 from llm_astar_msgs_adapter.maps.places import NO_PLACES
-from llm_astar_planner.instructions.background import MAX_WAITING, BackgroundInterpreter
+from llm_astar_planner.instructions.background import (
+    MAX_CALLBACKS,
+    MAX_WAITING,
+    BackgroundInterpreter,
+)
 from llm_astar_planner.instructions.chain import (
     CachedInterpreter,
     ChainInterpreter,
@@ -192,10 +197,11 @@ def test_the_newest_sentence_is_asked_first_and_the_oldest_of_too_many_dropped(b
     slow = Scripted('model')
     slow.gate.clear()
     interpreter = background(partial(), slow)
-    answers, done = [], threading.Semaphore(0)
+    answers, details, done = [], [], threading.Semaphore(0)
 
     def on_answer(interpretation):
         answers.append((interpretation.text, interpretation.understood_by))
+        details.append(interpretation.detail)
         done.release()
 
     interpreter.interpret_now('busy', NO_PLACES, on_answer)
@@ -203,10 +209,46 @@ def test_the_newest_sentence_is_asked_first_and_the_oldest_of_too_many_dropped(b
     for n in range(MAX_WAITING + 1):
         interpreter.interpret_now(str(n), NO_PLACES, on_answer)
     assert answers == [('0', 'grammar')]
+    assert details == ['dropped, since newer questions came']
     slow.gate.set()
     for _ in range(MAX_WAITING + 2):
         assert done.acquire(timeout=LONG)
     assert slow.asked == ['busy', *(str(n) for n in range(MAX_WAITING, 0, -1))]
+
+
+def test_of_too_many_callbacks_for_one_sentence_the_oldest_is_dropped(background):
+    slow = Scripted('model')
+    slow.gate.clear()
+    interpreter = background(partial(), slow)
+    answers, done = [], threading.Semaphore(0)
+
+    def on_answer(number, interpretation):
+        answers.append((number, interpretation.status))
+        done.release()
+
+    interpreter.interpret_now('busy', NO_PLACES)
+    assert slow.began.acquire(timeout=LONG)
+    for n in range(MAX_CALLBACKS + 1):
+        interpreter.interpret_now('a', NO_PLACES, functools.partial(on_answer, n))
+    assert answers == [(0, Understanding.PENDING)]
+    slow.gate.set()
+    for _ in range(MAX_CALLBACKS + 1):
+        assert done.acquire(timeout=LONG)
+    assert answers[1:] == [(n, Understanding.WHOLE) for n in range(1, MAX_CALLBACKS + 1)]
+
+
+def test_a_model_that_did_not_answer_leaves_the_reading_pending(background):
+    answers, done = [], threading.Event()
+
+    def on_answer(interpretation):
+        answers.append(interpretation)
+        done.set()
+
+    interpreter = background(partial(), Scripted('model', Understanding.PENDING, ()))
+    interpreter.interpret_now('a', NO_PLACES, on_answer)
+    assert done.wait(LONG)
+    assert answers[0].status is Understanding.PENDING
+    assert answers[0].specification.enforceable == (KITCHEN,)
 
 
 def test_a_callback_that_fails_does_not_end_the_worker(background):

@@ -46,6 +46,11 @@ class Entities:
         self._undo.append(lambda: self.node.destroy_service(made))
         return made
 
+    def timer(self, seconds: float, callback: Callable[[], None], group: CallbackGroup) -> None:
+        """Create a timer."""
+        made = self.node.create_timer(seconds, callback, callback_group=group)
+        self._undo.append(lambda: self.node.destroy_timer(made))
+
     def on_close(self, undo: Callable[[], Any]) -> None:
         """Call `undo` in `close`, in its turn."""
         self._undo.append(undo)

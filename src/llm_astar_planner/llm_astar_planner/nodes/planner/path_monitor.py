@@ -64,17 +64,20 @@ class PathMonitor:
         """Stop watching: no robot follows the path any more."""
         self._watched = None
 
-    def check(self, planner: Planner) -> None:
-        """Check the path on this map soon; a check that still runs is cancelled."""
-        token = self._replans.begin('the map has changed again')
-        self._thread.submit(self.check_now, planner, token)
+    def check(self, planner: Planner, change: str = '') -> None:
+        """Check the path on this map soon; a check that still runs is cancelled.
+
+        `change` says what else has changed, '' for the map alone.
+        """
+        token = self._replans.begin(change or 'the map has changed again')
+        self._thread.submit(self.check_now, planner, token, change)
 
     def close(self) -> None:
         """Stop."""
         self._replans.cancel('the node ends')
         self._thread.shutdown(cancel_futures=True)
 
-    def check_now(self, planner: Planner, token: CancellationToken) -> None:
+    def check_now(self, planner: Planner, token: CancellationToken, change: str) -> None:
         """Check the path, and replan if it is broken or `replan_on_map` is set."""
         watched = self._watched
         if watched is None or watched.planner is None:
@@ -88,7 +91,8 @@ class PathMonitor:
             self.state = f'the path stands on map {digest}'
             self._logger.info(self.state, throttle_duration_sec=QUIET_SECONDS)
             return
-        self.state = f'replanned on map {digest}: {problem or "replan_on_map is set"}'
+        reason = problem or change or 'replan_on_map is set'
+        self.state = f'replanned on map {digest}: {reason}'
         response = self._handler.answer(watched.goal, token, replan_reason=self.state)
         if response.plan.code is ResultCode.NONE:
             self.remember(response)

@@ -13,11 +13,10 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallb
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.service_introspection import ServiceIntrospectionState
 from std_msgs.msg import String
 
-from llm_astar_planner.instructions.interpretation import clean_instruction
+from llm_astar_planner.instructions.place_goal import PlaceGoalError
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
@@ -25,9 +24,11 @@ from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.spin import run_node
 from llm_astar_planner.nodes.common.tf import HAS_TF2, Frames, TransformListener
 from llm_astar_planner.nodes.planner.diagnostics import DiagnosticsPublisher
+from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.nav2_server import PathValidityService, serve_nav2
 from llm_astar_planner.nodes.planner.path_monitor import QUIET_SECONDS, PathMonitor
+from llm_astar_planner.nodes.planner.places_server import PlacesParameter, PlacesServer
 from llm_astar_planner.nodes.planner.publishers import PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import PlanGoal, RequestConverter
 from llm_astar_planner.nodes.planner.request_handler import (
@@ -61,7 +62,7 @@ class PlannerServer:
     in both states.
     """
 
-    def __init__(self, node: Node, settings: Parameters) -> None:
+    def __init__(self, node: Node, settings: Parameters, places: PlacesParameter) -> None:
         """Join the graph, not active yet."""
         self._node = node
         self._settings = settings
@@ -69,6 +70,10 @@ class PlannerServer:
         self._goals = PreemptingGoalSlot()
         self._initial_pose: PoseStamped | None = None
         self._cache: CachedWaypointSource | None = None
+        self._places = PlacesServer(entities, places)
+        self._instructions = InstructionServer(
+            entities, settings, lambda: self._places.places, self.on_understood
+        )
         self._client = self.make_client()
         self._cache = CachedWaypointSource(self._client) if self._client else None
         frames = self.make_frames()
@@ -84,12 +89,14 @@ class PlannerServer:
             RequestConverter(settings, frames, self._cache),
             publisher=self._publisher,
             replans=replans,
+            instructions=self._instructions,
         )
         self._monitor = PathMonitor(
             node, settings, self._maps, self._handler, replans=replans, cache=self._cache
         )
         self._diagnostics = DiagnosticsPublisher(entities, self.state)
         # Last of all: the executor may call back at once.
+        self._instructions.start()
         self.subscribe()
         validity = PathValidityService(frames, lambda: str(settings['robot_base_frame']))
         has_nav2 = serve_nav2(entities, self, validity, lambda: self._maps.planner)
@@ -147,19 +154,19 @@ class PlannerServer:
         """Keep the pose that was set in RViz as the start if tf does not know the robot's."""
         self._initial_pose = PoseStamped(header=message.header, pose=message.pose.pose)
 
-    def on_instruction(self, message: String) -> None:
-        """Set the parameter `instruction`; an empty message clears it."""
-        result = self._node.set_parameters([Parameter('instruction', value=message.data)])[0]
-        logger = self._node.get_logger()
-        if not result.successful:
-            logger.error(f'instruction refused, the last one stays: {result.reason}')
-        elif message.data:
-            logger.info(f'instruction from now on: {clean_instruction(message.data)}')
-        else:
-            logger.info('no instruction any more')
+    def on_goal_place(self, message: String) -> None:
+        """Plan to the place of this name, as to a goal that was set in RViz."""
+        try:
+            pose = self._places.goal_pose(message.data)
+        except PlaceGoalError as error:
+            self._node.get_logger().error(f'goal_place: {error}')
+            return
+        self.on_goal_pose(pose)
 
     def on_parameters(self, _: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Follow changed parameters."""
+        self._places.refresh()
+        self._instructions.refresh()
         self._maps.refresh()
 
     def on_planner(self, planner: Planner) -> None:
@@ -167,7 +174,14 @@ class PlannerServer:
         message = f'planning on {self._maps.name}'
         self._node.get_logger().info(message, throttle_duration_sec=QUIET_SECONDS)
         self._diagnostics.publish()
+        self._places.on_planner(planner)
         self._monitor.check(planner)
+
+    def on_understood(self) -> None:
+        """Replan the last path if new maps do, as something else is asked of it now."""
+        planner = self._maps.planner
+        if planner is not None and self._settings['replan_on_map']:
+            self._monitor.check(planner, 'the instruction has changed')
 
     def make_client(self) -> WaypointClient | None:
         """Return the client of the waypoint node, None if no node is to be asked."""
@@ -179,7 +193,8 @@ class PlannerServer:
         return client
 
     def on_client_change(self) -> None:
-        """Drop the cached waypoints: the client may answer differently from now on."""
+        """Drop the client's answers: it may answer differently from now on."""
+        self._instructions.on_client_change()
         if self._cache is not None:
             self._cache.clear()
 
@@ -201,15 +216,9 @@ class PlannerServer:
         for kind, topic, callback in (
             (PoseWithCovarianceStamped, 'initialpose', self.on_initial_pose),
             (PoseStamped, 'goal_pose', self.on_goal_pose),
+            (String, '~/goal_place', self.on_goal_place),
         ):
             self._entities.subscription(kind, topic, callback, RELIABLE, group)
-        self._entities.subscription(
-            String,
-            '~/instruction',
-            self.on_instruction,
-            RELIABLE,
-            MutuallyExclusiveCallbackGroup(),
-        )
         node.add_post_set_parameters_callback(self.on_parameters)
         self._entities.on_close(
             lambda: node.remove_post_set_parameters_callback(self.on_parameters)
@@ -225,7 +234,7 @@ class PlannerServer:
             'llm_client_ready': self._client is not None and self._client.ready,
             'landmark_bytes': self._maps.landmark_bytes,
             'last_path': self._monitor.state,
-            'instruction': self._settings['instruction'],
+            **self._instructions.values(),
             **self._publisher.statistics.values(),
         }
         is_well = planner is not None and self.is_active
@@ -250,6 +259,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self.on_change_state
         self._settings = Parameters(self, NAME)
+        self._places = PlacesParameter(self, self._settings)
         self._server: PlannerServer | None = None
         if not self._settings['autostart']:
             self.get_logger().info('ready to be configured')
@@ -273,7 +283,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Join the graph; maps are taken from here on."""
         try:
-            self._server = PlannerServer(self, self._settings)
+            self._server = PlannerServer(self, self._settings, self._places)
         except Exception as error:  # noqa: BLE001 - the manager is told, and may try again
             self.get_logger().error(f'not configured: {type(error).__name__}: {error}')
             return TransitionCallbackReturn.FAILURE

@@ -16,6 +16,7 @@ from nav_msgs.msg import Path
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import (
@@ -120,6 +121,7 @@ class RequestHandler:
         *,
         publisher: PlanPublisher,
         replans: PreemptingGoalSlot,
+        instructions: InstructionServer,
     ) -> None:
         """Take the parts it works with.
 
@@ -135,6 +137,7 @@ class RequestHandler:
         self._converter = converter
         self._publisher = publisher
         self._replans = replans
+        self._instructions = instructions
 
     @property
     def is_active(self) -> bool:
@@ -209,6 +212,8 @@ class RequestHandler:
             max(LEAST_SECONDS, job.begin + job.limit - finish - time.monotonic()),
             want_expanded=self._publisher.wants_expanded,
         )
+        if self._instructions.current.interpretation is not None:
+            request = self._instructions.add_to(request, planner, poses)
         for plan in planner.plans(request, job.token.stop):
             if not plan.is_final:
                 path = writer.write(plan.path)
@@ -222,6 +227,8 @@ class RequestHandler:
         job.raise_if_cancelled()
         if plan.code is ResultCode.NONE:
             self.publish(path, replan_reason)
+            if request.instruction is not None:
+                self._instructions.follow(path)
             if self._publisher.wants_raw:
                 self._publisher.publish_raw(writer.write(plan.path))
         self._publisher.publish_markers(plan, planner.grid_map, job.stamp)

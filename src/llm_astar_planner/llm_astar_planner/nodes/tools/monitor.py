@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.messages.fields import status_values
 from llm_astar_msgs_adapter.messages.report import (
     ExchangeReport,
@@ -21,21 +20,15 @@ from llm_astar_msgs_adapter.messages.report import (
     ReportError,
     report_from_message,
 )
-from rclpy.exceptions import InvalidNamespaceException, InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.validate_namespace import validate_namespace
-from rclpy.validate_topic_name import validate_topic_name
 
+from llm_astar_planner.nodes.common.names import check_names
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import SpinThread, leave
 
 # Events kept for a reader that is busy; more are dropped, as on the topics themselves.
 MAX_WAITING = 1000
-
-
-class NodeNameError(LlmAstarError, ValueError):
-    """A namespace or a node name that ROS does not allow."""
 
 
 class EventKind(str, Enum):
@@ -142,13 +135,7 @@ class Monitor:
 @contextlib.contextmanager
 def monitoring(namespace: str, planner: str, client: str) -> Iterator[Monitor]:
     """Join the graph in `namespace` and monitor it. Raises NodeNameError."""
-    namespace = f'/{namespace.strip("/")}'
-    try:
-        validate_namespace(namespace)
-        for name in (planner, client):
-            validate_topic_name(name)
-    except (InvalidNamespaceException, InvalidTopicNameException) as error:
-        raise NodeNameError(' '.join(str(error).split())) from None
+    namespace = check_names(namespace, planner, client)
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node(

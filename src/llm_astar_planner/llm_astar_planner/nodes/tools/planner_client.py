@@ -19,6 +19,7 @@ from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from rclpy.client import Client
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
@@ -26,6 +27,7 @@ from llm_astar_planner.nodes.common.spin import SpinThread
 
 # Discovery takes from milliseconds to seconds on a loaded machine.
 DISCOVERY_SECONDS = 15.0
+POLL_SECONDS = 0.01
 # Reports on plans of other clients arrive too, and nobody fetches them.
 KEPT_REPORTS = 256
 
@@ -79,20 +81,34 @@ class PlannerClient:
             if not self._arrived.wait_for(condition, seconds):
                 raise PlannerClientError(f'{what} did not come within {seconds:g} s')
 
-    def wait_for_planner(self) -> None:
+    def wait_for_subscriber(self, publisher: Publisher, seconds: float) -> None:
+        """Wait until somebody subscribes to a topic. Raises PlannerClientError."""
+        deadline = time.monotonic() + seconds
+        while not publisher.get_subscription_count():
+            if time.monotonic() > deadline:
+                raise PlannerClientError(f'nobody subscribes to {publisher.topic_name}')
+            time.sleep(POLL_SECONDS)
+
+    def wait_for_planner(self, seconds: float = DISCOVERY_SECONDS) -> None:
         """Wait until the planner's service exists. Raises PlannerClientError."""
-        if not self._client.wait_for_service(DISCOVERY_SECONDS):
+        if not self._client.wait_for_service(seconds):
             raise PlannerClientError(
                 f'{self._client.srv_name} does not exist; is {self._planner} running?'
             )
 
-    def wait_until_ready(self, map_digest: str | None = None, *, client: str = '') -> None:
+    def wait_until_ready(
+        self,
+        map_digest: str | None = None,
+        *,
+        client: str = '',
+        seconds: float = DISCOVERY_SECONDS,
+    ) -> None:
         """Wait until the planner has the map of that digest, or any map.
 
         `client` names a waypoint client that the planner must have discovered and that must have
         the map too. Raises PlannerClientError.
         """
-        self.wait_for_planner()
+        self.wait_for_planner(seconds)
 
         def has_map(name: str) -> bool:
             digest = self._health.get(name, {}).get('map_digest')
@@ -106,7 +122,7 @@ class PlannerClient:
             waypoints = f'{self.node.resolve_service_name(client)[1:]}: waypoints'
             return has_map(planner) and has_map(waypoints) and bool(sees_client)
 
-        self.wait_for(is_ready, f'{self._planner} ready with its map', DISCOVERY_SECONDS)
+        self.wait_for(is_ready, f'{self._planner} ready with its map', seconds)
 
     def call(
         self, start: Pose2D, goal: Pose2D, frame_id: str = 'map', seconds: float = 30.0

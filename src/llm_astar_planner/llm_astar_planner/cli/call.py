@@ -1,0 +1,115 @@
+"""Ask a running planner_node for a plan, as another stack would, or what an instruction means."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+
+from llm_astar_planner.parameter import ParameterError
+
+if TYPE_CHECKING:
+    from llm_astar_planner.nodes.tools.call import CalledPlan, PlannerCaller
+
+EPILOG = """\
+examples:
+  llm-astar call --start 2 3 --goal 20 5
+  llm-astar call --start 2 3 --to kitchen --instruction "avoid the lab"
+  llm-astar call --interpret "visit the dock, then the workshop"
+
+exit codes: 0 a path (or what was understood), 1 no path, 2 bad usage, or no answer in time
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    metres: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
+    parser.add_argument('--start', **metres, help='in metres, in the frame --frame')
+    goal = parser.add_mutually_exclusive_group()
+    goal.add_argument('--goal', **metres, help='likewise')
+    goal.add_argument('--to', metavar='PLACE', help='name of a place of the planner instead')
+    goal.add_argument(
+        '--interpret', metavar='TEXT', help='only print what an instruction means to the planner'
+    )
+    parser.add_argument(
+        '--instruction', metavar='TEXT',
+        help='set the instruction of the planner first; empty: none any more',
+    )  # fmt: skip
+    parser.add_argument('--frame', default='map', help='frame of the poses (default: %(default)s)')
+    parser.add_argument('--namespace', default='/', help="the planner's namespace (default: /)")
+    parser.add_argument(
+        '--node', default='planner_node', help='name of the planner (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--timeout', type=float, default=30.0, metavar='S',
+        help='longest wait for each answer (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Call; return 0 for an answer, 1 for no path. Raises PlannerClientError, ParameterError."""
+    has_goal = arguments.goal is not None or arguments.to is not None
+    if arguments.interpret is None and (arguments.start is None or not has_goal):
+        raise ParameterError('--start and one of --goal and --to, or --interpret, are expected')
+    if not 0.0 < arguments.timeout < math.inf:
+        raise ParameterError(f'--timeout: {arguments.timeout} is not a number of seconds above 0')
+    from llm_astar_planner.nodes.tools.call import calling  # noqa: PLC0415
+
+    with calling(arguments.namespace, arguments.node, arguments.timeout) as caller:
+        if arguments.instruction is not None:
+            caller.set_instruction(arguments.instruction)
+        if arguments.interpret is not None:
+            return print_interpretation(caller, arguments.interpret, as_json=arguments.json)
+        if arguments.instruction:
+            for _ in caller.interpret(arguments.instruction):
+                pass  # the last answer is the one that plans are made with
+        goal = caller.place(arguments.to) if arguments.to else Pose2D(*arguments.goal)
+        plan = caller.plan(Pose2D(*arguments.start), goal, arguments.frame)
+    if arguments.json:
+        report = asdict(plan.report)
+        print(json.dumps({'path': plan.points, 'seconds': plan.seconds, 'report': report}))
+    else:
+        print_plan(plan)
+    return 0 if plan.points else 1
+
+
+def print_interpretation(caller: PlannerCaller, text: str, *, as_json: bool) -> int:
+    """Print what a text means, each answer as it comes; return 0, or 2 where it was refused."""
+    answer: dict[str, Any] = {}
+    for answer in caller.interpret(text):
+        print(json.dumps(answer) if as_json else interpretation_line(answer), flush=True)
+    return 2 if answer.get('error') else 0
+
+
+def interpretation_line(answer: dict[str, Any]) -> str:
+    """Return one line for a person."""
+    if answer.get('error'):
+        return f'refused: {answer["error"]}'
+    by = f' by {answer["understood_by"]}' if answer['understood_by'] else ''
+    detail = f' ({answer["detail"]})' if answer['detail'] else ''
+    return f'{answer["status"]}{by}: {answer["sentence"] or "-"}{detail}'
+
+
+def print_plan(plan: CalledPlan) -> None:
+    """Print a plan for a person."""
+    report = plan.report
+    print(f'answer      {report.summary}')
+    if report.length is not None:
+        print(f'path        {report.length:.2f} m, {len(plan.points)} poses')
+    print(f'guided by   {report.guided_by} (source {report.source}, {report.source_status})')
+    print(f'time        {1000 * plan.seconds:.1f} ms round trip')
+    for warning in report.warnings:
+        print(f'warning     {warning}')
+    outcome = report.instruction_report
+    if outcome:
+        print(f'instruction {interpretation_line(outcome["interpretation"])}')
+        for clause in outcome['clauses']:
+            detail = f' ({clause["detail"]})' if clause['detail'] else ''
+            print(f'  {clause["status"]:<14} {clause["clause"]}{detail}')
+        if outcome['note']:
+            print(f'  {outcome["note"]}')

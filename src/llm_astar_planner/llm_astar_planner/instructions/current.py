@@ -1,0 +1,169 @@
+"""The instruction that is set: understood once, by the grammar at once and then by a model."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Hashable
+from dataclasses import replace
+from functools import partial
+from typing import Protocol
+
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+
+from llm_astar_planner.instructions.background import BackgroundInterpreter
+from llm_astar_planner.instructions.chain import READ_WHOLE, CachedInterpreter
+from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    Interpreter,
+    Understanding,
+    clean_instruction,
+)
+
+# Seconds after which a model that did not answer is asked again. Longer than its missing answer
+# is remembered.
+ASK_AGAIN_S = 15.0
+LIMIT_S = 120.0
+
+OnAnswer = Callable[[Interpretation], None]
+
+
+class RemoteInterpreter(Interpreter, Protocol):
+    """An interpreter in another process, such as llm_client_node."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether it can be asked."""
+
+
+class InstructionReader:
+    """Reads instructions: the grammar at once, and a remote interpreter when it answers."""
+
+    def __init__(self, remote: RemoteInterpreter | None) -> None:
+        """Take the remote interpreter, None if there is none to be asked."""
+        self._grammar = CachedInterpreter(GrammarInterpreter())
+        self._remote = remote
+        self._background = None if remote is None else self.make_background(remote)
+
+    @staticmethod
+    def make_background(remote: RemoteInterpreter) -> BackgroundInterpreter:
+        """Return what asks the remote interpreter on a thread of its own."""
+        return BackgroundInterpreter(GrammarInterpreter(), remote, LIMIT_S)
+
+    @property
+    def ready(self) -> bool:
+        """Whether the remote interpreter can be asked."""
+        return self._remote is not None and self._remote.ready
+
+    def read(self, text: str, places: Places, on_answer: OnAnswer) -> Interpretation:
+        """Return what is understood now of a clean text.
+
+        PENDING means that `on_answer` is called with the rest, on another thread.
+        """
+        background = self._background
+        if background is not None and self.ready:
+            return background.interpret_now(text, places, on_answer)
+        reading = self._grammar.interpret(text, places, 0.0)
+        if background is None or self._remote is None or reading.status in READ_WHOLE:
+            return reading
+        detail = f'{self._remote.name} is not there to be asked'
+        return replace(reading, detail='; '.join(filter(None, (reading.detail, detail))))
+
+    def restart(self) -> None:
+        """Forget what the remote interpreter answered: it may answer differently from now on."""
+        if self._remote is not None and self._background is not None:
+            before, self._background = self._background, self.make_background(self._remote)
+            before.close()
+
+    def close(self) -> None:
+        """Ask no more."""
+        if self._background is not None:
+            self._background.close()
+
+
+class CurrentInstruction:
+    """The instruction that is set, with what is understood of it so far. Thread-safe."""
+
+    def __init__(self, reader: InstructionReader, on_change: Callable[[], None]) -> None:
+        """Start without an instruction.
+
+        `on_change` is called whenever something else is understood, on any thread.
+        """
+        self.interpretation: Interpretation | None = None
+        self.places = NO_PLACES
+        self._reader = reader
+        self._on_change = on_change
+        # Reentrant: a question may drop an older one, which is answered on the same thread.
+        self._lock = threading.RLock()
+        self._text = ''
+        self._number = 0
+        # When to ask next, in monotonic seconds; and whether the question was answered before.
+        self._ask_at = math.inf
+        self._is_answered = False
+
+    def set(self, text: str, places: Places) -> None:
+        """Set the instruction, '' for none. Raises InstructionError for one that is too long."""
+        clean = clean_instruction(text)
+        with self._lock:
+            if (clean, places.digest) != (self._text, self.places.digest):
+                self._text, self.places = clean, places
+                self.read()
+
+    def ask_again(self, *, anew: bool = False) -> None:
+        """Ask about an instruction that is not answered yet; to be called now and then.
+
+        `anew` asks also about one that is, since the remote interpreter has changed. What is
+        understood already holds until the answer comes.
+        """
+        with self._lock:
+            if anew:
+                self._reader.restart()
+            if anew or (time.monotonic() >= self._ask_at and self._reader.ready):
+                self.read(keep=self._is_answered)
+
+    def read(self, *, keep: bool = False) -> None:
+        """Understand the instruction; an earlier question about it is forgotten.
+
+        `keep` keeps what is understood already, unless now all of it is understood at once.
+        """
+        self._number += 1
+        self._ask_at = math.inf
+        if not self._text:
+            self.use(None)
+            return
+        is_asked = self._reader.ready
+        on_answer = partial(self.take, self._number)
+        reading = self._reader.read(self._text, self.places, on_answer)
+        is_whole = reading.status in READ_WHOLE
+        if not (is_asked or is_whole):
+            self._ask_at = 0.0  # as soon as somebody is there to be asked
+        if is_whole or not keep:
+            self._is_answered = is_asked and reading.status is not Understanding.PENDING
+            self.use(reading)
+
+    def take(self, number: int, answer: Interpretation) -> None:
+        """Use an answer, unless the instruction was read again since its question."""
+        with self._lock:
+            if number != self._number:
+                return
+            is_answer = answer.status is not Understanding.PENDING
+            if not is_answer:
+                self._ask_at = time.monotonic() + ASK_AGAIN_S
+            if is_answer or not self._is_answered:
+                self._is_answered = is_answer
+                self.use(answer)
+
+    def use(self, interpretation: Interpretation | None) -> None:
+        """Use an interpretation from now on."""
+        before, self.interpretation = self.interpretation, interpretation
+        if meaning(before) != meaning(interpretation):
+            self._on_change()
+
+
+def meaning(interpretation: Interpretation | None) -> Hashable:
+    """Return what decides plans and reports; equal for equal ones."""
+    if interpretation is None:
+        return None
+    return interpretation.text, interpretation.specification, interpretation.status

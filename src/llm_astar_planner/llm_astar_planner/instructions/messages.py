@@ -1,0 +1,169 @@
+"""Questions about instructions and their answers, as the JSON texts that nodes exchange.
+
+Whatever a peer sends is bounded in size, and never evaluated.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from llm_astar_planner.instructions.interpretation import (
+    InstructionError,
+    Interpretation,
+    Understanding,
+    status_of,
+)
+from llm_astar_planner.instructions.specification_json import as_mapping, from_json
+
+# Characters of a question, and of one with the places of the map.
+MAX_QUESTION = 64_000
+MAX_QUESTION_WITH_PLACES = 4_000_000
+# Characters of a name that the asker gave to a question, and of a question that is echoed.
+MAX_ID = 100
+MAX_ECHO = 1000
+MAX_DETAIL = 1000
+STATUSES = {status.value: status for status in Understanding}
+
+
+class QuestionError(InstructionError):
+    """A question that cannot be read; the message names the field. `id` is the asker's, or ''."""
+
+    def __init__(self, message: str, id: str = '') -> None:  # noqa: A002 - the field's name
+        """Take the message."""
+        super().__init__(message)
+        self.id = id
+
+
+@dataclass(frozen=True)
+class Question:
+    """What does a text mean? `id` is returned with the answer.
+
+    `places` is a GeoJSON FeatureCollection that nobody has checked, None where none was sent.
+    """
+
+    text: str
+    id: str = ''
+    places: Mapping[str, Any] | None = None
+
+    def to_text(self) -> str:
+        """Return the question as the text of a message."""
+        fields = {'text': self.text, 'id': self.id, 'places': self.places}
+        return json.dumps({name: value for name, value in fields.items() if value})
+
+
+def parse_question(data: str, limit: int = MAX_QUESTION) -> Question:
+    """Read a question: the text alone, or JSON with `text`, and `id` and `places` if needed.
+
+    Raises QuestionError, also for a message of more than `limit` characters.
+    """
+    if len(data) > limit:
+        raise QuestionError(f'question: {len(data)} characters are more than {limit}')
+    if not data.lstrip().startswith('{'):
+        return Question(data)
+    fields = parse_object(data)
+    name = fields.get('id', '')
+    if not isinstance(name, str) or len(name) > MAX_ID:
+        raise QuestionError(f'id: is not a text of at most {MAX_ID} characters')
+    text, places = fields.get('text'), fields.get('places')
+    if not isinstance(text, str):
+        raise QuestionError('text: is not a text', name)
+    if not (places is None or isinstance(places, dict)):
+        raise QuestionError('places: is not a GeoJSON FeatureCollection', name)
+    return Question(text, name, places)
+
+
+def parse_object(data: str) -> dict[str, Any]:
+    """Read a JSON object. Raises QuestionError."""
+    try:
+        value = json.loads(data)
+    except RecursionError:
+        raise QuestionError('question: is nested too deeply') from None
+    except ValueError as error:
+        raise QuestionError(f'question: is not JSON: {error}') from None
+    if not isinstance(value, dict):
+        raise QuestionError('question: is not a JSON object')
+    return value
+
+
+def answer_text(question: Question, interpretation: Interpretation) -> str:
+    """Return the answer to a question as the text of a message; the question is echoed."""
+    head = {'question': question.text[:MAX_ECHO], 'id': question.id, 'error': ''}
+    return json.dumps(head | interpretation.to_json())
+
+
+def error_text(question: Question, error: Exception) -> str:
+    """Return the answer to a question that cannot be answered as the text of a message."""
+    name = error.id if isinstance(error, QuestionError) else question.id
+    return json.dumps({'question': question.text[:MAX_ECHO], 'id': name, 'error': str(error)})
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer to the question with an `id`: what was understood, or the `error`."""
+
+    id: str
+    interpretation: Interpretation | None = None
+    error: str = ''
+
+
+def parse_answer(data: str) -> Answer:
+    """Read an answer. Raises QuestionError or SpecificationError where it is malformed."""
+    if len(data) > MAX_QUESTION:
+        raise QuestionError(f'answer: {len(data)} characters are more than {MAX_QUESTION}')
+    fields = parse_object(data)
+    name, error = fields.get('id'), fields.get('error')
+    if not isinstance(name, str):
+        raise QuestionError('id: is not a text')
+    if isinstance(error, str) and error:
+        return Answer(name, error=error[:MAX_DETAIL])
+    return Answer(name, interpretation_from_json(fields))
+
+
+def interpretation_from_json(value: object) -> Interpretation:
+    """Read what `Interpretation.to_json` wrote.
+
+    A status that claims more than the clauses say is lowered to what they say. Raises
+    SpecificationError or QuestionError.
+    """
+    fields = as_mapping(value, 'interpretation')
+    specification = from_json(fields.get('specification'))
+    status = STATUSES.get(str(fields.get('status')))
+    if status is None:
+        raise QuestionError(f'status: is not one of {", ".join(STATUSES)}')
+    if status in (Understanding.WHOLE, Understanding.IRRELEVANT):
+        status = status_of(specification)
+    text, understood_by, detail = (
+        as_bounded_text(fields, name) for name in ('text', 'understood_by', 'detail')
+    )
+    seconds, prompt_tokens, output_tokens = (
+        as_count(fields, name) for name in ('seconds', 'prompt_tokens', 'output_tokens')
+    )
+    return Interpretation(
+        text,
+        specification,
+        understood_by,
+        status,
+        detail,
+        seconds,
+        int(prompt_tokens),
+        int(output_tokens),
+    )
+
+
+def as_bounded_text(fields: Mapping[str, Any], name: str) -> str:
+    """Return a text, cut to what a message may hold. Raises QuestionError otherwise."""
+    value = fields.get(name, '')
+    if not isinstance(value, str):
+        raise QuestionError(f'{name}: is not a text')
+    return value[:MAX_DETAIL]
+
+
+def as_count(fields: Mapping[str, Any], name: str) -> float:
+    """Return a number from 0 to a billion. Raises QuestionError otherwise."""
+    value = fields.get(name, 0)
+    if not isinstance(value, (int, float)) or not 0 <= value <= 1e9:
+        raise QuestionError(f'{name}: is not a number from 0 to 1e9')
+    return float(value)

@@ -1,0 +1,86 @@
+"""The topics on which a node is asked what an instruction means."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import partial
+
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from std_msgs.msg import String
+
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    Understanding,
+    clean_instruction,
+)
+from llm_astar_planner.instructions.messages import (
+    MAX_QUESTION,
+    Question,
+    answer_text,
+    error_text,
+    parse_question,
+)
+from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+
+OnAnswer = Callable[[Interpretation], None]
+# Given a question with a clean text, returns what is understood now. If that is PENDING, the
+# callback gets the rest, on any thread. May raise LlmAstarError.
+Interpret = Callable[[Question, OnAnswer], Interpretation]
+
+
+class QuestionServer:
+    """Takes questions on `~/interpret` and answers on `~/interpretation`, with the id of each.
+
+    Every question is answered: what cannot be read, or is too long, with an error.
+    """
+
+    def __init__(
+        self,
+        entities: Entities,
+        interpret: Interpret,
+        *,
+        limit: int = MAX_QUESTION,
+        waits: bool = False,
+    ) -> None:
+        """Serve. `limit` is in characters; `waits` publishes only the last answer."""
+        self._interpret = interpret
+        self._limit = limit
+        self._waits = waits
+        self._lock = threading.Lock()
+        self._is_closed = False
+        self._publisher = entities.publisher(String, '~/interpretation', REPORTS)
+        entities.on_close(self.close)
+        # A group of its own: nothing may delay an answer.
+        group = MutuallyExclusiveCallbackGroup()
+        entities.subscription(String, '~/interpret', self.on_question, RELIABLE, group)
+
+    def on_question(self, message: String) -> None:
+        """Answer a question, or have it answered."""
+        asked = Question(message.data)
+        try:
+            asked = parse_question(message.data, self._limit)
+            question = Question(clean_instruction(asked.text), asked.id, asked.places)
+            reading = self._interpret(question, partial(self.answer, asked))
+        except LlmAstarError as error:
+            self.publish(error_text(asked, error))
+            return
+        if not (self._waits and reading.status is Understanding.PENDING):
+            self.answer(asked, reading)
+
+    def answer(self, question: Question, interpretation: Interpretation) -> None:
+        """Publish the answer to a question."""
+        self.publish(answer_text(question, interpretation))
+
+    def publish(self, text: str) -> None:
+        """Publish a text, unless the node has ended meanwhile."""
+        with self._lock:
+            if not self._is_closed:
+                self._publisher.publish(String(data=text))
+
+    def close(self) -> None:
+        """Publish no more."""
+        with self._lock:
+            self._is_closed = True

@@ -1,0 +1,139 @@
+"""The instruction of the planner: set, understood, previewed, and carried by each request."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_msgs_adapter.messages.fields import path_from_message
+from nav_msgs.msg import Path
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+
+from llm_astar_planner.instructions.current import CurrentInstruction, InstructionReader
+from llm_astar_planner.instructions.interpretation import (
+    RouteInstruction,
+    clean_instruction,
+)
+from llm_astar_planner.instructions.progress import Progress
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.common.qos import RELIABLE
+from llm_astar_planner.nodes.common.question_server import QuestionServer
+from llm_astar_planner.nodes.planner.instruction_client import InstructionClient
+from llm_astar_planner.nodes.planner.request_conversion import GoalPoses
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest
+
+ASK_AGAIN_PERIOD = 1.0
+
+
+class InstructionServer:
+    """What the planner node does with instructions.
+
+    `~/instruction` sets one, as the parameter does. `~/interpret` asks what a text means, and
+    `~/interpretation` answers: at once by the grammar, and once more if a model is asked.
+    """
+
+    def __init__(
+        self,
+        entities: Entities,
+        settings: Parameters,
+        places: Callable[[], Places],
+        on_understood: Callable[[], None],
+    ) -> None:
+        """Make the parts; `start` joins the graph.
+
+        `on_understood` is called on any thread when something else is understood.
+        """
+        self._entities = entities
+        self._node = entities.node
+        self._settings = settings
+        self._places = places
+        self._on_understood = on_understood
+        name = settings['llm_client']
+        self._reader = InstructionReader(InstructionClient(entities, name) if name else None)
+        entities.on_close(self._reader.close)
+        self.current = CurrentInstruction(self._reader, self.on_change)
+        self._progress = Progress()
+        self._client_changed = False
+
+    def start(self) -> None:
+        """Serve the topics, and understand the instruction that the parameters have."""
+        entities = self._entities
+        group = MutuallyExclusiveCallbackGroup()
+        entities.subscription(String, '~/instruction', self.on_instruction, RELIABLE, group)
+        QuestionServer(
+            entities,
+            lambda question, on_answer: self._reader.read(
+                question.text, self._places(), on_answer
+            ),
+        )
+        entities.timer(ASK_AGAIN_PERIOD, self.ask_again, group)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Follow changed parameters and places."""
+        self.current.set(self._settings['instruction'], self._places())
+
+    def on_client_change(self) -> None:
+        """Ask again soon: the node that understands may answer differently from now on."""
+        self._client_changed = True
+
+    def ask_again(self) -> None:
+        """Ask what was not answered, and all once more where the client has changed."""
+        anew, self._client_changed = self._client_changed, False
+        self.current.ask_again(anew=anew)
+
+    def on_change(self) -> None:
+        """Log what is understood."""
+        interpretation = self.current.interpretation
+        if interpretation is None:
+            self._progress.reset()
+        else:
+            self._node.get_logger().info(f'instruction {interpretation.summary()}')
+        self._on_understood()
+
+    def on_instruction(self, message: String) -> None:
+        """Set the parameter `instruction`; an empty message clears it."""
+        result = self._node.set_parameters([Parameter('instruction', value=message.data)])[0]
+        logger = self._node.get_logger()
+        if not result.successful:
+            logger.error(f'instruction refused, the last one stays: {result.reason}')
+        elif message.data:
+            logger.info(f'instruction from now on: {clean_instruction(message.data)}')
+        else:
+            logger.info('no instruction any more')
+
+    def add_to(self, request: PlanRequest, planner: Planner, poses: GoalPoses) -> PlanRequest:
+        """Return a request with the instruction that is set, if there is one."""
+        interpretation, places = self.current.interpretation, self.current.places
+        if interpretation is None:
+            return request
+        route = Route(planner.costmap, request.start, request.goal, places)
+        position, goals = poses.start[:2], [goal[:2] for goal in poses.goals]
+        visited = self._progress.at(position, goals, interpretation, route)
+        policy = self._settings['instruction_policy']
+        instruction = RouteInstruction(interpretation, places, policy, visited)
+        return replace(request, instruction=instruction)
+
+    def follow(self, path: Path) -> None:
+        """Take the path that the robot follows from now on."""
+        if self.current.interpretation is not None:
+            self._progress.follow(path_from_message(path))
+
+    def values(self) -> dict[str, Any]:
+        """Return what /diagnostics says."""
+        interpretation = self.current.interpretation
+        return {
+            'instruction': self._settings['instruction'],
+            'instruction_status': interpretation.status.value if interpretation else None,
+            'instruction_understood': interpretation.sentence if interpretation else None,
+            'instruction_understood_by': interpretation.understood_by if interpretation else None,
+            'instruction_visited': len(self._progress.visited),
+            'places': len(self._places()),
+        }

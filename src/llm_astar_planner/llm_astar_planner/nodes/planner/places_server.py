@@ -1,0 +1,148 @@
+"""The named places of the map: their file, their markers, and which goal a name means."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import traceback
+from collections.abc import Callable, Hashable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from llm_astar_msgs_adapter.maps.places_file import load_places
+from llm_astar_msgs_adapter.maps.places_problems import places_problems
+from llm_astar_msgs_adapter.messages.place_markers import places_to_markers
+from llm_astar_msgs_adapter.messages.writing import pose_to_message
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+from llm_astar_planner.instructions.place_goal import PlaceGoalError, find_place, goal_cell
+from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.planning.plan_reuse import MapPlacement
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.resources import find_file
+
+PARAMETER = 'places_file'
+
+
+class PlacesParameter:
+    """The places of the file that the parameter `places_file` names.
+
+    A file that is refused keeps the last places. To read a changed file again, set its name again.
+    """
+
+    def __init__(self, node: Node, settings: Parameters) -> None:
+        """Load the file. Raises PlacesError or FileNotFoundError."""
+        self._settings = settings
+        name = settings[PARAMETER]
+        self._loaded = {name: load(name)}
+        node.add_on_set_parameters_callback(self.on_set)
+
+    @property
+    def places(self) -> Places:
+        """The places of the file that is set."""
+        return self._loaded[self._settings[PARAMETER]]
+
+    def on_set(self, changed: list[Any]) -> SetParametersResult:
+        """Load the file that is to be set; refuse one that cannot be read."""
+        for change in changed:
+            if change.name == PARAMETER:
+                try:
+                    places = load(change.value)
+                except (LlmAstarError, OSError) as error:
+                    return SetParametersResult(successful=False, reason=str(error))
+                # The file before stays known: another check may still refuse the change.
+                before = self._settings[PARAMETER]
+                self._loaded = {before: self._loaded[before], change.value: places}
+        return SetParametersResult(successful=True)
+
+
+def load(name: str) -> Places:
+    """Return the places of a file, none for ''. Raises PlacesError or OSError."""
+    return load_places(Path(find_file(name, 'maps'))) if name else NO_PLACES
+
+
+class PlacesServer:
+    """Publishes the places, and finds the goal that a name means."""
+
+    def __init__(self, entities: Entities, parameter: PlacesParameter) -> None:
+        """Publish the places; their goals follow when there is a map."""
+        self._node = entities.node
+        self._parameter = parameter
+        self._published: Places | None = None
+        self._planner: Planner | None = None
+        self._checked: Hashable = None
+        self._markers = entities.publisher(MarkerArray, '~/places', LATCHED)
+        self._geojson = entities.publisher(String, '~/places_geojson', LATCHED)
+        # Of its own, since a large map with many places takes seconds.
+        self._thread = ThreadPoolExecutor(1, 'places')
+        entities.on_close(lambda: self._thread.shutdown(cancel_futures=True))
+        self.refresh()
+
+    @property
+    def places(self) -> Places:
+        """The places of the map."""
+        return self._parameter.places
+
+    def refresh(self) -> None:
+        """Publish the places if they have changed."""
+        if self.places is not self._published:
+            self._published = self.places
+            stamp = self._node.get_clock().now().to_msg()
+            self._markers.publish(places_to_markers(self.places, stamp))
+            self._geojson.publish(String(data=json.dumps(self.places.to_geojson())))
+            self._thread.submit(self.logged, self.publish_goals)
+
+    def on_planner(self, planner: Planner) -> None:
+        """Plan goals on a new map from now on."""
+        self._planner = planner
+        if len(self.places):
+            self._thread.submit(self.logged, self.publish_goals)
+
+    def publish_goals(self) -> None:
+        """Check the places on the map and publish the goal of each.
+
+        That is done once for a map of this size and position: a costmap changes every second, and
+        a goal that has become blocked is replaced when it is planned to.
+        """
+        planner, places = self._planner, self.places
+        if planner is None or not len(places):
+            return
+        checked = (places.digest, MapPlacement.of(planner.grid_map)[1:], planner.config)
+        if checked == self._checked:
+            return
+        self._checked = checked
+        for problem in places_problems(places, planner.grid_map):
+            self._node.get_logger().warning(f'places: {problem}')
+        goals: dict[str, list[float]] = {}
+        for place in places:
+            with contextlib.suppress(PlaceGoalError):
+                cell = goal_cell(place, planner.costmap)
+                goals[place.name] = planner.grid_map.grid_to_world([cell])[0].tolist()
+        self._geojson.publish(String(data=json.dumps(places.to_geojson() | {'goals': goals})))
+
+    def goal_pose(self, name: str) -> PoseStamped:
+        """Return the goal that a name means. Raises PlaceGoalError."""
+        place = find_place(name, self.places)
+        planner = self._planner
+        if planner is None:
+            raise PlaceGoalError('no map has arrived yet')
+        x, y = planner.grid_map.grid_to_world([goal_cell(place, planner.costmap)])[0].tolist()
+        stamp = self._node.get_clock().now().to_msg()
+        return pose_to_message(Pose2D(x, y), planner.grid_map.frame_id, stamp)
+
+    def logged(self, publish: Callable[[], None]) -> None:
+        """Call something on the thread; an exception is logged."""
+        try:
+            publish()
+        except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
+            self._node.get_logger().error(traceback.format_exc())

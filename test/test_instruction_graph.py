@@ -1,0 +1,316 @@
+"""Instructions and places in the live graph: set, previewed, understood by a model, driven."""
+
+import contextlib
+import json
+from pathlib import Path
+
+import pytest
+import rclpy
+from graph_tools import GOAL, START, calling, set_parameter, spinning, wait_for
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+from llm_astar_msgs_adapter.messages.fields import path_from_message
+from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS
+from llm_astar_planner.nodes.llm_client_node import LlmClientNode
+from llm_astar_planner.nodes.map_node import MapNode
+from llm_astar_planner.nodes.planner.planner_node import PlannerNode
+from nav_msgs.msg import Path as PathMessage
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+SPACE = '/instructed'
+PLACES = {
+    'dock': [[40, 2], [47, 2], [47, 7], [40, 7]],
+    'lab': [[11.5, 5.5], [18.5, 5.5], [18.5, 9.5], [11.5, 9.5]],
+    'press': [[29, 15], [31, 15], [31, 17], [29, 17]],
+}
+ALIASES = {'dock': ['loading bay']}
+# Past what the grammar reads, but the names stand in it.
+FREE_WORDING = 'please swing past the dock and give the lab a wide berth'
+REPLY = '{"clauses": [{"do": "visit", "where": "dock"}, {"do": "avoid", "where": "lab"}]}'
+
+
+@pytest.fixture(scope='module')
+def places_file(tmp_path_factory):
+    """A file with the places of the demo map."""
+    features = [
+        {
+            'type': 'Feature',
+            'geometry': {'type': 'Polygon', 'coordinates': [[*corners, corners[0]]]},
+            'properties': {
+                'name': name,
+                'kind': 'object' if name == 'press' else 'area',
+                'aliases': ALIASES.get(name, []),
+            },
+        }
+        for name, corners in PLACES.items()
+    ]
+    path = tmp_path_factory.mktemp('places') / 'places.geojson'
+    path.write_text(json.dumps({'type': 'FeatureCollection', 'features': features}))
+    return str(path)
+
+
+@pytest.fixture(scope='module')
+def nodes(places_file):
+    """The three nodes in this process, and a caller of them."""
+    rclpy.init()
+    planner = PlannerNode(
+        namespace=SPACE,
+        parameter_overrides=[
+            Parameter('use_waypoints', value=False),
+            Parameter('places_file', value=places_file),
+        ],
+    )
+    client = LlmClientNode(
+        namespace=SPACE, parameter_overrides=[Parameter('source', value='none')]
+    )
+    with spinning(MapNode(namespace=SPACE), client, planner), calling(SPACE) as caller:
+        caller.wait_until_ready(client='llm_client_node')
+        yield Graph(caller, client, planner)
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def graph(nodes):
+    """The graph, without an instruction before and after."""
+    nodes.planner.set_parameters([Parameter('instruction', value='')])
+    yield nodes
+    nodes.planner.set_parameters([Parameter('instruction', value='')])
+
+
+class Graph:
+    """What the tests do to the graph."""
+
+    def __init__(self, caller, client, planner):
+        self.caller, self.client, self.planner = caller, client, planner
+        self.publishers = {}
+        self.heard = {'planner_node': [], 'llm_client_node': []}
+        for node, answers in self.heard.items():
+            take = self.taker(answers)
+            caller.listen(String, f'{node}/interpretation', take, REPORTS)
+
+    @staticmethod
+    def taker(answers):
+        def take(message):
+            with contextlib.suppress(ValueError):
+                answers.append(json.loads(message.data))
+
+        return take
+
+    def publish(self, topic, data, qos=RELIABLE):
+        if topic not in self.publishers:
+            publisher = self.caller.node.create_publisher(String, topic, qos)
+            self.publishers[topic] = publisher
+            wait_for(publisher.get_subscription_count, topic)
+        self.publishers[topic].publish(String(data=data))
+
+    def ask(self, id_, text='', node='planner_node', **fields):
+        """Ask what a text means; return the list that the answers come into."""
+        self.publish(f'{node}/interpret', json.dumps({'text': text, 'id': id_, **fields}))
+        wait_for(lambda: self.answers(id_, node), f'the answer to {text!r}')
+
+    def answers(self, id_, node='planner_node'):
+        return [answer for answer in list(self.heard[node]) if answer.get('id') == id_]
+
+    def instruct(self, text):
+        assert set_parameter(self.caller, 'planner_node', 'instruction', text).successful
+
+    def interpretation(self):
+        return self.planner._server._instructions.current.interpretation
+
+    def outcomes(self, report):
+        clauses = report.instruction_report['clauses']
+        return {clause['clause']: clause['status'] for clause in clauses}
+
+
+def use_model(graph, server):
+    """Let the client ask a scripted endpoint, and the planner know of it."""
+    values = {'source': 'endpoint', 'base_url': server.base_url, 'model': 'tiny'}
+    parameters = [Parameter(name, value=value) for name, value in values.items()]
+    assert graph.client.set_parameters_atomically(parameters).successful
+
+
+def test_an_instruction_from_the_topic_is_understood_enforced_and_verified(graph):
+    graph.publish('planner_node/instruction', 'avoid the lab; visit the loading bay')
+    wait_for(graph.interpretation, 'the interpretation')
+    path, report, _ = graph.caller.call(START, GOAL)
+    assert graph.outcomes(report) == {'avoid the lab': 'satisfied', 'visit the dock': 'satisfied'}
+    points = path_from_message(path)
+    inside = ((points >= (11.5, 5.5)) & (points <= (18.5, 9.5))).all(axis=1)
+    assert not inside.any()
+    assert ((points >= (40, 2)) & (points <= (47, 7))).all(axis=1).any()
+    graph.publish('planner_node/instruction', '')
+    wait_for(lambda: graph.interpretation() is None, 'no instruction')
+    assert graph.caller.call(START, GOAL)[1].instruction == ''
+
+
+def test_an_instruction_from_the_parameter_is_refused_if_it_is_too_long(graph):
+    graph.instruct('avoid the lab')
+    refused = set_parameter(graph.caller, 'planner_node', 'instruction', 'x' * 501)
+    assert not refused.successful
+    assert '501 characters are more than 500' in refused.reason
+    assert graph.interpretation().sentence == 'avoid the lab'
+
+
+def test_a_preview_says_what_a_text_means_and_sets_nothing(graph):
+    graph.ask('preview', 'avoid the lab')
+    (answer,) = graph.answers('preview')
+    assert answer['question'] == 'avoid the lab'
+    assert (answer['status'], answer['sentence']) == ('understood', 'avoid the lab')
+    assert answer['specification']['clauses'][0]['region'] == {'place': 'lab'}
+    assert answer['understood_by'] == 'grammar'
+    assert graph.interpretation() is None
+    graph.publish('planner_node/interpret', 'visit the dock')
+    wait_for(lambda: graph.answers('')[-1:], 'the answer to a plain text')
+    assert graph.answers('')[-1]['sentence'] == 'visit the dock'
+
+
+def test_a_model_is_asked_in_the_background_and_its_answer_is_used(graph, chat_server):
+    chat_server.script = [chat_server.wait(1.0, chat_server.completion(REPLY))]
+    use_model(graph, chat_server)
+    graph.instruct(FREE_WORDING)
+    report = graph.caller.call(START, GOAL)[1]
+    assert report.code == 0
+    assert report.instruction_report['interpretation']['status'] == 'not understood yet'
+    wait_for(lambda: graph.interpretation().status.name == 'WHOLE', 'the model')
+    report = graph.caller.call(START, GOAL)[1]
+    assert graph.outcomes(report) == {'visit the dock': 'satisfied', 'avoid the lab': 'satisfied'}
+    assert report.instruction_report['interpretation']['understood_by'] == 'tiny'
+    graph.ask('again', FREE_WORDING)
+    assert graph.answers('again')[0]['status'] == 'understood'
+    assert len(chat_server.requests) == 1
+
+
+def test_a_preview_is_answered_again_when_the_model_has_answered(graph, chat_server):
+    chat_server.script = [chat_server.wait(0.5, chat_server.completion(REPLY))]
+    use_model(graph, chat_server)
+    text = f'{FREE_WORDING}, thanks'
+    graph.ask('slow', text)
+    wait_for(lambda: len(graph.answers('slow')) == 2, 'the second answer')
+    first, second = graph.answers('slow')
+    assert (first['status'], second['status']) == ('not understood yet', 'understood')
+    assert second['sentence'] == 'visit the dock; avoid the lab'
+
+
+def test_the_client_answers_by_itself_with_the_places_of_the_question(graph):
+    polygon = {'type': 'Polygon', 'coordinates': [[[0, 0], [5, 0], [5, 5], [0, 0]]]}
+    feature = {'type': 'Feature', 'geometry': polygon, 'properties': {'name': 'kitchen'}}
+    collection = {'type': 'FeatureCollection', 'features': [feature]}
+    graph.ask('client', 'avoid the kitchen', node='llm_client_node', places=collection)
+    (answer,) = graph.answers('client', 'llm_client_node')
+    assert answer['sentence'] == 'avoid the kitchen'
+    feature['geometry'] = {'type': 'Blob'}
+    graph.ask('bad', 'avoid the kitchen', node='llm_client_node', places=collection)
+    (answer,) = graph.answers('bad', 'llm_client_node')
+    assert answer['error'].startswith("places: feature 0 ('kitchen'): geometry: 'Blob'")
+
+
+@pytest.mark.parametrize('node', ['planner_node', 'llm_client_node'])
+def test_hostile_questions_are_answered_with_an_error(graph, node):
+    heard = graph.heard[node]
+    for number, data in enumerate(
+        [
+            '{"text": ',
+            '{"text": 5, "id": "h"}',
+            '{"id": 5, "text": "x"}',
+            '{"text": "x", "places": [], "id": "h"}',
+            '{' + '"a":[' * 20_000,
+            json.dumps({'text': 'x' * 501, 'id': 'h'}),
+            'x' * 70_000,
+        ]
+    ):
+        heard.clear()
+        graph.publish(f'{node}/interpret', data)
+        wait_for(lambda: heard, f'the answer to number {number}')
+        assert heard[-1]['error'], data[:50]
+        assert len(heard[-1]['question']) <= 1000
+    # What nobody asked for is ignored.
+    graph.publish('llm_client_node/interpretation', '{"id": "nobody", "status": [', REPORTS)
+    for _ in range(200):
+        graph.publish(f'{node}/interpret', 'avoid the lab; flummox the sprocket')
+    graph.ask('after', 'avoid the lab', node=node)
+    assert 'avoid the lab' in json.dumps(graph.answers('after', node)[0])
+    assert graph.caller.call(START, GOAL)[1].code == 0
+
+
+def test_what_was_visited_on_the_way_is_not_visited_again(graph):
+    graph.instruct('visit the dock')
+    path = path_from_message(graph.caller.call(START, GOAL)[0])
+    at_dock = int(((path - (43.5, 4.5)) ** 2).sum(axis=1).argmin())
+
+    def replan(point):
+        path, report, _ = graph.caller.call(Pose2D(*point), GOAL)
+        assert graph.outcomes(report) == {'visit the dock': 'satisfied'}
+        return path_from_message(path)
+
+    ahead = replan(path[at_dock // 2])
+    assert ((ahead >= (40, 2)) & (ahead <= (47, 7))).all(axis=1).any()
+    for point in path[at_dock // 2 : -8 : 2]:
+        replan(point)
+    beyond = replan(path[-8])
+    assert not ((beyond >= (40, 2)) & (beyond <= (47, 7))).all(axis=1).any()
+    # Elsewhere than the path leads is a new drive, and so is another goal.
+    again = replan((30.0, 5.0))
+    assert ((again >= (40, 2)) & (again <= (47, 7))).all(axis=1).any()
+
+
+def test_a_place_is_a_goal(graph):
+    paths = []
+    graph.caller.listen(PathMessage, 'plan', paths.append, RELIABLE)
+    initial = graph.planner._server
+    start = graph.caller  # the start comes from the initial pose
+    assert start
+    from geometry_msgs.msg import PoseWithCovarianceStamped  # noqa: PLC0415
+
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = 'map'
+    message.pose.pose.position.x, message.pose.pose.position.y = START.x, START.y
+    message.pose.pose.orientation.w = 1.0
+    initial.on_initial_pose(message)
+    graph.publish('planner_node/goal_place', 'Loading  Bay')
+    wait_for(lambda: paths, 'the path to the dock')
+    last = path_from_message(paths[-1])[-1]
+    assert abs(last[0] - 43.5) <= 1.0
+    assert abs(last[1] - 4.5) <= 1.0
+
+
+def test_places_are_published_as_markers_and_as_geojson(graph):
+    markers, texts = [], []
+    graph.caller.listen(MarkerArray, 'planner_node/places', markers.append, LATCHED)
+    graph.caller.listen(String, 'planner_node/places_geojson', texts.append, LATCHED)
+    wait_for(lambda: markers and texts and 'goals' in texts[-1].data, 'the places')
+    names = [marker.text for marker in markers[-1].markers if marker.text]
+    assert names == ['dock', 'lab', 'press']
+    collection = json.loads(texts[-1].data)
+    assert set(collection['goals']) == set(PLACES)
+
+
+def test_a_bad_places_file_is_refused_and_the_last_places_stay(graph, tmp_path, places_file):
+    bad = tmp_path / 'bad.geojson'
+    collection = json.loads(Path(places_file).read_text())
+    collection['features'][1]['properties']['name'] = 'dock'
+    bad.write_text(json.dumps(collection))
+    refused = set_parameter(graph.caller, 'planner_node', 'places_file', str(bad))
+    assert not refused.successful
+    assert 'feature 1' in refused.reason
+    assert "'dock' is also a name of feature 0" in refused.reason
+    graph.instruct('visit the dock')
+    assert graph.interpretation().sentence == 'visit the dock'
+    assert set_parameter(graph.caller, 'planner_node', 'places_file', '').successful
+    assert graph.interpretation().sentence == 'not understood: "visit the dock"'
+    assert set_parameter(graph.caller, 'planner_node', 'places_file', places_file).successful
+    assert graph.interpretation().sentence == 'visit the dock'
+
+
+def test_the_state_of_the_instruction_is_in_the_diagnostics(graph):
+    graph.instruct('avoid the lab')
+    health = graph.caller._health
+
+    def state():
+        return health.get('instructed/planner_node: planner', {})
+
+    wait_for(lambda: state().get('instruction') == 'avoid the lab', 'the diagnostics')
+    assert state()['instruction_status'] == 'understood'
+    assert state()['instruction_understood'] == 'avoid the lab'
+    assert state()['instruction_understood_by'] == 'grammar'
+    assert state()['places'] == 3
