@@ -41,9 +41,9 @@ from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
 from llm_astar_planner.search.layered import LayersTooLargeError
 from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
 
-# The part of a request's time for paths that keep to the instruction; the rest is for the direct
-# path if there is none in time.
-INSTRUCTED_SHARE = 0.8
+# The part of a request's time for paths that keep to the instruction; the rest is for the check,
+# and for the direct path if there is none in time.
+INSTRUCTED_SHARE = 0.6
 
 
 class PathPlanner(Protocol):
@@ -171,6 +171,7 @@ def plan_with_instruction(
     except PlanningFailure:
         outcome = InstructionOutcome(instruction.interpretation, note='there is no path')
         return with_outcome(planner.plan(direct, stop), outcome)
+    deadline = time.monotonic() + request.time_limit
     places, visited = instruction.places, instruction.visited
     route = Route(planner.costmap, endpoints.start, endpoints.goal, places, visited)
     landmarks = planner.landmarks.current(planner.costmap.grid_graph)
@@ -187,9 +188,9 @@ def plan_with_instruction(
         note = search.note()
         if failure and instruction.policy != REQUIRE:
             note = f'{note}; {failure}: the direct path is taken'.lstrip('; ')
-            time_left = max(0.01, search.deadline - time.monotonic()) + spare_time(request)
+            time_left = max(0.0, search.deadline - time.monotonic()) + spare_time(request)
             plan = planner.plan(replace(direct, source=None, time_limit=time_left), stop)
-    plan, outcome = verified(plan, route, instruction, note)
+    plan, outcome = verified(plan, route, instruction, note, deadline)
     problem = required_problem(outcome) if instruction.policy == REQUIRE else None
     if problem is not None and plan.code is ResultCode.NONE:
         withheld = PlanningFailure(ResultCode.NO_VALID_PATH, problem)
@@ -199,7 +200,7 @@ def plan_with_instruction(
 
 def spare_time(request: PlanRequest) -> float:
     """Return the seconds of a request that are kept for the direct path."""
-    return (1.0 - INSTRUCTED_SHARE) * request.time_limit
+    return (1.0 - INSTRUCTED_SHARE) * request.time_limit / 2.0
 
 
 def search_plan(
@@ -226,7 +227,7 @@ def search_plan(
 
 
 def verified(
-    plan: Plan, route: Route, instruction: RouteInstruction, note: str
+    plan: Plan, route: Route, instruction: RouteInstruction, note: str, deadline: float
 ) -> tuple[Plan, InstructionOutcome]:
     """Hold the path that is published against the instruction.
 
@@ -238,7 +239,7 @@ def verified(
 
     def hold(cells: NDArray[Any]) -> tuple[ClauseOutcome, ...]:
         points = route.costmap.grid_map.grid_to_world(cells)
-        return verify(interpretation.specification, points, route)
+        return verify(interpretation.specification, points, route, deadline)
 
     clauses = hold(plan.path)
     if plan.any_angle is not None:
@@ -247,6 +248,7 @@ def verified(
             clauses = shortened
         else:
             plan = replace(plan, any_angle=None)
+    note = '' if count_satisfied(clauses) == len(clauses) else note
     return plan, InstructionOutcome(interpretation, clauses, note)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import shapely
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from llm_astar_planner.instructions.outcome import ClauseOutcome
@@ -37,8 +39,8 @@ SHORT_METRES = 0.05
 def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
     """Measure the metres of a path in a region and its margin.
 
-    None is allowed, but for the least possible where start or goal lies inside, or if the clause
-    is a wish.
+    A must allows none, even where start or goal lies inside, so that satisfied means clear of it;
+    a wish allows the least possible.
     """
     region = measurement.regions.resolve_avoided(clause.region).area
     if not region.has_size:
@@ -52,14 +54,14 @@ def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
         return satisfied(clause, f'0.0 m inside{off}')
     least = measurement.reference.least_inside(area)
     detail = f'{length_text(metres)} inside, from {point_text(measurement.first_point(spans))}'
-    ends_inside = bool(area.contains_inside([measurement.start, measurement.goal]).any())
-    if ends_inside or clause.strength == SHOULD:
-        if metres <= measurement.allowed(least):
-            return satisfied(clause, f'{detail}, {least_text(least)}', metres, least)
-        impossible = False
-    else:
+    impossible = False
+    if clause.strength != SHOULD:
         reference = measurement.reference
-        impossible = reference.small_enough and reference.separates(reference.inside(area))
+        impossible = bool(area.contains_inside([measurement.start, measurement.goal]).any()) or (
+            reference.small_enough and reference.separates(reference.inside(area))
+        )
+    elif metres <= measurement.allowed(least):
+        return satisfied(clause, f'{detail}, {least_text(least)}', metres, least)
     return violated(
         clause,
         f'{detail}, {least_text(least)}' if least > 0.0 else detail,
@@ -71,10 +73,7 @@ def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
 
 
 def check_stay_in(measurement: Measurement, clause: StayIn) -> ClauseOutcome:
-    """Measure the metres of a path outside of a region: the least possible are allowed.
-
-    A must needs a path that enters the region at all, even where passing by would be less.
-    """
+    """Measure the metres of a path outside of a region: a wish allows the least possible."""
     region = measurement.regions.resolve(clause.region).area
     area = region.grown(EDGE)
     inside = measurement.path.spans_in(area) if region.has_size else np.empty((0, 2))
@@ -87,11 +86,15 @@ def check_stay_in(measurement: Measurement, clause: StayIn) -> ClauseOutcome:
         if reason:
             return violated(clause, reason, metres, where, impossible=True)
     least = measurement.reference.least_inside(area, outside=True)
+    both = bool(area.contains([measurement.start, measurement.goal]).all())
     detail = f'{length_text(metres)} outside, from {point_text(where)}'
     detail += '' if math.isnan(least) else f', {least_text(least)}'
-    if metres <= measurement.allowed(least) and (clause.strength == SHOULD or total(inside) > 0.0):
-        return satisfied(clause, detail, metres, least)
-    return violated(clause, detail, metres, where, least)
+    if clause.strength == SHOULD:
+        if metres <= measurement.allowed(least):
+            return satisfied(clause, detail, metres, least)
+        return violated(clause, detail, metres, where, least)
+    impossible = not both or least > measurement.route.costmap.grid_map.resolution
+    return violated(clause, detail, metres, where, least, impossible=impossible)
 
 
 def first_outside(measurement: Measurement, inside: Spans) -> Point:
@@ -105,7 +108,7 @@ def check_keep_distance(measurement: Measurement, clause: KeepDistance) -> Claus
     """Measure the least distance of a path to a region or to the walls.
 
     Where start or goal itself is nearer, the path up to where it first leaves the zone is not
-    counted, as long as it is the least possible.
+    counted, as long as it is the least possible and, of a must, within the distance of that end.
     """
     limit = clause.metres - min(
         max(SHORT_SHARE * clause.metres, SHORT_METRES), clause.metres / 2.0
@@ -130,7 +133,8 @@ def check_zone(
 ) -> ClauseOutcome:
     """Judge a path that comes nearer than `limit`, given all that is so near."""
     spans = measurement.path.spans_in(zone)
-    middle = spans[(spans[:, 0] > NEGLIGIBLE) & (spans[:, 1] < measurement.path.length - EDGE)]
+    counts = [not is_end(measurement, span, clause.metres) for span in spans]
+    middle = spans[np.array(counts, dtype=np.bool_)]
     counted = spans if clause.strength == SHOULD else middle
     nearest, where = nearest_in(measurement, clause, counted)
     lenient = clause.strength == SHOULD or total(middle) <= NEGLIGIBLE
@@ -148,6 +152,16 @@ def check_zone(
     detail = f'least distance {length_text(nearest)} of {clause.metres:g} m'
     detail += f', at {point_text(where)}'
     return violated(clause, detail, clause.metres - nearest, where, impossible=impossible)
+
+
+def is_end(measurement: Measurement, span: NDArray[np.float64], metres: float) -> bool:
+    """Tell whether a stretch begins or ends the path and lies within `metres` of that end."""
+    points = shapely.get_coordinates(measurement.path.part(*span).shape)
+    first = span[0] <= NEGLIGIBLE and measurement.start
+    last = span[1] >= measurement.path.length - EDGE and measurement.goal
+    return any(
+        bool((np.hypot(*(points - end).T) <= metres + EDGE).all()) for end in (first, last) if end
+    )
 
 
 def nearest_in(

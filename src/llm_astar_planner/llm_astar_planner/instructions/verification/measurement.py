@@ -29,6 +29,7 @@ class Measurement:
     specification: Specification
     path: Polyline
     route: Route
+    deadline: float = math.inf
 
     @cached_property
     def walls(self) -> Walls:
@@ -50,7 +51,7 @@ class Measurement:
                     end = self.regions.resolve(clause.region).ends
                 except RegionError:
                     continue
-        return Reference(self.route, end)
+        return Reference(self.route, end, self.deadline)
 
     @property
     def start(self) -> Point:

@@ -8,6 +8,7 @@ cells one takes some tenths of a second.
 from __future__ import annotations
 
 import math
+import time
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +23,8 @@ from llm_astar_planner.search._kernels import reference as kernels
 
 # No reference search runs on a larger map: 12 s and 2 GB. Nothing is proven or allowed there.
 MAX_CELLS = 16_000_000
+# What a search handles on a slow machine.
+CELLS_PER_SECOND = 1_000_000
 # Points of a move at which is looked whether they lie in a region whose edge the move crosses.
 SAMPLES = 16
 NO_LINE = np.full(4, np.nan)
@@ -32,16 +35,21 @@ Mask = NDArray[np.bool_]
 class Reference:
     """The cells of a route's costmap as a graph."""
 
-    def __init__(self, route: Route, end: Area | None) -> None:
-        """Take the route. It may end anywhere in `end`, if given, else at its goal."""
+    def __init__(self, route: Route, end: Area | None, deadline: float = math.inf) -> None:
+        """Take the route. It may end anywhere in `end`, if given, else at its goal.
+
+        No search begins that would not be done by `deadline` (of time.monotonic).
+        """
+        self._deadline = deadline
         self._route = route
         self._grid_map = route.costmap.grid_map
         self._end = end
 
     @property
     def small_enough(self) -> bool:
-        """Whether reference searches run on this map."""
-        return self._grid_map.cells.size <= MAX_CELLS
+        """Whether reference searches run on this map in the time that is left."""
+        time_left = self._deadline - time.monotonic()
+        return self._grid_map.cells.size <= min(MAX_CELLS, CELLS_PER_SECOND * time_left)
 
     @property
     def blocked(self) -> Mask:

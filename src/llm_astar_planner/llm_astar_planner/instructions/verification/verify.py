@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from numpy.typing import ArrayLike
@@ -38,16 +39,17 @@ from llm_astar_planner.instructions.verification.visits import (
 
 
 def verify(
-    specification: Specification, points: ArrayLike, route: Route
+    specification: Specification, points: ArrayLike, route: Route, deadline: float = math.inf
 ) -> tuple[ClauseOutcome, ...]:
     """Hold a path against a specification: the outcome of each clause, in their order.
 
     `points` [n, 2], n > 0, are the path's points in metres in the map's frame, joined by straight
     segments: the centres of its cells, or any others. It shares no code with what enforces
-    instructions. A clause is only satisfied if the path was measured to satisfy it. Raises
-    PathError for a path without points or with a coordinate that is not finite.
+    instructions. A clause is only satisfied if the path was measured to satisfy it. No search for
+    what is possible goes on beyond `deadline` (of time.monotonic). Raises PathError for a path
+    without points or with a coordinate that is not finite.
     """
-    measurement = Measurement(specification, polyline(points), route)
+    measurement = Measurement(specification, polyline(points), route, deadline)
     return tuple(
         outcome_of(measurement, clause, index)
         for index, clause in enumerate(specification.clauses)
