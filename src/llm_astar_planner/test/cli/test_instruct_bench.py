@@ -31,7 +31,7 @@ def test_a_run_is_written_as_rows_figures_and_report(suite, tmp_path, capsys):
         'count': 2, 'of': 2, 'percent': 100.0, 'from': 34.24, 'to': 100.0,
     }  # fmt: skip
     assert printed['grammar']['all']['false_claims']['count'] == 0
-    rows = list(csv.DictReader((out / 'results.csv').open()))
+    rows = list(csv.DictReader((out / 'results.csv').read_text().splitlines()))
     assert [(row['id'], row['source']) for row in rows[:2]] == [
         ('door', 'truth'),
         ('door', 'grammar'),

@@ -37,7 +37,8 @@ from llm_astar_planner.instructions.specification import (
     Visit,
 )
 
-DIGITS = 6
+# Of lengths in metres: nobody asks for less than a centimetre.
+DIGITS = 2
 UNKNOWN = ('unknown',)
 
 

@@ -23,7 +23,8 @@ SHARE_HEAD = (
 )  # fmt: skip
 MAIN_HEAD = ('Source', *SHARE_HEAD)
 DETAIL_HEAD = (
-    'Source', 'Falsely satisfied clauses', 'Said not understood', 'Said violated', 'Unanswered',
+    'Source', 'Falsely satisfied clauses', 'Satisfied, not asked', 'Said not understood',
+    'Said violated', 'Unanswered',
     'Understanding ms', 'longest', 'Planning ms', 'Tokens in', 'Tokens out',
 )  # fmt: skip
 # The groups that have tables, with the heading of their first column.
@@ -72,8 +73,10 @@ def markdown_summary(results: Sequence[InstructionResult], metadata: Mapping[str
         parts += [f'## {title}', markdown_table(group_head(group), group_table(sources, group))]
     for source, own in sources.items():
         parts += [
-            f'## {source}: false claims',
-            bullets([result for result in own if result.false_claim or result.false_clauses]),
+            f'## {source}: false claims, whole or of a clause',
+            bullets([r for r in own if r.false_claim or r.false_clauses]),
+            f'## {source}: clauses reported as satisfied that were not asked',
+            bullets([r for r in own if r.unasked_clauses]),
             f'## {source}: not satisfied, of those that can be',
             bullets([r for r in own if r.instruction.expect == OK and not r.fulfilled]),
         ]
@@ -124,6 +127,7 @@ def detail_cells(summary: SuiteSummary) -> tuple[str, ...]:
     seconds = (summary.seconds, summary.longest, summary.planning_seconds)
     return (
         share_text(summary.false_clauses),
+        share_text(summary.unasked_clauses),
         share_text(summary.said_not_understood),
         share_text(summary.said_violated),
         str(summary.unanswered.count),
@@ -214,6 +218,7 @@ def result_row(result: InstructionResult) -> dict[str, Any]:
         'false_claim': int(result.false_claim),
         'claimed_clauses': len(result.claimed_clauses),
         'false_clauses': len(result.false_clauses),
+        'unasked_clauses': len(result.unasked_clauses),
         'recognition': result.recognition,
         'checks': '; '.join(check_lines(result)),
         'report': outcome.summary() if outcome else '',

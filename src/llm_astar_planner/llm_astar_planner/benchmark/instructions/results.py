@@ -84,25 +84,36 @@ class InstructionResult:
 
     @property
     def false_clauses(self) -> tuple[ClauseOutcome, ...]:
-        """The clauses that are wrongly reported as satisfied.
+        """The clauses reported as satisfied of which a check fails, or where nothing was asked."""
+        return tuple(item for item in self.claimed_clauses if self.is_false(item))
 
-        Wrong is a clause of which a check of its own fails, every clause where nothing was
-        asked, and a clause that was not asked on a path that fails a check.
-        """
-        return tuple(item for item in self.claimed_clauses if self.is_wrong(item))
+    @property
+    def unasked_clauses(self) -> tuple[ClauseOutcome, ...]:
+        """The clauses reported as satisfied that were not asked, on a path that fails a check."""
+        if self.instruction.expect == NONE or self.fulfilled:
+            return ()
+        return tuple(item for item in self.claimed_clauses if not self.asked(item))
 
-    def is_wrong(self, outcome: ClauseOutcome) -> bool:
-        """Tell whether a clause cannot be satisfied as reported."""
+    def asked(self, outcome: ClauseOutcome) -> set[int]:
+        """Return the indices of the truth's clauses that a clause is, or counts as."""
         instruction = self.instruction
-        clauses, suite_map = instruction.truth.clauses, instruction.suite_map
-        if instruction.expect == NONE:
-            return True
-        if instruction.expect == IMPOSSIBLE and len(clauses) == 1:
-            return True
+        count, suite_map = len(instruction.truth.clauses), instruction.suite_map
         keys = set(clause_keys(outcome.clause, suite_map))
-        asked = [n for n, clause in enumerate(clauses) if keys & {*clause_keys(clause, suite_map)}]
-        if not asked or len(clauses) == 1:
-            return not self.fulfilled
+        return {
+            index
+            for reading in (instruction.truth, *instruction.accepted)
+            if len(reading.clauses) == count
+            for index, clause in enumerate(reading.clauses)
+            if not keys.isdisjoint(clause_keys(clause, suite_map))
+        }
+
+    def is_false(self, outcome: ClauseOutcome) -> bool:
+        """Tell whether a clause cannot be satisfied as reported."""
+        instruction, asked = self.instruction, self.asked(outcome)
+        if instruction.expect == NONE or not asked:
+            return instruction.expect == NONE
+        if len(instruction.truth.clauses) == 1:
+            return instruction.expect == IMPOSSIBLE or not self.fulfilled
         verdicts = zip(instruction.checks, self.verdicts)
         return any(check.clause in asked and not verdict.holds for check, verdict in verdicts)
 

@@ -18,6 +18,7 @@ from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Interpreter,
     RouteInstruction,
+    Understanding,
     clean_instruction,
     not_understood,
     status_of,
@@ -70,13 +71,19 @@ class InterpreterSource:
         self.time_limit = time_limit
 
     def understand(self, instruction: SuiteInstruction) -> Interpretation:
-        """Return what the interpreter understood; nothing of a text that is too long."""
+        """Return what the interpreter understood; nothing of a text that is too long.
+
+        An interpreter that fails leaves the instruction unanswered, and the run goes on.
+        """
         try:
             text = clean_instruction(instruction.text)
         except InstructionError as error:
             return not_understood(instruction.text[:80], str(error))
-        places = instruction.suite_map.places
-        return self.interpreter.interpret(text, places, self.time_limit)
+        try:
+            return self.interpreter.interpret(text, instruction.suite_map.places, self.time_limit)
+        except Exception as error:  # noqa: BLE001 - a fault to report, not to end a long run by
+            failed = not_understood(text, f'failed with {type(error).__name__}: {error}')
+            return replace(failed, status=Understanding.PENDING)
 
 
 class Direct(NamedTuple):
@@ -111,7 +118,7 @@ class SuiteRunner:
         direct = self.direct(instruction)
         begun = time.perf_counter()
         interpretation = source.understand(instruction)
-        seconds = time.perf_counter() - begun
+        seconds = 0.0 if interpretation is None else time.perf_counter() - begun
         plan, planning_seconds = direct.plan, direct.seconds
         if interpretation is not None:
             # A replay says how long the recorded model took.

@@ -43,7 +43,8 @@ class SuiteSummary:
     - `exact`: understood exactly, of all. `satisfied`: the path fulfils all checks, of those that
       can be met; `already`: it did so without instruction.
     - `false_claims`: reported as satisfied, but not so, of all; `false_clauses`: single clauses
-      wrongly reported as satisfied, of all clauses reported so.
+      wrongly reported as satisfied, `unasked_clauses`: those that were not asked on a path that
+      fails a check, both of all clauses reported as satisfied.
     - `recognised`: impossible, contradictory or irrelevant ones that were recognised or said not
       to be understood; `said_not_understood`: the latter alone; `said_violated`: of the same, a
       clause was only reported as violated.
@@ -57,6 +58,7 @@ class SuiteSummary:
     already: Share
     false_claims: Share
     false_clauses: Share
+    unasked_clauses: Share
     recognised: Share
     said_not_understood: Share
     said_violated: Share
@@ -88,6 +90,7 @@ def summarise(results: Sequence[InstructionResult]) -> SuiteSummary:
         already=share(result.already for result in possible),
         false_claims=share(result.false_claim for result in results),
         false_clauses=Share(sum(len(result.false_clauses) for result in results), claimed),
+        unasked_clauses=Share(sum(len(result.unasked_clauses) for result in results), claimed),
         recognised=share(
             result.recognition in (RECOGNISED, NOT_UNDERSTOOD) for result in hopeless
         ),

@@ -15,7 +15,7 @@ from llm_astar_planner.benchmark.instructions.suite import STYLES
 from llm_astar_planner.benchmark.instructions.summary import Share, by_source, summarise
 
 # Metrics in percent, and those in milliseconds with the field in seconds that they come from.
-PERCENT = ('exact', 'satisfied', 'recognised', 'false_claims', 'false_clauses')
+PERCENT = ('exact', 'satisfied', 'recognised', 'false_claims', 'false_clauses', 'unasked_clauses')
 MILLISECONDS = {'ms': 'seconds', 'longest_ms': 'longest', 'planning_ms': 'planning_seconds'}
 METRICS = (*PERCENT, *MILLISECONDS)
 
@@ -86,6 +86,6 @@ def metric_value(results: Sequence[InstructionResult], metric: str) -> float:
     value = getattr(summarise(results), MILLISECONDS.get(metric, metric))
     if not isinstance(value, Share):
         return 1000.0 * float(value)
-    if metric == 'false_clauses' and not value.total:
+    if metric.endswith('_clauses') and not value.total:
         return 0.0
     return 100.0 * float(value.interval.value)

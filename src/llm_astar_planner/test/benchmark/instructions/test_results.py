@@ -112,9 +112,18 @@ def test_what_counts_as_exact_may_be_another_specification(judge):
     assert not judge('door', [HOLDS], [SATISFIED], visit('desk')).exact
 
 
-def test_a_clause_that_was_not_asked_is_wrong_only_where_a_check_fails(judge):
-    assert judge('door', [FAILS], [SATISFIED], visit('desk')).false_clauses
-    assert not judge('door', [HOLDS], [SATISFIED], visit('desk')).false_clauses
+def test_a_clause_that_was_not_asked_counts_where_a_check_fails(judge):
+    assert judge('door', [FAILS], [SATISFIED], visit('desk')).unasked_clauses
+    assert not judge('door', [FAILS], [SATISFIED], visit('desk')).false_clauses
+    assert not judge('door', [HOLDS], [SATISFIED], visit('desk')).unasked_clauses
+    assert not judge('door', [FAILS], [VIOLATED], visit('desk')).unasked_clauses
+
+
+def test_a_clause_of_an_accepted_reading_was_asked(judge):
+    avoid = {'clauses': [{'kind': 'avoid', 'region': {'place': 'south door'}}]}
+    result = judge('door', [FAILS], [SATISFIED], avoid)
+    assert result.false_clauses
+    assert not result.unasked_clauses
 
 
 def test_of_several_clauses_the_one_whose_check_fails_is_wrong(judge):
@@ -178,7 +187,8 @@ def test_the_figures_of_a_run(results):
     assert summary.satisfied == Share(1, 2)
     assert summary.already == Share(0, 2)
     assert summary.false_claims == Share(2, 5)
-    assert summary.false_clauses == Share(2, 4)
+    assert summary.false_clauses == Share(1, 4)
+    assert summary.unasked_clauses == Share(1, 4)
     assert summary.recognised == Share(2, 3)
     assert (summary.seconds, summary.longest, summary.prompt_tokens) == (0.002, 0.5, 35)
     assert summary_to_json(results)['fake']['language']['de']['false_claims']['percent'] == 100.0

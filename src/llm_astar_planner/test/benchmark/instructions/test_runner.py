@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 from instruction_suites import write_suite
+from llm_astar_planner.benchmark.instructions.report import unanswered_lines
 from llm_astar_planner.benchmark.instructions.runner import (
     InterpreterSource,
     NoInstructionSource,
@@ -29,6 +30,13 @@ class Parrot:
         self.asked.append((text, time_limit))
         status = status_of(self.specification)
         return Interpretation(text, self.specification, self.name, status, seconds=self.seconds)
+
+
+class Broken:
+    name = 'broken'
+
+    def interpret(self, text, places, time_limit):
+        raise TypeError('no words')
 
 
 class Deaf:
@@ -87,6 +95,16 @@ def test_what_is_not_understood_leaves_the_direct_path(suite, runner):
     assert result.plan.length * 0.5 == pytest.approx(result.direct_length)
     assert not result.claimed
     assert not result.fulfilled
+
+
+def test_an_interpreter_that_fails_leaves_the_instruction_unanswered(suite, runner):
+    result = runner.run_one(suite.find('door'), InterpreterSource('broken', Broken(), 5.0))
+    assert result.unanswered
+    assert not result.claimed
+    assert result.plan.code == 0
+    assert unanswered_lines([result]) == [
+        'broken: 1 instructions without an answer, the first door: failed with TypeError: no words'
+    ]
 
 
 def test_a_text_that_is_too_long_or_unprintable_reaches_no_interpreter_as_it_is(tmp_path, runner):
