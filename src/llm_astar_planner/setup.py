@@ -95,7 +95,9 @@ setup(
     ],
     extras_require={
         'cluster': ['dask[distributed]'],
-        'test': ['pytest', 'hypothesis', 'mcap-ros2-support'],
+        # `llm-astar mcp`.
+        'mcp': ['mcp>=2'],
+        'test': ['pytest', 'hypothesis', 'mcap-ros2-support', 'mcp>=2'],
         # To train the embedded waypoint model again; see training/.
         'train': ['torch>=2.6'],
     },

@@ -141,8 +141,8 @@ def plan_at(seconds, points, stamp=None):
     return '/plan', seconds, path(points, 'map', stamp)
 
 
-def report_at(seconds, code, waypoints, stamp):
-    values = {'code_name': code, 'waypoints': waypoints}
+def report_at(seconds, code, waypoints, stamp, **values):
+    values |= {'code_name': code, 'waypoints': waypoints}
     message = status('planner_node', 0, code, values, at(stamp))
     return '/planner_node/report', seconds, message
 

@@ -98,6 +98,9 @@ def all_findings() -> Iterator[Finding]:
     use = 'the speed of the embedded model on a busy machine'
     remedy = 'pip install threadpoolctl, or apt install python3-threadpoolctl'
     yield module_finding('threadpoolctl', use, remedy, required=False)
+    yield module_finding(
+        'mcp.server.mcpserver', 'llm-astar mcp', "pip install 'mcp>=2'", required=False
+    )
     for name, (use, debian) in OPTIONAL_ROS.items():
         remedy = f'apt install {debian}; there is no wheel'
         yield module_finding(name, use, remedy, required=False)

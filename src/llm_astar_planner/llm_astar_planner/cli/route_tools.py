@@ -12,9 +12,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import FAR
 from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_msgs_adapter.maps.places_problems import map_outline
 from numpy.typing import NDArray
 
 from llm_astar_planner.benchmark.results import turning_points
@@ -53,12 +55,12 @@ class RouteTools:
     options: PlanningOptions
 
     def list_places(self) -> dict[str, Any]:
-        """Return the map's frame and size, and its places."""
+        """Return the map's frame and four corners, and its places."""
         grid_map = self.planner.grid_map
-        corners = [[-0.5, -0.5], [grid_map.width - 0.5, grid_map.height - 0.5]]
+        corners = shapely.get_coordinates(map_outline(grid_map))[:4]
         return {
             'frame': grid_map.frame_id,
-            'map_corners': rounded(grid_map.grid_to_world(corners)),
+            'map_corners': rounded(corners),
             'places': [place_to_json(place) for place in self.places],
         }
 
@@ -121,6 +123,8 @@ class RouteTools:
             clauses = verify(interpretation.specification, path, route)
             outcome = InstructionOutcome(interpretation, clauses)
         problem = self.planner.segments_problem(np.array(cells, dtype=np.int32))
+        if problem is not None:
+            problem += ', in cells of the map'
         return {
             'drivable': problem is None,
             'problem': problem,

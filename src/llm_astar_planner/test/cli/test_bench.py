@@ -315,3 +315,22 @@ def test_a_real_interrupt_ends_the_process_with_130(dataset, out):
     lines = (out / 'results.csv').read_text().splitlines()
     assert len(lines) > 10
     assert len({line.count(',') for line in lines if '"' not in line}) == 1
+
+
+def test_an_instruction_for_every_sample_fills_columns_and_is_a_threshold(
+    undrawn, dataset, out, capsys
+):
+    words = ('bench', '--dataset', dataset, '--maps', '0', '--methods', 'guided')
+    text = ('--source', 'straight', '--instruction', 'keep 1 m away from the walls; fly')
+    assert llm_astar(*words, *text, '--out', out, '--assert', 'instruction=95') == 1
+    assert 'instruction 0.00 % is below 95' in capsys.readouterr().err
+    with (out / 'results.csv').open() as file:
+        rows = list(csv.DictReader(file))
+    assert rows
+    for row in rows:
+        assert row['instruction'].startswith('keep 1 m away from the walls: ')
+        assert 'not understood: "fly"' in row['instruction']
+        # What was not understood is never satisfied.
+        assert row['instruction_satisfied'] == '0.0'
+    assert llm_astar(*words, *text, '--scales', '1-2', '--out', out.with_name('scaled')) == 2
+    assert '--instruction is about metres' in capsys.readouterr().err

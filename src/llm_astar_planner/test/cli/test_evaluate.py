@@ -380,3 +380,97 @@ def test_a_goal_whose_quaternion_is_zero_is_planned(tmp_path, out):
     bag = write_bag(tmp_path / 'bag', [map_at(1, ROOM), start_at(2, (2, 2)), goal])
     assert llm_astar('evaluate', bag, '--out', out, *CASES) == 0
     assert by_method(out, 'guided')[0]['code'] == 'NONE'
+
+
+INSTRUCTION = {
+    'summary': 'avoid the west: violated (3.0 m inside)',
+    'satisfied': False,
+    'clauses': [],
+    'note': '',
+    'interpretation': {
+        'text': 'stay in the gallery',
+        'status': 'understood',
+        'understood_by': 'qwen',
+        'specification': {'clauses': [{'kind': 'avoid', 'region': {'place': 'gallery'}}]},
+    },
+}
+
+
+@pytest.fixture
+def instructed(tmp_path):
+    """A bag of two calls; the first was planned by an instruction, as its report says."""
+    return write_bag(tmp_path / 'drive', [
+        map_at(1, ROOM),
+        call_at(2, (2, 2), (8, 2), 1), answer_at(2.5, WAY, 1),
+        report_at(2.5, 'NONE', [], 2.5, instruction_report=INSTRUCTION),
+        call_at(3, (2, 2), (8, 2), 2), answer_at(3.5, WAY, 2),
+    ])  # fmt: skip
+
+
+def gallery(tmp_path):
+    """Return a places file with an area around the end of the wall of ROOM."""
+    ring = [[4, 6.6], [9, 6.6], [9, 8.6], [4, 8.6], [4, 6.6]]
+    feature = {
+        'type': 'Feature',
+        'geometry': {'type': 'Polygon', 'coordinates': [ring]},
+        'properties': {'name': 'gallery'},
+    }
+    path = tmp_path / 'places.geojson'
+    path.write_text(json.dumps({'type': 'FeatureCollection', 'features': [feature]}))
+    return path
+
+
+def test_a_recorded_instruction_is_asked_again_and_its_outcome_kept(instructed, tmp_path, out):
+    words = (*CASES, '--places', gallery(tmp_path), '--out', out)
+    assert llm_astar('evaluate', instructed, *words) == 0
+    first, second = by_method(out, 'guided')
+    assert (first['recorded_instruction'], first['recorded_instruction_satisfied']) == (
+        INSTRUCTION['summary'],
+        '0.0',
+    )
+    # The only way leads through the gallery.
+    assert first['instruction'].startswith('avoid the gallery: impossible')
+    assert first['instruction_satisfied'] == '0.0'
+    assert not any(value for name, value in second.items() if 'instruction' in name)
+
+
+def test_an_instruction_on_the_command_line_replaces_the_recorded_ones(
+    instructed, tmp_path, out, capsys
+):
+    words = (*CASES, '--places', gallery(tmp_path), '--instruction', 'visit the gallery')
+    limits = ('--assert', 'instruction=100', '--assert', 'recorded_instruction=50')
+    assert llm_astar('evaluate', instructed, *words, '--out', out, *limits) == 1
+    printed = capsys.readouterr()
+    assert 'recorded_instruction 0.00 % is below 50' in printed.err
+    assert ' instruction 100' not in printed.err
+    assert 'Instruction satisfied (%)' in printed.out
+    for row in by_method(out, 'guided'):
+        assert row['instruction'].startswith('visit the gallery: satisfied')
+        assert row['instruction_satisfied'] == '1.0'
+    summary = json.loads((out / 'summary.json').read_text())
+    (case,) = [case for case in summary['cases'] if case['case'] == 'guided/none']
+    assert case['instruction']['value'] == 1.0
+    assert case['recorded_instruction']['value'] == 0.0
+
+
+@pytest.mark.parametrize(
+    'report',
+    [
+        {'interpretation': {'text': 'x', 'specification': {'clauses': [{'kind': 'fly'}]}}},
+        {'interpretation': {'text': 'x' * 501, 'specification': {'clauses': []}}},
+        {'interpretation': 'x', 'satisfied': 'yes'},
+        {},
+        [],
+        7,
+    ],
+)
+def test_a_malformed_report_on_an_instruction_is_no_instruction(tmp_path, out, report):
+    bag = write_bag(tmp_path / 'drive', [
+        map_at(1, ROOM),
+        call_at(2, (2, 2), (8, 2), 1), answer_at(2.5, WAY, 1),
+        report_at(2.5, 'NONE', [], 2.5, instruction_report=report),
+    ])  # fmt: skip
+    assert llm_astar('evaluate', bag, *CASES, '--out', out) == 0
+    (row,) = by_method(out, 'guided')
+    assert row['recorded_code'] == 'NONE'
+    assert row['instruction'] == ''

@@ -1,5 +1,7 @@
 """Thresholds are parsed, met and missed."""
 
+from dataclasses import replace
+
 import pytest
 from benchmark_samples import rows_with
 from llm_astar_planner.benchmark.analysis.summary import summarise
@@ -23,6 +25,25 @@ def test_a_threshold_holds_for_all_variants_whose_names_begin_so():
     limit = [parse_threshold('llm_astar/replay:operation=1')]
     assert [line.split(':')[0] for line in missed_thresholds(summarise(rows), limit)] == [
         'llm_astar/replay/m1'
+    ]
+
+
+def test_a_threshold_without_a_variant_holds_for_all_that_have_the_metric():
+    limit = [parse_threshold('instruction=60')]
+    rows = rows_with(0.8)
+    (line,) = missed_thresholds(summarise(rows), limit)
+    assert line == 'instruction is unknown, so the limit 60 is not met'
+    # Of one variant, half the instructions are satisfied; the others had none.
+    asked = [
+        replace(row, instruction_satisfied=float(row.pair)) if row.source == 'oracle' else row
+        for row in rows
+    ]
+    summaries = summarise(asked)
+    shares = {str(item.variant): item.instruction.value for item in summaries}
+    assert shares['llm_astar/oracle'] == 0.5
+    assert missed_thresholds(summaries, [parse_threshold('instruction=50')]) == []
+    assert missed_thresholds(summaries, limit) == [
+        'llm_astar/oracle: instruction 50.00 % is below 60'
     ]
 
 
