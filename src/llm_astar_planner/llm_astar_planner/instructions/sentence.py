@@ -61,23 +61,28 @@ def clause_phrase(clause: Clause) -> str:
     """Return what a clause asks for, without its strength."""
     match clause:
         case Avoid(region=region, margin=margin):
-            distance = f' by {metres(margin)}' if margin else ''
-            return f'avoid {region_phrase(region)}{distance}'
+            if margin:
+                return f'avoid {distant_phrase(region)} by {metres(margin)}'
+            return f'avoid {region_phrase(region)}'
         case Visit():
             return f'visit {regions_phrase(clause)}'
         case Before(first=first, second=second):
-            return f'visit {region_phrase(first)} before {region_phrase(second)}'
+            return f'do not enter {region_phrase(second, any_one=True)} before ' + region_phrase(
+                first, any_one=True
+            )
         case StayIn(region=region):
             return f'stay in {region_phrase(region)}'
         case Pass(region=region, side=side):
-            on = f'{side} of the direct way' if side in ROUTE_SIDES else f'{side} side'
-            return f'pass {region_phrase(region)} on the {on}'
+            where = f'{side} of the direct way' if side in ROUTE_SIDES else f'{side} side'
+            # 'all blue places on the north side' would be those that lie there, walls likewise.
+            how = 'by' if isinstance(region, (Tagged, Along)) else 'on'
+            return f'pass {region_phrase(region)} {how} the {where}'
         case KeepDistance(metres=distance, region=None):
             return f'keep {metres(distance)} away from the walls'
         case KeepDistance(metres=distance, region=Region() as region):
-            return f'keep {metres(distance)} away from {region_phrase(region)}'
+            return f'keep {metres(distance)} away from {distant_phrase(region)}'
         case EndAt(region=region):
-            return f'end in {region_phrase(region)}'
+            return f'end in {region_phrase(region, any_one=True)}'
         case Unknown(text=text):
             return f'not understood: "{text}"'
     raise TypeError(type(clause).__name__)
@@ -85,22 +90,32 @@ def clause_phrase(clause: Clause) -> str:
 
 def regions_phrase(visit: Visit) -> str:
     """Return the regions of a visit: 'the lab and the kitchen in any order'."""
-    phrases = [region_phrase(region) for region in visit.regions]
+    phrases = [region_phrase(region, any_one=True) for region in visit.regions]
     if len(phrases) == 1:
         return phrases[0]
     return f'{", ".join(phrases[:-1])} and {phrases[-1]} in any order'
 
 
-def region_phrase(region: Region) -> str:
-    """Return the words for a region."""
+def distant_phrase(region: Region) -> str:
+    """Return the words for a region that a distance is measured from.
+
+    'avoid the point 1, 2 by 3 m' is a disc of 3 m around the point, not a margin around a disc.
+    """
+    if isinstance(region, Disc) and not region.radius:
+        return f'the surroundings of {region_phrase(region)}'
+    return region_phrase(region)
+
+
+def region_phrase(region: Region, any_one: bool = False) -> str:
+    """Return the words for a region; with `any_one`, one of the places of a tag is meant."""
     match region:
         case NamedPlace(name):
             return f'the {name}'
         case Tagged(tag):
-            return f'all {tag} places'
+            return f'one of the {tag} places' if any_one else f'all {tag} places'
         case Disc(x, y, radius):
             within = f'the {metres(radius)} around ' if radius else ''
-            return f'{within}the point {x:g}, {y:g}'
+            return f'{within}the point {number(x)}, {number(y)}'
         case Box():
             return box_phrase(region)
         case Half(side, of):
@@ -121,14 +136,20 @@ def box_phrase(box: Box) -> str:
     ranges = []
     for axis, low, high in (('x', box.x0, box.x1), ('y', box.y0, box.y1)):
         if math.isfinite(low) and math.isfinite(high):
-            ranges.append(f'{axis} from {low:g} to {high:g}')
+            ranges.append(f'{axis} from {number(low)} to {number(high)}')
         elif math.isfinite(low):
-            ranges.append(f'{axis} above {low:g}')
+            ranges.append(f'{axis} above {number(low)}')
         elif math.isfinite(high):
-            ranges.append(f'{axis} below {high:g}')
+            ranges.append(f'{axis} below {number(high)}')
     return f'the area with {" and ".join(ranges)}' if ranges else 'the whole map'
 
 
 def metres(length: float) -> str:
     """Return a length in words: '3 m'."""
-    return f'{length:g} m'
+    return f'{number(length)} m'
+
+
+def number(value: float) -> str:
+    """Return a number to the millimetre, without an exponent and trailing zeros."""
+    text = f'{value:.3f}'.rstrip('0').rstrip('.')
+    return '0' if text == '-0' else text

@@ -41,7 +41,7 @@ EVERYTHING = {
     'visit the lab and the 2 m around the point 1, 2 in any order': Visit(
         regions=(NamedPlace('lab'), Disc(1.0, 2.0, 2.0))
     ),
-    'if possible, visit the dock before the lab': Before(
+    'if possible, do not enter the lab before the dock': Before(
         strength=SHOULD, first=NamedPlace('dock'), second=NamedPlace('lab')
     ),
     'stay in the north half of the lab': StayIn(region=Half('north', 'lab')),

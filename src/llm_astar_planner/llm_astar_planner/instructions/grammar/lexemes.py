@@ -162,7 +162,7 @@ def axis_range(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
         count, low, high = 5, lexemes[at + 2].number, lexemes[at + 4].number
     else:
         return None
-    return count, joined(lexemes[at : at + count], RANGE, axis_box(axis, low, high))
+    return count, joined(lexemes[at : at + count], RANGE, (axis_box(axis, low, high),))
 
 
 def axis_box(axis: str, low: float, high: float) -> Box:
@@ -192,9 +192,19 @@ def combined(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
                 break
         else:
             count, lexeme = 1, lexemes[at]
-        result.append(lexeme)
+        if not joins_area(result, lexeme):
+            result.append(lexeme)
         at += count
     return result
+
+
+def joins_area(result: list[Lexeme], lexeme: Lexeme) -> bool:
+    """Whether a range goes on with an area, 'with x from 1 to 2 | and y above 3'; it is joined."""
+    if lexeme.kind != RANGE or not kinds_match(result, len(result) - 3, 'AREAWITH RANGE AND'):
+        return False
+    _, first, _ = result[-3:]
+    result[-2:] = [joined((first, lexeme), RANGE, (*first.value, *lexeme.value))]  # type: ignore[misc]
+    return True
 
 
 def settled(lexemes: Sequence[Lexeme]) -> list[Lexeme]:

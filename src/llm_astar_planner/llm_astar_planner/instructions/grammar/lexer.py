@@ -32,6 +32,8 @@ ADJECTIVES = frozenset({'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL', TAG, ANY,
 # Misspelt words that are looked up in one sentence, so that none takes long.
 MOST_CORRECTIONS = 6
 WALL = 'wall'
+# Letters of the longest side that begins a compound.
+LONGEST_SIDE = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,7 @@ class Lexer:
             return taken, phrase_lexemes(words[at : at + taken], meanings)
         if count:
             return count, [place_lexeme(words[at : at + count], values, self.lexicon.places)]
-        return 1, [self.single(words[at])]
+        return 1, self.compound(words[at]) or [self.single(words[at])]
 
     def noun(self, words: Sequence[Word], at: int) -> list[tuple[int, list[tuple[str, object]]]]:
         """Return the places that a noun at a word may mean, if there are any on the map."""
@@ -82,6 +84,20 @@ class Lexer:
             if group is not None:
                 found.append((count, [(NOUN, group)]))
         return found
+
+    def compound(self, word: Word) -> list[Lexeme]:
+        """Return the lexemes of a German compound: 'Nordgang' is the northern aisle."""
+        if self.vocabulary.language != 'de' or not word.is_letters:
+            return []
+        for cut in range(3, min(len(word.text) - 2, LONGEST_SIDE)):
+            head, tail = replace(word, text=word.text[:cut]), replace(word, text=word.text[cut:])
+            _, meanings = self.vocabulary.phrases.longest([head], 0)
+            found = self.noun([tail], 0)
+            if found and meanings and meanings[0][0][0] in ('SIDE', 'CENTER'):
+                _, values = found[0]
+                side = phrase_lexemes([word], meanings)
+                return [*side, place_lexeme([word], values, self.lexicon.places)]
+        return []
 
     def tag_group(self, tag: str) -> Group:
         """Return the places of a kind or with a tag."""
@@ -115,6 +131,7 @@ class Lexer:
             or word in lexicon.tag_groups.words
             or word in nouns().by_language[self.vocabulary.language].words
             or word in nouns().by_language['en'].words
+            or bool(self.compound(Word(word, 0, 0)))
         )
 
     def corrected(self, words: Sequence[Word]) -> tuple[list[Word], list[str]]:

@@ -207,6 +207,10 @@ class Meaning(Callbacks):  # type: ignore[misc]
         """'visit A and B'."""
         return visits(parts[-1])
 
+    def visit_between(self, gap: Selection) -> Reading:
+        """'drive between A and B'."""
+        return visits((gap,))
+
     def missing(self, *_: Any) -> None:
         """'miss', 'forget to visit'."""
 
@@ -395,9 +399,11 @@ class Meaning(Callbacks):  # type: ignore[misc]
         return select_group(noun, parts, where[0] if where else [])
 
     def described(self, *parts: Any) -> tuple[Group, list[Part]]:
-        """'all blue rooms': adjectives, then the noun."""
-        *adjectives, noun = parts
-        return value(noun), list(adjectives)
+        """'all blue rooms', 'la salle bleue': adjectives and the noun."""
+        tokens = [part for part in parts if isinstance(part, Token)]
+        adjectives = [part for part in parts if isinstance(part, Part)]
+        noun, *after = tokens
+        return value(noun), [*adjectives, *map(self.adjective, after)]
 
     def adjective(self, token: Token) -> Part:
         """'blue', 'northern', 'all'."""
@@ -453,9 +459,13 @@ class Meaning(Callbacks):  # type: ignore[misc]
         """'everything north of y = 10'."""
         return thing
 
-    def ranges(self, *tokens: Token) -> Selection:
+    def ranges(self, box: Token) -> Selection:
         """'the area with x from 1 to 2 and y above 3'."""
-        return Selection((common_box([value(token) for token in tokens]),))
+        return Selection((common_box(value(box)),))
+
+    def whole(self) -> Selection:
+        """'the whole map'."""
+        return Selection((common_box(()),))
 
     def between(self, first: Selection, second: Selection) -> Selection:
         """'between A and B'."""

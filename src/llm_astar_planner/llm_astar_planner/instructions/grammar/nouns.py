@@ -77,7 +77,18 @@ def add_noun(read: Nouns, name: str, language: str, words: list[str]) -> None:
         one = phrase_words(singular)
         many = phrase_words(plural) if plural else plurals(one, language)
         singulars.append(one)
-        for phrase, is_plural in ((one, False), (many, True)):
+        for phrase, is_plural in forms(one, many, language):
             noun = Noun(name, read.generic[name], is_plural, language)
             read.by_language[language].add(phrase, noun)
             read.everywhere.add(phrase, noun)
+
+
+def forms(
+    one: tuple[str, ...], many: tuple[str, ...], language: str
+) -> list[tuple[tuple[str, ...], bool]]:
+    """Return the forms of a noun, each with whether it is a plural: German has cases."""
+    if language != 'de':
+        return [(one, False), (many, True)]
+    genitive = (*one[:-1], f'{one[-1]}s')
+    dative = (*many[:-1], many[-1] if many[-1][-1] in 'ns' else f'{many[-1]}n')
+    return [(one, False), (many, True), (genitive, False), (dative, True)]

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from lark import Lark, Token
-from lark.exceptions import LarkError, VisitError
+from lark.exceptions import UnexpectedInput, VisitError
 from lark.lexer import Lexer as LarkLexer
 
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
@@ -22,7 +22,7 @@ from llm_astar_planner.instructions.grammar.words import word_set
 # Kinds whose value the grammar's callbacks are given; lark leaves out those with an underscore.
 VALUED = word_set(
     'PLACE NOUN POINT LENGTH RANGE AXISLINE SIDE MOST CENTER ORIENT ORDINAL TAG ANY '
-    'ALL SIDENOUN HALkinds_ofOUN PASSBY'
+    'ALL SIDENOUN HALFNOUN PASSBY'
 )
 # Typed differently by the versions of lark.
 Lexer: Any = LarkLexer
@@ -56,6 +56,6 @@ def parse_clause(lexemes: Sequence[Lexeme]) -> Reading:
         if isinstance(error.orig_exc, Unclear):
             raise error.orig_exc from error
         raise
-    except LarkError as error:
+    except UnexpectedInput as error:
         raise Unclear('') from error
     return reading

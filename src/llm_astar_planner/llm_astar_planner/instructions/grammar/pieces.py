@@ -7,7 +7,7 @@ anything else it begins a new piece. Each piece is then put into the order that 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, LENGTH, POINT, RANGE, Lexeme
 from llm_astar_planner.instructions.grammar.words import word_set
@@ -18,10 +18,10 @@ ANYORDER, INORDER = 'ANYORDER', 'INORDER'
 
 REGION_STARTS = word_set(
     'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
-    'RADIUS SURROUNDINGS HALkinds_ofOUN SIDENOUN ABOVE BELOW'
+    'RADIUS WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW'
 ) | {POINT, RANGE, LENGTH}
 REGION_ENDS = word_set(
-    'PLACE NOUN SIDE SIDENOUN HALkinds_ofOUN CORNER CENTER OFMAP OFWAY AXISLINE'
+    'PLACE NOUN SIDE SIDENOUN HALFNOUN CORNER CENTER OFMAP OFWAY AXISLINE WHOLEMAP'
 ) | {POINT, RANGE, LENGTH}
 VERBS = word_set(
     'AVOID AROUND_VERB SKIP MISS VISIT PASSBY MOVE STAY USE CLOSE END PASS LEAVE '
@@ -77,6 +77,16 @@ class Piece:
         if self.lexemes and self.lexemes[0].kind in ORDER_WORDS:
             return True
         return not (self.kinds & VERBS or 'THROUGH' in self.kinds)
+
+    @property
+    def closes_an_order(self) -> bool:
+        """Whether no verb followed its last order word yet: 'bevor du A | betrittst'."""
+        for lexeme in reversed(self.lexemes):
+            if lexeme.kind in ORDER_WORDS:
+                return True
+            if lexeme.kind in VERBS:
+                return False
+        return False
 
 
 class Splitter:
@@ -246,6 +256,10 @@ class Splitter:
         if lexeme.kind == NEG:
             at_end = not following or following in SEPARATORS
             return not at_end and not (piece.awaits_verb and following in VERBS)
+        if piece.closes_an_order and (not following or following in SEPARATORS):
+            return False
+        if lexeme.kind == 'ALONG' and piece.last == LENGTH:
+            return False
         return lexeme.kind in VERBS and not piece.awaits_verb
 
 
@@ -263,6 +277,29 @@ def in_reading_order(lexemes: list[Lexeme]) -> list[Lexeme]:
     """Return a piece with its negation first and a verb at its end before what it governs."""
     negations = [lexeme for lexeme in lexemes if lexeme.kind == NEG]
     rest = [lexeme for lexeme in lexemes if lexeme.kind != NEG]
-    if rest and rest[-1].kind in VERBS and not any(one.kind in VERBS for one in rest[:-1]):
-        rest = [rest[-1], *rest[:-1]]
-    return negations + rest
+    order = next((n for n, one in enumerate(rest) if n and one.kind in ORDER_WORDS), None)
+    if order is not None:
+        head, tail = verb_first(rest[:order]), verb_first(rest[order + 1 :])
+        return with_visits([*negations, *head, rest[order], *tail])
+    return with_visits(negations + verb_first(rest))
+
+
+def verb_first(lexemes: list[Lexeme]) -> list[Lexeme]:
+    """Return lexemes with a verb at their end before them: 'die Küche meiden'."""
+    kinds = [lexeme.kind for lexeme in lexemes]
+    if kinds and kinds[-1] in VERBS and not VERBS.intersection(kinds[:-1]):
+        return [lexemes[-1], *lexemes[:-1]]
+    return lexemes
+
+
+def with_visits(lexemes: list[Lexeme]) -> list[Lexeme]:
+    """Return lexemes with 'drive' and 'to' as one, but not in 'drive to the north of A'."""
+    result: list[Lexeme] = []
+    for at, lexeme in enumerate(lexemes):
+        before = result[-1].kind if result else ''
+        after = [one.kind for one in lexemes[at + 1 : at + 3]]
+        if before == 'MOVE' and lexeme.kind in ('THROUGH', 'TO') and after != ['SIDE', 'OF']:
+            result[-1] = replace(result[-1], kind='VISIT')
+        else:
+            result.append(lexeme)
+    return result

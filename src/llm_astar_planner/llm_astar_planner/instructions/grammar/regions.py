@@ -192,10 +192,10 @@ def axis_half(side: str, axis: str, value: float) -> Box:
 def common_box(boxes: Sequence[Box]) -> Box:
     """Return the box where all boxes overlap. Raises Unclear where they do not."""
     box = Box(
-        max(box.x0 for box in boxes),
-        max(box.y0 for box in boxes),
-        min(box.x1 for box in boxes),
-        min(box.y1 for box in boxes),
+        max((box.x0 for box in boxes), default=-math.inf),
+        max((box.y0 for box in boxes), default=-math.inf),
+        min((box.x1 for box in boxes), default=math.inf),
+        min((box.y1 for box in boxes), default=math.inf),
     )
     if not (box.x0 < box.x1 and box.y0 < box.y1):
         raise Unclear('an empty area')

@@ -1,0 +1,140 @@
+"""What the operator is shown is read back as the same specification."""
+
+import math
+
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from llm_astar_msgs_adapter.maps.places import Place, Places
+from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
+from llm_astar_planner.instructions.interpretation import Understanding
+from llm_astar_planner.instructions.sentence import canonical_sentence
+from llm_astar_planner.instructions.specification import (
+    COMPASS,
+    MUST,
+    SHOULD,
+    SIDES,
+    WALLS,
+    Along,
+    Avoid,
+    Before,
+    Between,
+    Box,
+    Disc,
+    EndAt,
+    Half,
+    KeepDistance,
+    NamedPlace,
+    Pass,
+    Specification,
+    StayIn,
+    Tagged,
+    Unknown,
+    Visit,
+)
+
+NAMES = (
+    'kitchen',
+    'loading dock',
+    'rack A',
+    'wall x=17',
+    'door between kitchen and lab',
+    'lab',
+    'north aisle',
+    'Müller office',
+    'room 12',
+    'bus stop',
+    'upper pallet row',
+    'waiting-room 2',
+)
+TAGS = ('blue', 'staff only', 'bathroom', 'quiet')
+PLACES = Places(
+    Place(
+        name,
+        shapely.box(4 * n, 3 * (n % 3), 4 * n + 3, 3 * (n % 3) + 2),
+        kind='room',
+        tags=(TAGS[n % 4], TAGS[(n + 1) % 4]),
+    )
+    for n, name in enumerate(NAMES)
+)
+
+names = st.sampled_from(NAMES)
+coordinates = st.integers(-99_999, 99_999).map(lambda n: n / 100)
+lengths = st.integers(1, 9_999).map(lambda n: n / 100)
+
+
+@st.composite
+def boxes(draw):
+    limits = []
+    for _ in range(2):
+        low, high = sorted(
+            draw(st.tuples(coordinates, coordinates).filter(lambda p: p[0] != p[1]))
+        )
+        opened = draw(st.sampled_from(('no', 'low', 'high', 'both')))
+        limits.append(
+            (
+                -math.inf if opened in ('low', 'both') else low,
+                math.inf if opened in ('high', 'both') else high,
+            )
+        )
+    (x0, x1), (y0, y1) = limits
+    return Box(x0, y0, x1, y1)
+
+
+regions = st.one_of(
+    names.map(NamedPlace),
+    st.sampled_from(TAGS).map(Tagged),
+    st.builds(Disc, coordinates, coordinates, st.just(0.0) | lengths),
+    boxes(),
+    st.sampled_from(SIDES).map(Half),
+    st.builds(Half, st.sampled_from(COMPASS), names),
+    st.builds(Between, names, names),
+    st.builds(Along, names | st.just(WALLS), lengths),
+)
+common = {'strength': st.sampled_from((MUST, SHOULD))}
+clauses = st.one_of(
+    st.builds(Avoid, **common, region=regions, margin=st.just(0.0) | lengths),
+    st.builds(Visit, **common, regions=st.lists(regions, min_size=1, max_size=2).map(tuple)),
+    st.builds(Before, **common, first=regions, second=regions),
+    st.builds(StayIn, **common, region=regions),
+    st.builds(Pass, **common, region=regions, side=st.sampled_from(SIDES)),
+    st.builds(KeepDistance, **common, metres=lengths, region=st.none() | regions),
+    st.builds(EndAt, **common, region=regions),
+    st.builds(Unknown, text=st.sampled_from(('hm', 'if it rains; avoid the lab', 'x, y and z'))),
+)
+
+
+def read(sentence):
+    return GrammarInterpreter().interpret(sentence, PLACES, 1.0)
+
+
+@given(clauses)
+@settings(max_examples=200, deadline=None)
+def test_a_clause_is_read_back(clause):
+    sentence = canonical_sentence(Specification((clause,)))
+    assert read(sentence).specification == Specification((clause,)), sentence
+
+
+@given(st.lists(clauses, min_size=2, max_size=4).map(lambda some: Specification(tuple(some))))
+@settings(max_examples=100, deadline=None)
+def test_a_specification_is_read_back(specification):
+    sentence = canonical_sentence(specification)
+    if len(sentence) > 500:
+        return
+    interpretation = read(sentence)
+    assert interpretation.specification == specification, sentence
+    if not any(isinstance(clause, Unknown) for clause in specification.clauses):
+        assert interpretation.status is Understanding.WHOLE
+
+
+def test_everything_that_is_not_understood_stays_so():
+    specification = Specification((Avoid(region=NamedPlace('lab')), Unknown(text='the rest')))
+    interpretation = read(canonical_sentence(specification))
+    assert interpretation.specification == specification
+    assert interpretation.status is Understanding.PARTLY
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_each_name_is_read(name):
+    assert read(f'avoid the {name}').sentence == f'avoid the {name}'
