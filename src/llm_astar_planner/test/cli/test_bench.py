@@ -332,5 +332,5 @@ def test_an_instruction_for_every_sample_fills_columns_and_is_a_threshold(
         assert 'not understood: "fly"' in row['instruction']
         # What was not understood is never satisfied.
         assert row['instruction_satisfied'] == '0.0'
-    assert llm_astar(*words, *text, '--scales', '1-2', '--out', out.with_name('scaled')) == 2
-    assert '--instruction is about metres' in capsys.readouterr().err
+    with pytest.raises(ValueError, match='--instruction is about metres'):
+        llm_astar(*words, *text, '--scales', '1-2', '--out', out.with_name('scaled'))
