@@ -246,7 +246,7 @@ def run_suite(
 ) -> tuple[int, list[InstructionResult]]:
     """Run all instructions; return the exit code and the results, those so far if interrupted."""
     results: list[InstructionResult] = []
-    with progress(len(suite.instructions) * len(sources), 'instruction') as step:
+    with progress(len(suite.instructions) * len(sources), 'result') as step:
         try:
             for result in runner.run(suite.instructions, sources):
                 results.append(result)

@@ -5,6 +5,7 @@ import json
 
 import pytest
 from instruction_suites import write_suite
+from llm_astar_planner.benchmark.instructions.runner import SuiteRunner
 from llm_astar_planner.cli.main import main
 
 
@@ -64,6 +65,23 @@ def test_thresholds_fail_the_run(suite, capsys):
     assert main([*words, '--fail-under', 'satisfied=100', '--fail-over', 'false_claims=0']) == 0
     assert main([*words, '--fail-under', 'none:satisfied=1']) == 1
     assert 'none: satisfied 0.00 % is below 1' in capsys.readouterr().err
+
+
+def test_an_interrupted_run_keeps_its_rows(suite, tmp_path, monkeypatch, capsys):
+    done, run_one = [], SuiteRunner.run_one
+
+    def interrupted(runner, instruction, source):
+        if len(done) == 3:
+            raise KeyboardInterrupt
+        done.append(instruction.id)
+        return run_one(runner, instruction, source)
+
+    monkeypatch.setattr(SuiteRunner, 'run_one', interrupted)
+    out = tmp_path / 'out'
+    assert main(['instruct-bench', '--suite', suite, '--source', 'none', '--out', str(out)]) == 130
+    assert 'interrupted after 3 results' in capsys.readouterr().err
+    rows = list(csv.DictReader((out / 'results.csv').read_text().splitlines()))
+    assert [row['id'] for row in rows] == done
 
 
 @pytest.mark.parametrize(
