@@ -41,7 +41,7 @@ from llm_astar_planner.instructions.specification import (
     Unknown,
     Visit,
 )
-from llm_astar_planner.instructions.verification.area import Area, polygon_area
+from llm_astar_planner.instructions.verification.area import Area
 from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.polyline import polyline
 from llm_astar_planner.instructions.verification.regions import RegionError
@@ -94,8 +94,7 @@ class InstructedPath:
                 continue
             yield area.grown(clause.metres) if isinstance(clause, KeepDistance) else area
         if isinstance(clause, KeepDistance) and clause.region is None:
-            zone = self.measurement.walls.zone_near(self.measurement.path, clause.metres)
-            yield polygon_area(zone)
+            yield self.measurement.walls.zone(clause.metres)
 
     def violating_parts(self, outcome: ClauseOutcome) -> Iterator[NDArray[np.float64]]:
         """Yield the stretches of the path, points [n, 2], that violate a clause about lengths."""

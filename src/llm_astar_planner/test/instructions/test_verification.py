@@ -99,7 +99,7 @@ def test_a_wish_to_avoid_allows_the_least_possible_alone():
     slant = outcome([(1.25, 1.25), (8.25, 1.25), (8.25, 5.25), (18.75, 5.25)], wish)
     assert slant.status is VIOLATED
     assert slant.least == pytest.approx(1.0, abs=0.05)
-    needless = [(1.25, 3.75), (4.25, 4.25), (8.75, 3.75)]
+    needless = [(1.25, 3.75), (4.25, 4.05), (8.75, 3.75)]
     assert outcome(needless, Avoid(SHOULD, region=KITCHEN)).status is VIOLATED
 
 
@@ -380,6 +380,8 @@ def test_no_excursion_is_allowed_where_one_can_stay_in():
     assert found.status is VIOLATED
     assert found.measured == pytest.approx(0.25 * (1.0 + math.hypot(3.5, 2.0) / 2.0), abs=1e-3)
     assert found.least == 0.0
+    short = [(4.25, 7.75), (5.25, 8.01), (7.75, 7.75)]
+    assert outcome(short, StayIn(SHOULD, region=KITCHEN)).status is VIOLATED
     assert (
         outcome([(4.0, 8.0), (8.0, 8.0), (8.0, 4.0)], StayIn(region=KITCHEN)).status is SATISFIED
     )
@@ -424,7 +426,7 @@ def test_ends_near_a_wall_are_excepted_up_to_where_the_path_leaves_them():
 
 def test_a_wish_for_distance_is_not_met_by_a_needless_approach():
     costmap = field(walls=[(9.0, 9.0, 10.0, 10.0)])
-    near = [(1.25, 1.25), (7.45, 9.25), (1.25, 18.75)]
+    near = [(1.25, 1.25), (7.08, 9.25), (1.25, 18.75)]
     wish = KeepDistance(SHOULD, metres=2.0)
     assert outcome(near, wish, costmap=costmap).status is VIOLATED
     away = [(1.25, 1.25), (6.95, 9.25), (1.25, 18.75)]
@@ -559,6 +561,29 @@ def test_a_strip_along_the_walls_is_measured_from_their_cells():
     assert outcome(near, Avoid(region=strip), costmap=costmap).status is IMPOSSIBLE
     assert outcome(near, Visit(regions=(strip,)), costmap=costmap).status is SATISFIED
     assert outcome(far, Visit(regions=(strip,)), costmap=costmap).status is VIOLATED
+
+
+def test_margins_and_distances_add_to_a_strip_along_the_walls():
+    costmap = field(walls=[(0.0, 0.0, 20.0, 0.5)])
+    points = [(1.25, 2.75), (18.75, 2.75)]
+    strip = Along('walls', 1.0)
+
+    def status(clause):
+        return outcome(points, clause, costmap=costmap).status
+
+    assert status(Avoid(region=strip, margin=1.25)) is SATISFIED
+    assert status(Avoid(region=strip, margin=1.26)) is VIOLATED
+    assert status(KeepDistance(metres=1.25, region=strip)) is SATISFIED
+    assert status(KeepDistance(metres=1.4, region=strip)) is VIOLATED
+    assert status(EndAt(region=Along('walls', 2.25))) is SATISFIED
+    assert status(EndAt(region=Along('walls', 2.2))) is VIOLATED
+    assert status(Pass(region=strip, side='north')) is NOT_UNDERSTOOD
+
+
+def test_a_strip_along_no_walls_is_not_understood():
+    for clause in (Avoid(region=Along('walls', 1.0)), StayIn(region=Along('walls', 1.0))):
+        assert outcome(PAST, clause).status is NOT_UNDERSTOOD
+    assert outcome(PAST, KeepDistance(metres=1.0)).status is SATISFIED
 
 
 def test_where_to_end_is_free_for_what_is_least():

@@ -24,15 +24,19 @@ class Area:
     """A polygon together with discs, as one closed set; metres, map frame.
 
     `discs` is float64 [n, 3]: x, y, radius. They stay exact, so that a path that touches a circle
-    is told from one that crosses it.
+    is told from one that crosses it. If `wall_distance` is above 0, the area is all that is so
+    near to a wall, and `polygon` is right near the path alone.
     """
 
     polygon: BaseGeometry
     discs: NDArray[np.float64]
+    wall_distance: float = 0.0
 
     @property
     def has_size(self) -> bool:
         """Whether a path can lie in it: its area is not 0."""
+        if self.wall_distance > 0.0:
+            return True
         return bool(self.polygon.area > 0.0 or (self.discs[:, 2] > 0.0).any())
 
     @cached_property
@@ -60,7 +64,7 @@ class Area:
         corners = np.unique(shapely.get_coordinates(self.polygon), axis=0)
         arcs = np.column_stack((corners, np.full(len(corners), by)))
         polygon = shapely.buffer(self.polygon, by, join_style='bevel', cap_style='flat')
-        return Area(polygon, np.concatenate((discs, arcs)))
+        return Area(polygon, np.concatenate((discs, arcs)), self.wall_distance)
 
     def shrunk(self, by: float) -> Area:
         """Return all points of it that are at least `by` metres, at least 0, from its edge.
@@ -69,7 +73,7 @@ class Area:
         """
         discs = self.discs - (0.0, 0.0, by)
         polygon = shapely.buffer(self.polygon, -by, join_style='mitre')
-        return Area(polygon, discs[discs[:, 2] > 0.0])
+        return Area(polygon, discs[discs[:, 2] > 0.0], self.wall_distance)
 
     def contains_inside(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points [n, 2] lie in it and not on its edge."""
@@ -108,9 +112,9 @@ class Area:
         return float(x), float(y)
 
 
-def polygon_area(shape: BaseGeometry) -> Area:
+def polygon_area(shape: BaseGeometry, wall_distance: float = 0.0) -> Area:
     """Return the polygons of a shape as an area; repairs invalid ones."""
-    return Area(polygons_of(shape), np.empty((0, 3)))
+    return Area(polygons_of(shape), np.empty((0, 3)), wall_distance)
 
 
 def disc_area(x: float, y: float, radius: float) -> Area:

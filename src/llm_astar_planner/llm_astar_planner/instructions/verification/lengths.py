@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
+from typing import TypeGuard
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from llm_astar_planner.instructions.outcome import ClauseOutcome
 from llm_astar_planner.instructions.specification import (
     SHOULD,
+    WALLS,
+    Along,
     Avoid,
     EndAt,
     KeepDistance,
+    Region,
     StayIn,
 )
-from llm_astar_planner.instructions.verification.area import EDGE, Area, polygon_area
+from llm_astar_planner.instructions.verification.area import EDGE, Area
 from llm_astar_planner.instructions.verification.measurement import (
     NEGLIGIBLE,
     Measurement,
@@ -29,11 +32,12 @@ from llm_astar_planner.instructions.verification.measurement import (
     violated,
 )
 from llm_astar_planner.instructions.verification.polyline import Spans, total
-from llm_astar_planner.instructions.verification.reference import Mask
 
 # A distance may be short by this share or by these metres, whichever is more.
 SHORT_SHARE = 0.02
 SHORT_METRES = 0.05
+# Metres beyond a distance that is kept, up to which it is told how much more it is.
+REPORTED_BEYOND = 0.25
 
 
 def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
@@ -42,14 +46,13 @@ def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
     A must allows none, even where start or goal lies inside, so that satisfied means clear of it;
     a wish allows the least possible.
     """
-    region = measurement.regions.resolve_avoided(clause.region).area
-    if not region.has_size:
+    area = avoided_area(measurement, clause)
+    if not area.has_size:
         return no_size(clause)
-    beyond = clause.margin > EDGE
-    area = region.grown(clause.margin - EDGE) if beyond else region.shrunk(EDGE)
     spans = measurement.path.spans_in(area)
     metres = total(spans)
-    if metres <= NEGLIGIBLE:
+    ends_inside = bool(area.contains_inside(measurement.fixed_ends).any())
+    if metres <= NEGLIGIBLE and not ends_inside:
         off = '' if measurement.on_map(area) else ', the region lies off the map'
         return satisfied(clause, f'0.0 m inside{off}')
     least = measurement.reference.least_inside(area)
@@ -57,7 +60,7 @@ def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
     impossible = False
     if clause.strength != SHOULD:
         reference = measurement.reference
-        impossible = bool(area.contains_inside([measurement.start, measurement.goal]).any()) or (
+        impossible = ends_inside or (
             reference.small_enough and reference.separates(reference.inside(area))
         )
     elif metres <= measurement.allowed(least):
@@ -70,6 +73,17 @@ def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
         least,
         impossible=impossible,
     )
+
+
+def avoided_area(measurement: Measurement, clause: Avoid) -> Area:
+    """Return the region to avoid with its margin, without its edge; it may have no size."""
+    if is_walls(clause.region):
+        strip = Along(WALLS, clause.region.width + clause.margin)
+        return measurement.regions.resolve(strip).area.shrunk(EDGE)
+    region = measurement.regions.resolve_avoided(clause.region).area
+    if clause.margin > EDGE and region.has_size:
+        return region.grown(clause.margin - EDGE)
+    return region.shrunk(EDGE)
 
 
 def check_stay_in(measurement: Measurement, clause: StayIn) -> ClauseOutcome:
@@ -86,14 +100,15 @@ def check_stay_in(measurement: Measurement, clause: StayIn) -> ClauseOutcome:
         if reason:
             return violated(clause, reason, metres, where, impossible=True)
     least = measurement.reference.least_inside(area, outside=True)
-    both = bool(area.contains([measurement.start, measurement.goal]).all())
     detail = f'{length_text(metres)} outside, from {point_text(where)}'
     detail += '' if math.isnan(least) else f', {least_text(least)}'
     if clause.strength == SHOULD:
         if metres <= measurement.allowed(least):
             return satisfied(clause, detail, metres, least)
         return violated(clause, detail, metres, where, least)
-    impossible = not both or least > measurement.route.costmap.grid_map.resolution
+    impossible = least > measurement.route.costmap.grid_map.resolution or not bool(
+        area.contains(measurement.fixed_ends).all()
+    )
     return violated(clause, detail, metres, where, least, impossible=impossible)
 
 
@@ -113,42 +128,48 @@ def check_keep_distance(measurement: Measurement, clause: KeepDistance) -> Claus
     limit = clause.metres - min(
         max(SHORT_SHARE * clause.metres, SHORT_METRES), clause.metres / 2.0
     )
-    if clause.region is None:
-        nearest = measurement.walls.nearest(measurement.path, 2.0 * clause.metres)[0]
+    region = kept_from(clause)
+    if is_walls(region):
+        reach = region.width + limit + REPORTED_BEYOND
+        nearest = measurement.walls.nearest(measurement.path, reach)[0] - region.width
         if nearest >= limit:
-            return satisfied(clause, distance_text(nearest, 2.0 * clause.metres))
-        zone = polygon_area(measurement.walls.zone_near(measurement.path, limit - EDGE))
-        return check_zone(measurement, clause, zone, limit)
-    region = measurement.regions.resolve(clause.region).area
-    if not region.has_size:
+            return satisfied(clause, distance_text(nearest, reach - region.width))
+        return check_zone(measurement, clause, measurement.walls.zone(region.width + limit - EDGE))
+    area = measurement.regions.resolve(region).area
+    if not area.has_size:
         return no_size(clause)
-    nearest = region.distance(measurement.path.shape)
+    nearest = area.distance(measurement.path.shape)
     if nearest >= limit:
         return satisfied(clause, distance_text(nearest))
-    return check_zone(measurement, clause, region.grown(limit - EDGE), limit)
+    return check_zone(measurement, clause, area.grown(limit - EDGE))
 
 
-def check_zone(
-    measurement: Measurement, clause: KeepDistance, zone: Area, limit: float
-) -> ClauseOutcome:
-    """Judge a path that comes nearer than `limit`, given all that is so near."""
+def kept_from(clause: KeepDistance) -> Region:
+    """Return what a distance is kept from; the walls are the strip of no width along them."""
+    return Along(WALLS, 0.0) if clause.region is None else clause.region
+
+
+def is_walls(region: Region) -> TypeGuard[Along]:
+    """Tell whether a region is a strip along the walls."""
+    return isinstance(region, Along) and region.place == WALLS
+
+
+def check_zone(measurement: Measurement, clause: KeepDistance, zone: Area) -> ClauseOutcome:
+    """Judge a path that enters `zone`, all that is nearer than is allowed."""
     spans = measurement.path.spans_in(zone)
     counts = [not is_end(measurement, span, clause.metres) for span in spans]
     middle = spans[np.array(counts, dtype=np.bool_)]
-    counted = spans if clause.strength == SHOULD else middle
+    is_wish = clause.strength == SHOULD
+    counted = spans if is_wish else middle
+    if len(spans) and (is_wish or total(middle) <= NEGLIGIBLE):
+        least = measurement.reference.least_inside(zone)
+        metres = total(spans)
+        if metres <= measurement.allowed(least):
+            detail = f'{length_text(metres)} nearer, {least_text(least)}'
+            return satisfied(clause, detail, metres, least)
+        counted = spans
     nearest, where = nearest_in(measurement, clause, counted)
-    lenient = clause.strength == SHOULD or total(middle) <= NEGLIGIBLE
-    if lenient and len(spans):
-        least = least_near(measurement, clause, zone, limit)
-        if total(spans) <= measurement.allowed(least):
-            return satisfied(
-                clause,
-                f'{length_text(total(spans))} nearer, {least_text(least)}',
-                total(spans),
-                least,
-            )
-        nearest, where = nearest_in(measurement, clause, spans)
-    impossible = clause.strength != SHOULD and too_narrow(measurement, clause, zone, limit)
+    impossible = not is_wish and too_narrow(measurement, zone)
     detail = f'least distance {length_text(nearest)} of {clause.metres:g} m'
     detail += f', at {point_text(where)}'
     return violated(clause, detail, clause.metres - nearest, where, impossible=impossible)
@@ -156,12 +177,13 @@ def check_zone(
 
 def is_end(measurement: Measurement, span: NDArray[np.float64], metres: float) -> bool:
     """Tell whether a stretch begins or ends the path and lies within `metres` of that end."""
-    points = shapely.get_coordinates(measurement.path.part(*span).shape)
-    first = span[0] <= NEGLIGIBLE and measurement.start
-    last = span[1] >= measurement.path.length - EDGE and measurement.goal
-    return any(
-        bool((np.hypot(*(points - end).T) <= metres + EDGE).all()) for end in (first, last) if end
-    )
+    points = measurement.path.part(*span).corners
+    ends = []
+    if span[0] <= NEGLIGIBLE:
+        ends.append(measurement.start)
+    if span[1] >= measurement.path.length - EDGE:
+        ends.append(measurement.goal)
+    return any(bool((np.hypot(*(points - end).T) <= metres + EDGE).all()) for end in ends)
 
 
 def nearest_in(
@@ -169,39 +191,25 @@ def nearest_in(
 ) -> tuple[float, Point]:
     """Return the least distance of stretches of a path, and the point there."""
     found = math.inf, measurement.start
+    region = kept_from(clause)
     stretches = [measurement.path.part(first, last) for first, last in spans]
     for stretch in stretches or [measurement.path]:
-        if clause.region is None:
-            nearest = measurement.walls.nearest(stretch, 2.0 * clause.metres)
+        if is_walls(region):
+            away, point = measurement.walls.nearest(stretch, clause.metres + region.width)
+            away = max(0.0, away - region.width)
         else:
-            region = measurement.regions.resolve(clause.region).area
-            nearest = region.distance(stretch.shape), region.nearest_point(stretch.shape)
-        found = min(found, nearest)
+            area = measurement.regions.resolve(region).area
+            away, point = area.distance(stretch.shape), area.nearest_point(stretch.shape)
+        found = min(found, (away, point))
     return found
 
 
-def zone_cells(measurement: Measurement, clause: KeepDistance, zone: Area, limit: float) -> Mask:
-    """Return the cells of the whole map whose centres are nearer than `limit`."""
-    if clause.region is None:
-        return measurement.walls.centre_distances() < limit - EDGE
-    return measurement.reference.inside(zone)
-
-
-def least_near(measurement: Measurement, clause: KeepDistance, zone: Area, limit: float) -> float:
-    """Return the least metres that any path has nearer than `limit`, NaN if that is not known."""
-    if clause.region is not None:
-        return measurement.reference.least_inside(zone)
-    if not measurement.reference.small_enough:
-        return math.nan
-    return measurement.reference.least_within(zone_cells(measurement, clause, zone, limit))
-
-
-def too_narrow(measurement: Measurement, clause: KeepDistance, zone: Area, limit: float) -> bool:
-    """Tell whether every path comes nearer than `limit`, away from its ends."""
+def too_narrow(measurement: Measurement, zone: Area) -> bool:
+    """Tell whether every path enters a zone, away from its ends."""
     reference = measurement.reference
     if not reference.small_enough:
         return False
-    near = zone_cells(measurement, clause, zone, limit) & ~reference.blocked
+    near = reference.inside(zone) & ~reference.blocked
     start_x, start_y = measurement.route.start
     allowed = reference.goal_mask.copy()
     allowed[start_y, start_x] = True

@@ -34,7 +34,7 @@ class Measurement:
     @cached_property
     def walls(self) -> Walls:
         """The map's walls."""
-        return Walls(self.route.costmap)
+        return Walls(self.route.costmap, self.path)
 
     @cached_property
     def regions(self) -> Regions:
@@ -44,6 +44,11 @@ class Measurement:
     @cached_property
     def reference(self) -> Reference:
         """The reference searches; with a clause that says where to end they may end there."""
+        return Reference(self.route, self.walls, self.end, self.deadline)
+
+    @cached_property
+    def end(self) -> Area | None:
+        """Where a clause asks the path to end, None without such a clause."""
         end: Area | None = None
         for clause in self.specification.clauses:
             if isinstance(clause, EndAt) and not clause.guessed:
@@ -51,7 +56,7 @@ class Measurement:
                     end = self.regions.resolve(clause.region).ends
                 except RegionError:
                     continue
-        return Reference(self.route, end, self.deadline)
+        return end
 
     @property
     def start(self) -> Point:
@@ -63,8 +68,15 @@ class Measurement:
         """The path's last point."""
         return self.path.point(self.path.length)
 
+    @property
+    def fixed_ends(self) -> list[Point]:
+        """The ends that every path has: the first point, and the last unless a clause sets it."""
+        return [self.start, self.goal] if self.end is None else [self.start]
+
     def on_map(self, area: Area) -> bool:
         """Tell whether any of an area lies on the map."""
+        if area.wall_distance > 0.0:
+            return True
         return area.distance(self.regions.map_outline) <= 0.0
 
     def allowed(self, least: float) -> float:

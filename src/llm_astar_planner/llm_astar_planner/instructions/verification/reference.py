@@ -18,7 +18,8 @@ from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.verification.area import Area
+from llm_astar_planner.instructions.verification.area import EDGE, Area
+from llm_astar_planner.instructions.verification.walls import Walls
 from llm_astar_planner.search._kernels import reference as kernels
 
 # No reference search runs on a larger map: 12 s and 2 GB. Nothing is proven or allowed there.
@@ -35,13 +36,16 @@ Mask = NDArray[np.bool_]
 class Reference:
     """The cells of a route's costmap as a graph."""
 
-    def __init__(self, route: Route, end: Area | None, deadline: float = math.inf) -> None:
+    def __init__(
+        self, route: Route, walls: Walls, end: Area | None, deadline: float = math.inf
+    ) -> None:
         """Take the route. It may end anywhere in `end`, if given, else at its goal.
 
         No search begins that would not be done by `deadline` (of time.monotonic).
         """
         self._deadline = deadline
         self._route = route
+        self._walls = walls
         self._grid_map = route.costmap.grid_map
         self._end = end
 
@@ -134,7 +138,13 @@ class Reference:
         return inside
 
     def inside_and_edge(self, area: Area) -> tuple[Mask, Mask]:
-        """Return the cells with centres strictly in an area, and those near its edge."""
+        """Return the cells with centres strictly in an area, and those near its edge.
+
+        Of what is near the walls up to a fifth of a cell may lack, and no edge is known.
+        """
+        if area.wall_distance > 0.0:
+            near = self._walls.centre_distances < area.wall_distance - EDGE
+            return near, self.nothing_removed
         outline = area.outline
         if outline.is_empty:
             return self.nothing_removed, self.nothing_removed
@@ -159,25 +169,27 @@ class Reference:
         if not self.small_enough:
             return math.nan
         inside, edge = self.inside_and_edge(area)
-        weights = move_lengths(self.blocked.shape)
-        shares = np.stack([inside] * 4).astype(np.float32)
+        if area.wall_distance > 0.0:
+            return self.least_within(~inside if outside else inside)
+        weights = np.stack([~inside if outside else inside] * 4).astype(np.float32)
         for move in range(4):
             rows, columns = self._moves_from(edge, move)
-            shares[move, rows, columns] = self._shares(area.outline, rows, columns, move)
-        return self._least(weights * (1.0 - shares if outside else shares))
+            shares = self._shares(area.outline, rows, columns, move)
+            weights[move, rows, columns] = 1.0 - shares if outside else shares
+        return self._least(weights)
 
     def least_within(self, cells: Mask) -> float:
         """Return the least metres that any path has in cells; a move half in its ends' cells."""
-        if not self.small_enough:
-            return math.nan
-        weights = move_lengths(self.blocked.shape)
+        weights = np.stack([cells] * 4).astype(np.float32)
         for move in range(4):
             shift = (-kernels.STEP_Y[move], -kernels.STEP_X[move])
-            other = np.roll(cells, shift, axis=(0, 1))
-            weights[move] *= (cells.astype(np.float32) + other) / 2.0
+            weights[move] += np.roll(cells, shift, axis=(0, 1))
+        weights /= 2.0
         return self._least(weights)
 
     def _least(self, weights: NDArray[np.float32]) -> float:
+        """Return the least metres of moves whose weights are a share of their length."""
+        weights[2:] *= math.sqrt(2.0)
         cutting = self._route.costmap.config.corner_cutting
         goals = self.goal_mask & ~self.blocked
         least = kernels.least_sum(self.blocked, cutting, weights, *self._route.start, goals)
@@ -225,8 +237,12 @@ class Reference:
     def can_touch(self, area: Area, cells: Mask) -> bool:
         """Tell whether a move between cells, bool [height, width], touches an area, edge included.
 
-        Exact for the area's outline; a single cell counts as a move.
+        Exact for the area's outline; a single cell counts as a move. What is near the walls may
+        be touched wherever a cell is nearer than one and a half cells more.
         """
+        if area.wall_distance > 0.0:
+            around = area.wall_distance + 1.5 * self._grid_map.resolution
+            return bool(((self._walls.centre_distances < around) & cells).any())
         outline = area.outline
         if outline.is_empty or not cells.any():
             return False
@@ -246,12 +262,6 @@ class Reference:
             if shapely.intersects(outline, lines).any():
                 return True
         return False
-
-
-def move_lengths(shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return the lengths in cells of the four moves that weights are for, from every cell."""
-    lengths = np.hypot(kernels.STEP_X[:4], kernels.STEP_Y[:4]).astype(np.float32)
-    return np.ascontiguousarray(np.broadcast_to(lengths[:, None, None], (4, *shape)))
 
 
 def grown_by_a_cell(cells: Mask) -> Mask:

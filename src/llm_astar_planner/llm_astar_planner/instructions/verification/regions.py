@@ -90,7 +90,9 @@ class Part:
         """Where the last point of a path has to be to end in the part."""
         if self.reach:
             return self.area.grown(self.reach + EDGE)
-        return Area(shapely.union_all([self.area.polygon, self.cell]), self.area.discs)
+        if self.cell.is_empty:
+            return self.area
+        return Area(self.cell, self.area.discs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +118,8 @@ class Resolved:
     @cached_property
     def ends(self) -> Area:
         """Where the last point of a path has to be to end in the region."""
+        if len(self.parts) == 1:
+            return self.parts[0].ends
         return together(part.ends for part in self.parts)
 
     @property
@@ -260,7 +264,9 @@ class Regions:
     def along_part(self, place: str, width: float) -> Part:
         """Return the strip around a place, or all that is near a wall."""
         if place == WALLS:
-            return Part(polygon_area(self._walls.zone(width)), width)
+            if not self._walls.exist:
+                raise RegionError('the map has no walls')
+            return Part(self._walls.zone(width), width)
         inner = self.place_part(self.place(place)).area.outline
         outer = shapely.buffer(inner, width, quad_segs=QUARTER_SIDES)
         return Part(polygon_area(shapely.difference(outer, inner)), width)

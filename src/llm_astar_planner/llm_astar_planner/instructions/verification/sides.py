@@ -31,7 +31,7 @@ def check_pass(measurement: Measurement, clause: Pass, index: int) -> ClauseOutc
     Region 0 of the clause counts as visited once the ray to the side was crossed.
     """
     region = measurement.regions.resolve(clause.region).area
-    if not region.has_size:
+    if region.wall_distance > 0.0 or not region.has_size:
         return no_size(clause)
     ahead = measurement.regions.direction(clause.side)
     centre = centre_of(region)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -13,21 +14,24 @@ from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions.specification import VISIT_DEPTH
+from llm_astar_planner.instructions.verification.area import Area, polygon_area
 from llm_astar_planner.instructions.verification.polyline import Polyline
 
 # Cells. A path is looked at in pieces of this length, so that few cells are near each.
-PIECE = 24.0
+PIECE = 48.0
 # A square is at most half its diagonal nearer than its centre, and at least half its side.
 SPREAD = math.sqrt(0.5) - 0.5
 
 
 class Walls:
-    """The lethal cells of a costmap's own map, inflation left out, as squares."""
+    """The lethal cells of a costmap's own map, inflation left out, as squares near a path."""
 
-    def __init__(self, costmap: Costmap) -> None:
-        """Take the costmap."""
+    def __init__(self, costmap: Costmap, path: Polyline) -> None:
+        """Take the costmap and the path."""
         self._grid_map = costmap.grid_map
         self._threshold = costmap.config.occupied_threshold
+        self._path = path
 
     def nearest(self, path: Polyline, reach: float) -> tuple[float, tuple[float, float]]:
         """Return the least metres from a path to the walls, and the point of the path there.
@@ -79,24 +83,22 @@ class Walls:
         ys, xs = np.nonzero(self._grid_map.cells[y0:y1, x0:x1] >= self._threshold)
         return xs + x0, ys + y0
 
-    def zone_near(self, path: Polyline, metres: float) -> BaseGeometry:
-        """Return everything within `metres` of the walls near a path, as a polygon."""
+    def zone(self, metres: float) -> Area:
+        """Return everything within `metres` of the walls; its polygon is right near the path."""
         lethal = np.zeros(self._grid_map.cells.shape, dtype=np.bool_)
-        for _, xs, ys in self.pieces(path, metres, all_near=True):
+        for _, xs, ys in self.pieces(self._path, metres + VISIT_DEPTH, all_near=True):
             lethal[ys, xs] = True
-        return self.zone_around(lethal, metres)
-
-    def zone(self, metres: float) -> BaseGeometry:
-        """Return everything within `metres` of any wall, as a polygon."""
-        return self.zone_around(self._grid_map.cells >= self._threshold, metres)
-
-    def zone_around(self, lethal: NDArray[np.bool_], metres: float) -> BaseGeometry:
-        """Return everything within `metres` of cells, bool [height, width], as a polygon."""
         x0, y0, x1, y1 = rectangles(lethal)
         cells = shapely.union_all(shapely.box(x0 - 0.5, y0 - 0.5, x1 - 0.5, y1 - 0.5))
         placed = shapely.transform(cells, self._grid_map.grid_to_world)
-        return shapely.buffer(placed, metres, quad_segs=16)
+        return polygon_area(shapely.buffer(placed, metres, quad_segs=16), metres)
 
+    @property
+    def exist(self) -> bool:
+        """Whether the map has any."""
+        return bool((self._grid_map.cells >= self._threshold).any())
+
+    @cached_property
     def centre_distances(self) -> NDArray[np.float64]:
         """Return the metres from the cells' centres to a nearest wall: float64 [height, width].
 
