@@ -397,6 +397,7 @@ def test_one_point_is_judged_where_it_is():
     assert status(StayIn(region=KITCHEN), (1.25, 1.25)) is IMPOSSIBLE
     assert status(Visit(regions=(DOCK,)), (18.25, 18.25)) is SATISFIED
     assert status(Avoid(region=KITCHEN), (1.25, 1.25)) is SATISFIED
+    assert status(Avoid(region=KITCHEN)) is IMPOSSIBLE
     assert status(Pass(region=RACK, side='north'), (10.25, 17.25)) is VIOLATED
     assert status(Avoid(region=Half('left'))) is NOT_UNDERSTOOD
 
@@ -572,7 +573,7 @@ def test_margins_and_distances_add_to_a_strip_along_the_walls():
         return outcome(points, clause, costmap=costmap).status
 
     assert status(Avoid(region=strip, margin=1.25)) is SATISFIED
-    assert status(Avoid(region=strip, margin=1.26)) is VIOLATED
+    assert status(Avoid(region=strip, margin=1.26)) is IMPOSSIBLE
     assert status(KeepDistance(metres=1.25, region=strip)) is SATISFIED
     assert status(KeepDistance(metres=1.4, region=strip)) is VIOLATED
     assert status(EndAt(region=Along('walls', 2.25))) is SATISFIED
