@@ -24,6 +24,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError, read_text
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from llm_astar_msgs_adapter.maps.places_file import load_places
 from numpy.typing import NDArray
 
 import llm_astar_planner
@@ -46,6 +48,8 @@ FINAL_STATUSES = frozenset(status.value for status in (
 ))  # fmt: skip
 # The maps of the rows, stored in the folder so that a report needs no dataset.
 MAPS_FILE = 'maps.json'
+# The places that instructions of the run name, if there were any.
+PLACES_FILE = 'places.geojson'
 
 # The turning points of a path through a maze exceed csv's default limit of 131072 characters.
 csv.field_size_limit(2**31 - 1)
@@ -254,6 +258,16 @@ class ResultsFolder:
             message = f'{path}: {error.strerror or error}'
             raise ResultsError(message) from None
         return path
+
+    def write_places(self, places: Places) -> None:
+        """Keep the places of a run, so that a report shows them; nothing where there are none."""
+        if len(places):
+            self.write_text(PLACES_FILE, json.dumps(places.to_geojson()) + '\n')
+
+    def read_places(self) -> Places:
+        """Read the places of the run. Raises PlacesError where the file is malformed."""
+        path = self.path / PLACES_FILE
+        return load_places(path) if path.exists() else NO_PLACES
 
     def read_json(self, name: str) -> dict[str, Any]:
         """Read a JSON object from the folder. Raises ResultsError."""

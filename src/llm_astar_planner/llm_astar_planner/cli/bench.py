@@ -118,6 +118,8 @@ def run(args: argparse.Namespace) -> int:
         ids = {sample.barrier_map.id for sample in config.samples}
         kept = [item for item in maps if item.id in ids]
         folder.write_text(MAPS_FILE, format_kept_maps(kept))
+        if config.settings.instruction is not None:
+            folder.write_places(config.settings.instruction.places)
     except ResultsError as error:
         return complain(args, str(error), BAD_INPUT)
     try:

@@ -170,6 +170,7 @@ def run(args: argparse.Namespace) -> int:
         code = complain(args, f'left out: {line}', code or INCOMPLETE)
     try:
         folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept.maps()))
+        folder.write_places(config.places)
     except ResultsError as error:
         return complain(args, str(error), INCOMPLETE)
     return close_run(args, folder, metadata, code)

@@ -428,6 +428,9 @@ def test_a_recorded_instruction_is_asked_again_and_its_outcome_kept(instructed, 
         INSTRUCTION['summary'],
         '0.0',
     )
+    page = (out / 'report.html').read_text()
+    assert '"places":[["gallery",' in page
+    assert 'avoid the gallery: impossible' in page
     # The only way leads through the gallery.
     assert first['instruction'].startswith('avoid the gallery: impossible')
     assert first['instruction_satisfied'] == '0.0'

@@ -10,9 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 from jinja2 import Environment, PackageLoader
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from markupsafe import Markup
 from PIL import Image
 
@@ -50,11 +52,13 @@ def html_report(
     rows: Sequence[Row],
     maps: Sequence[ProblemMap],
     costmap: CostmapConfig | None = None,
+    places: Places = NO_PLACES,
     pictures: Sequence[tuple[Path, str]] = (),
 ) -> str:
     """Return the page, which loads nothing from the network; `pictures` are (file, caption).
 
-    Grids are drawn with the walls of the run's `costmap` rules, by default MovingAI's.
+    Grids are drawn with the walls of the run's `costmap` rules, by default MovingAI's. `places`
+    are drawn on every map.
     """
     environment = Environment(
         loader=PackageLoader('llm_astar_planner', 'benchmark/report'), autoescape=True
@@ -84,13 +88,16 @@ def html_report(
             (data_url(path.read_bytes(), MEDIA_TYPES[path.suffix]), caption)
             for path, caption in pictures
         ],
-        data=script_json(browser_data(rows, maps, costmap)),
+        data=script_json(browser_data(rows, maps, costmap, places)),
     )
     return page
 
 
 def browser_data(
-    rows: Sequence[Row], maps: Sequence[ProblemMap], costmap: CostmapConfig | None
+    rows: Sequence[Row],
+    maps: Sequence[ProblemMap],
+    costmap: CostmapConfig | None,
+    places: Places,
 ) -> dict[str, Any]:
     """Return what the browser of samples shows: maps, variants, and the rows of scale 1."""
     variants = dict(sorted(by_variant(rows).items(), key=lambda item: report_order(item[0])))
@@ -105,7 +112,11 @@ def browser_data(
         request = f'{row.bag}, request {row.request}' if row.bag else ''
         entries.append([*sample, list(map(row_data, of_sample)), request, row.recorded_path])
     return {
-        'maps': {m.id: map_data(m, costmap) for m in maps if m.id in wanted},
+        'maps': {
+            m.id: map_data(m, costmap) | {'places': places_data(m, places)}
+            for m in maps
+            if m.id in wanted
+        },
         'cases': [variant_label(variant) for variant in variants],
         'samples': entries,
     }
@@ -130,6 +141,23 @@ def map_data(problem: ProblemMap, costmap: CostmapConfig | None) -> dict[str, An
     }
 
 
+def places_data(problem: ProblemMap, places: Places) -> list[list[Any]]:
+    """Return names and rings of places in cells; a point is a ring of one corner."""
+    if not len(places):
+        return []
+    grid_map = problem.to_grid()
+    found: list[list[Any]] = []
+    for place in places:
+        rings = []
+        for part in shapely.get_parts(place.geometry):
+            corners = shapely.get_coordinates(getattr(part, 'exterior', part))
+            rings.append(grid_map.world_to_grid(corners).round(2).tolist())
+        middle = place.geometry.representative_point()
+        (centre,) = grid_map.world_to_grid([(middle.x, middle.y)]).round(2).tolist()
+        found.append([place.name, centre, rings])
+    return found
+
+
 def grid_image(grid_map: GridMap) -> str:
     """Draw a grid with one pixel per cell and row 0 at the bottom; return it as a data URL."""
     pixels = np.zeros((*grid_map.cells.shape, 4), dtype=np.uint8)
@@ -147,7 +175,10 @@ def row_data(row: Row | None) -> list[Any] | None:
     numbers = [None if value != value else round(value, 3) for value in (  # noqa: PLR0124 - NaN
         row.operation, row.storage, row.length,
     )]  # fmt: skip
-    return [row.code, *numbers, row.source_status, row.waypoints, row.verdicts, row.path]
+    return [
+        row.code, *numbers, row.source_status, row.waypoints, row.verdicts, row.path,
+        row.instruction,
+    ]  # fmt: skip
 
 
 def without_code_marks(text: str) -> str:

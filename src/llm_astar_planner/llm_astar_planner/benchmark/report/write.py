@@ -82,6 +82,7 @@ def write_report(
         rows=rows,
         maps=maps,
         costmap=search_settings(metadata).costmap,
+        places=folder.read_places(),
         pictures=pictures,
     )
     folder.write_text('report.html', page)
