@@ -149,7 +149,8 @@ def draw(axes: Axes, picture: Picture) -> None:
         axes.annotate(str(number), position, (7, 7), textcoords='offset points', zorder=5)
     mark_point(axes, picture, picture.start, ('#1f77b4', 's'), 'start', size=9)
     mark_point(axes, picture, picture.goal, ('#17becf', 'D'), 'goal', size=9)
-    axes.set_title(wrap_title(picture.title, axes.figure.bbox.width / axes.figure.dpi))
+    inches = axes.figure.bbox.width / axes.figure.dpi
+    axes.set_title(wrap_title(picture.title, inches), parse_math=False)
 
 
 def wrap_title(title: str, inches: float) -> str:

@@ -193,10 +193,13 @@ def add_instruction_legend(figure: Figure, path: InstructedPath) -> None:
     labels = [fill(label, columns) for label in labels]
     lines = sum(text.count('\n') + 1 for text in (title, *labels))
     figure.set_size_inches(width, height + LINE_INCHES * lines)
-    figure.legend(
+    legend = figure.legend(
         handles, labels, title=title, loc='outside upper center', frameon=False, fontsize=SIZE,
         title_fontsize=SIZE, labelspacing=0.3,
     )  # fmt: skip
+    for text in (legend.get_title(), *legend.get_texts()):
+        # Words of an instruction are no formulas.
+        text.set_parse_math(False)
 
 
 def clause_lines(outcome: InstructionOutcome) -> list[str]:

@@ -95,7 +95,7 @@ class NameLabels:
         middle = shape.centroid if shape.contains(shape.centroid) else shape.representative_point()
         text = self.axes.text(
             middle.x, middle.y, name, ha='center', va='center', color='black', zorder=6,
-            path_effects=HALO, clip_on=True,
+            path_effects=HALO, clip_on=True, parse_math=False,
         )  # fmt: skip
         frame = self.axes.get_window_extent()
         # The name of a point stands above its mark.
