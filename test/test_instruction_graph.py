@@ -116,7 +116,8 @@ class Graph:
         assert set_parameter(self.caller, 'planner_node', 'instruction', text).successful
 
     def interpretation(self):
-        return self.planner._server._instructions.current.interpretation
+        instruction = self.planner._server._instructions.current.instruction
+        return instruction.interpretation if instruction else None
 
     def outcomes(self, report):
         clauses = report.instruction_report['clauses']

@@ -117,7 +117,7 @@ def answered(buffer, max_planning_time=LONG, token=None):
         RequestConverter(settings, Frames(buffer), None),
         publisher=Mock(wants_expanded=False),
         replans=PreemptingGoalSlot(),
-        instructions=SimpleNamespace(current=SimpleNamespace(interpretation=None)),
+        instructions=SimpleNamespace(current=SimpleNamespace(instruction=None)),
     )
     handler.activate()
     goal = PlanGoal((pose(1.0, 1.0, frame='odom'),), pose(2.0, 2.0))

@@ -18,6 +18,7 @@ from llm_astar_planner.instructions.grammar.interpreter import GrammarInterprete
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Interpreter,
+    RouteInstruction,
     Understanding,
     clean_instruction,
 )
@@ -26,6 +27,8 @@ from llm_astar_planner.instructions.interpretation import (
 # is remembered.
 ASK_AGAIN_S = 15.0
 LIMIT_S = 120.0
+# A text in each language of the grammar.
+FIRST_TEXTS = ('avoid that', 'vermeide das', 'evita eso', 'évite cela')
 
 OnAnswer = Callable[[Interpretation], None]
 
@@ -47,15 +50,19 @@ class InstructionReader:
         self._remote = remote
         self._background = None if remote is None else self.make_background(remote)
 
-    @staticmethod
-    def make_background(remote: RemoteInterpreter) -> BackgroundInterpreter:
+    def make_background(self, remote: RemoteInterpreter) -> BackgroundInterpreter:
         """Return what asks the remote interpreter on a thread of its own."""
-        return BackgroundInterpreter(GrammarInterpreter(), remote, LIMIT_S)
+        return BackgroundInterpreter(self._grammar, remote, LIMIT_S)
 
     @property
     def ready(self) -> bool:
         """Whether the remote interpreter can be asked."""
         return self._remote is not None and self._remote.ready
+
+    def prepare(self, places: Places) -> None:
+        """Do now what the first question about these places needs, in each language."""
+        for text in FIRST_TEXTS:
+            self._grammar.interpret(text, places, 0.0)
 
     def read(self, text: str, places: Places, on_answer: OnAnswer) -> Interpretation:
         """Return what is understood now of a clean text.
@@ -91,8 +98,8 @@ class CurrentInstruction:
 
         `on_change` is called whenever something else is understood, on any thread.
         """
-        self.interpretation: Interpretation | None = None
-        self.places = NO_PLACES
+        self.instruction: RouteInstruction | None = None
+        self._places = NO_PLACES
         self._reader = reader
         self._on_change = on_change
         # Reentrant: a question may drop an older one, which is answered on the same thread.
@@ -107,8 +114,8 @@ class CurrentInstruction:
         """Set the instruction, '' for none. Raises InstructionError for one that is too long."""
         clean = clean_instruction(text)
         with self._lock:
-            if (clean, places.digest) != (self._text, self.places.digest):
-                self._text, self.places = clean, places
+            if (clean, places.digest) != (self._text, self._places.digest):
+                self._text, self._places = clean, places
                 self.read()
 
     def ask_again(self, *, anew: bool = False) -> None:
@@ -135,7 +142,7 @@ class CurrentInstruction:
             return
         is_asked = self._reader.ready
         on_answer = partial(self.take, self._number)
-        reading = self._reader.read(self._text, self.places, on_answer)
+        reading = self._reader.read(self._text, self._places, on_answer)
         is_whole = reading.status in READ_WHOLE
         if not (is_asked or is_whole):
             self._ask_at = 0.0  # as soon as somebody is there to be asked
@@ -157,13 +164,18 @@ class CurrentInstruction:
 
     def use(self, interpretation: Interpretation | None) -> None:
         """Use an interpretation from now on."""
-        before, self.interpretation = self.interpretation, interpretation
-        if meaning(before) != meaning(interpretation):
+        before, after = self.instruction, None
+        if interpretation is not None:
+            after = RouteInstruction(interpretation, self._places)
+        self.instruction = after
+        if meaning(before) != meaning(after):
             self._on_change()
 
 
-def meaning(interpretation: Interpretation | None) -> Hashable:
+def meaning(instruction: RouteInstruction | None) -> Hashable:
     """Return what decides plans and reports; equal for equal ones."""
-    if interpretation is None:
+    if instruction is None:
         return None
-    return interpretation.text, interpretation.specification, interpretation.status
+    understood = instruction.interpretation
+    digest = instruction.places.digest
+    return understood.text, understood.specification, understood.status, digest

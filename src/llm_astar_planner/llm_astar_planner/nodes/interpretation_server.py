@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from llm_astar_msgs_adapter.maps.places import NO_PLACES
+from collections.abc import Mapping
+from typing import Any
+
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
 
 from llm_astar_planner.instructions.background import BackgroundInterpreter
@@ -30,6 +33,8 @@ class InterpretationServer:
         self._grammar = GrammarInterpreter()
         self._interpreter = interpreter
         self._background = BackgroundInterpreter(self._grammar, interpreter, LIMIT_S)
+        self._geojson: Mapping[str, Any] | None = None
+        self._places = NO_PLACES
         QuestionServer(entities, self.interpret, limit=MAX_QUESTION_WITH_PLACES, waits=True)
         entities.on_close(self.close)
 
@@ -46,12 +51,19 @@ class InterpretationServer:
 
     def interpret(self, question: Question, on_answer: OnAnswer) -> Interpretation:
         """Return what the grammar understands. Raises PlacesError for the question's places."""
-        places = NO_PLACES
-        if question.places is not None:
-            places = places_from_geojson(question.places, 'places')
+        places = self.places_of(question)
 
         def answer(interpretation: Interpretation) -> None:
             self._logger.info(interpretation.summary())
             on_answer(interpretation)
 
         return self._background.interpret_now(question.text, places, answer)
+
+    def places_of(self, question: Question) -> Places:
+        """Return the places of a question: often those of the last one. Raises PlacesError."""
+        if question.places is None:
+            return NO_PLACES
+        if question.places != self._geojson:
+            self._places = places_from_geojson(question.places, 'places')
+            self._geojson = question.places
+        return self._places

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from threading import Thread
 from typing import Any
 
-from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from nav_msgs.msg import Path
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -15,7 +16,6 @@ from std_msgs.msg import String
 
 from llm_astar_planner.instructions.current import CurrentInstruction, InstructionReader
 from llm_astar_planner.instructions.interpretation import (
-    RouteInstruction,
     clean_instruction,
 )
 from llm_astar_planner.instructions.progress import Progress
@@ -26,6 +26,7 @@ from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.question_server import QuestionServer
 from llm_astar_planner.nodes.planner.instruction_client import InstructionClient
 from llm_astar_planner.nodes.planner.request_conversion import GoalPoses
+from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 
@@ -61,10 +62,14 @@ class InstructionServer:
         self.current = CurrentInstruction(self._reader, self.on_change)
         self._progress = Progress()
         self._client_changed = False
+        self._prepared = NO_PLACES
+        self._is_compiled = False
 
     def start(self) -> None:
         """Serve the topics, and understand the instruction that the parameters have."""
         entities = self._entities
+        # The grammar's tables take a second, and the first question must not wait for them.
+        Thread(target=self._reader.prepare, args=(NO_PLACES,), daemon=True).start()
         group = MutuallyExclusiveCallbackGroup()
         entities.subscription(String, '~/instruction', self.on_instruction, RELIABLE, group)
         QuestionServer(
@@ -78,7 +83,16 @@ class InstructionServer:
 
     def refresh(self) -> None:
         """Follow changed parameters and places."""
-        self.current.set(self._settings['instruction'], self._places())
+        text, places = self._settings['instruction'], self._places()
+        if places is not self._prepared:
+            self._prepared = places
+            self._reader.prepare(places)
+        if (text or len(places)) and not self._is_compiled:
+            # Takes half a minute once after an installation: not during a plan.
+            self._node.get_logger().info('loading the searches for instructions')
+            compile_instruction_kernels()
+            self._is_compiled = True
+        self.current.set(text, places)
 
     def on_client_change(self) -> None:
         """Ask again soon: the node that understands may answer differently from now on."""
@@ -91,11 +105,12 @@ class InstructionServer:
 
     def on_change(self) -> None:
         """Log what is understood."""
-        interpretation = self.current.interpretation
-        if interpretation is None:
+        instruction = self.current.instruction
+        if instruction is None:
             self._progress.reset()
         else:
-            self._node.get_logger().info(f'instruction {interpretation.summary()}')
+            summary = instruction.interpretation.summary()
+            self._node.get_logger().info(f'instruction {summary}')
         self._on_understood()
 
     def on_instruction(self, message: String) -> None:
@@ -111,29 +126,28 @@ class InstructionServer:
 
     def add_to(self, request: PlanRequest, planner: Planner, poses: GoalPoses) -> PlanRequest:
         """Return a request with the instruction that is set, if there is one."""
-        interpretation, places = self.current.interpretation, self.current.places
-        if interpretation is None:
+        instruction = self.current.instruction
+        if instruction is None:
             return request
-        route = Route(planner.costmap, request.start, request.goal, places)
+        route = Route(planner.costmap, request.start, request.goal, instruction.places)
         position, goals = poses.start[:2], [goal[:2] for goal in poses.goals]
-        visited = self._progress.at(position, goals, interpretation, route)
+        visited = self._progress.at(position, goals, instruction.interpretation, route)
         policy = self._settings['instruction_policy']
-        instruction = RouteInstruction(interpretation, places, policy, visited)
-        return replace(request, instruction=instruction)
+        return replace(request, instruction=replace(instruction, policy=policy, visited=visited))
 
     def follow(self, path: Path) -> None:
         """Take the path that the robot follows from now on."""
-        if self.current.interpretation is not None:
-            self._progress.follow(path_from_message(path))
+        self._progress.follow(path_from_message(path))
 
     def values(self) -> dict[str, Any]:
         """Return what /diagnostics says."""
-        interpretation = self.current.interpretation
+        instruction = self.current.instruction
+        understood = instruction.interpretation if instruction else None
         return {
             'instruction': self._settings['instruction'],
-            'instruction_status': interpretation.status.value if interpretation else None,
-            'instruction_understood': interpretation.sentence if interpretation else None,
-            'instruction_understood_by': interpretation.understood_by if interpretation else None,
+            'instruction_status': understood.status.value if understood else None,
+            'instruction_understood': understood.sentence if understood else None,
+            'instruction_understood_by': understood.understood_by if understood else None,
             'instruction_visited': len(self._progress.visited),
             'places': len(self._places()),
         }

@@ -212,7 +212,7 @@ class RequestHandler:
             max(LEAST_SECONDS, job.begin + job.limit - finish - time.monotonic()),
             want_expanded=self._publisher.wants_expanded,
         )
-        if self._instructions.current.interpretation is not None:
+        if self._instructions.current.instruction is not None:
             request = self._instructions.add_to(request, planner, poses)
         for plan in planner.plans(request, job.token.stop):
             if not plan.is_final:
