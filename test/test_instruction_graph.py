@@ -2,23 +2,33 @@
 
 import contextlib
 import json
+import subprocess
+import sys
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import rclpy
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from graph_tools import GOAL, START, calling, set_parameter, spinning, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
+from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from nav_msgs.msg import Path as PathMessage
+from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 SPACE = '/instructed'
+LOGS = QoSProfile(depth=100)
 PLACES = {
     'dock': [[40, 2], [47, 2], [47, 7], [40, 7]],
     'lab': [[11.5, 5.5], [18.5, 5.5], [18.5, 9.5], [11.5, 9.5]],
@@ -124,6 +134,11 @@ class Graph:
         return {clause['clause']: clause['status'] for clause in clauses}
 
 
+def is_in_dock(points):
+    """Tell whether any of the points [n, 2] lies in the dock."""
+    return ((points >= (40, 2)) & (points <= (47, 7))).all(axis=1).any()
+
+
 def use_model(graph, server):
     """Let the client ask a scripted endpoint, and the planner know of it."""
     values = {'source': 'endpoint', 'base_url': server.base_url, 'model': 'tiny'}
@@ -139,7 +154,7 @@ def test_an_instruction_from_the_topic_is_understood_enforced_and_verified(graph
     points = path_from_message(path)
     inside = ((points >= (11.5, 5.5)) & (points <= (18.5, 9.5))).all(axis=1)
     assert not inside.any()
-    assert ((points >= (40, 2)) & (points <= (47, 7))).all(axis=1).any()
+    assert is_in_dock(points)
     graph.publish('planner_node/instruction', '')
     wait_for(lambda: graph.interpretation() is None, 'no instruction')
     assert graph.caller.call(START, GOAL)[1].instruction == ''
@@ -244,35 +259,85 @@ def test_what_was_visited_on_the_way_is_not_visited_again(graph):
         assert graph.outcomes(report) == {'visit the dock': 'satisfied'}
         return path_from_message(path)
 
-    ahead = replan(path[at_dock // 2])
-    assert ((ahead >= (40, 2)) & (ahead <= (47, 7))).all(axis=1).any()
+    assert is_in_dock(replan(path[at_dock // 2]))
     for point in path[at_dock // 2 : -8 : 2]:
         replan(point)
-    beyond = replan(path[-8])
-    assert not ((beyond >= (40, 2)) & (beyond <= (47, 7))).all(axis=1).any()
-    # Elsewhere than the path leads is a new drive, and so is another goal.
-    again = replan((30.0, 5.0))
-    assert ((again >= (40, 2)) & (again <= (47, 7))).all(axis=1).any()
+    assert not is_in_dock(replan(path[-8]))
+    # Elsewhere than the path leads is a new drive.
+    assert is_in_dock(replan((30.0, 5.0)))
 
 
 def test_a_place_is_a_goal(graph):
     paths = []
     graph.caller.listen(PathMessage, 'plan', paths.append, RELIABLE)
-    initial = graph.planner._server
-    start = graph.caller  # the start comes from the initial pose
-    assert start
-    from geometry_msgs.msg import PoseWithCovarianceStamped  # noqa: PLC0415
-
-    message = PoseWithCovarianceStamped()
-    message.header.frame_id = 'map'
-    message.pose.pose.position.x, message.pose.pose.position.y = START.x, START.y
-    message.pose.pose.orientation.w = 1.0
-    initial.on_initial_pose(message)
+    start = PoseWithCovarianceStamped()
+    start.header.frame_id = 'map'
+    start.pose.pose = pose_to_message(START, 'map', Time()).pose
+    graph.planner._server.on_initial_pose(start)
     graph.publish('planner_node/goal_place', 'Loading  Bay')
     wait_for(lambda: paths, 'the path to the dock')
     last = path_from_message(paths[-1])[-1]
-    assert abs(last[0] - 43.5) <= 1.0
-    assert abs(last[1] - 4.5) <= 1.0
+    assert np.abs(last - (43.5, 4.5)).max() <= 1.0
+
+
+def test_the_log_names_the_places_where_a_goal_is_unknown(graph):
+    logged = []
+    graph.caller.listen(Log, '/rosout', lambda message: logged.append(message.msg), LOGS)
+    wait_for(lambda: graph.caller.node.count_publishers('/rosout'), 'the log')
+
+    def is_logged():
+        graph.publish('planner_node/goal_place', 'lap')
+        time.sleep(0.1)
+        return any('did you mean lab?; there is dock, lab, press' in line for line in logged)
+
+    wait_for(is_logged, 'the error')
+
+
+def test_the_last_path_is_replanned_when_the_instruction_changes_if_maps_do_so(graph):
+    assert set_parameter(graph.caller, 'planner_node', 'replan_on_map', value=True).successful
+    try:
+        graph.caller.call(START, GOAL)
+        paths = []
+        graph.caller.listen(PathMessage, 'plan', paths.append, RELIABLE)
+        graph.instruct('visit the dock')
+        wait_for(lambda: any(is_in_dock(path_from_message(path)) for path in paths), 'a replan')
+    finally:
+        set_parameter(graph.caller, 'planner_node', 'replan_on_map', value=False)
+
+
+def command(*arguments):
+    """Start `llm-astar call` as a process of its own."""
+    words = [sys.executable, '-m', 'llm_astar_planner.cli.main', 'call', *arguments]
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def ended(process):
+    """Return the exit code, the output and the errors of a process that ends."""
+    output, errors = process.communicate(timeout=60.0)
+    return process.returncode, output, errors
+
+
+def test_the_call_command_asks_a_running_planner(graph):
+    here = ['--namespace', SPACE, '--start', '39', '18']
+    preview = command('--namespace', SPACE, '--interpret', 'avoid the lab', '--json')
+    unknown = command(*here, '--to', 'ballroom')
+    nobody = command('--namespace', '/nobody', '--interpret', 'x', '--timeout', '1')
+    code, output, _ = ended(preview)
+    assert code == 0
+    assert json.loads(output)['sentence'] == 'avoid the lab'
+    code, _, errors = ended(unknown)
+    assert code == 2
+    assert "there is no place 'ballroom'; there is dock, lab, press" in errors
+    code, _, errors = ended(nobody)
+    assert code == 2
+    assert 'is nobody/planner_node running?' in errors
+    assert graph.interpretation() is None
+    code, output, errors = ended(
+        command(*here, '--to', 'press', '--instruction', 'visit the dock')
+    )
+    assert code == 0, errors
+    assert 'instruction understood by grammar: visit the dock\n  satisfied      visit' in output
+    assert graph.interpretation().sentence == 'visit the dock'
 
 
 def test_places_are_published_as_markers_and_as_geojson(graph):

@@ -29,7 +29,8 @@ from llm_astar_planner.cli.planning_options import (
     read_planning_options,
 )
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.place_goal import find_place, goal_cell
+from llm_astar_planner.instructions.place_goal import goal_cell
+from llm_astar_planner.instructions.place_names import find_place
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import (

@@ -30,7 +30,8 @@ from llm_astar_planner.instructions.interpretation import (
     clean_instruction,
 )
 from llm_astar_planner.instructions.outcome import InstructionOutcome
-from llm_astar_planner.instructions.place_goal import find_place, goal_cell
+from llm_astar_planner.instructions.place_goal import goal_cell
+from llm_astar_planner.instructions.place_names import find_place
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.parameters import request_fields

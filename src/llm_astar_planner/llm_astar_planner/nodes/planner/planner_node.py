@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.service_introspection import ServiceIntrospectionState
 from std_msgs.msg import String
 
-from llm_astar_planner.instructions.place_goal import PlaceGoalError
+from llm_astar_planner.instructions.place_names import PlaceGoalError
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
