@@ -30,6 +30,7 @@ from llm_astar_planner.instructions.specification import (
     Region,
     SpecificationError,
     Tagged,
+    Unknown,
     Visit,
 )
 from llm_astar_planner.instructions.specification_json import clause_from_json
@@ -39,7 +40,8 @@ from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 MAX_ANSWER_CLAUSES = 10
 # Braces at which a JSON object is looked for in a reply with text around it.
 MAX_STARTS = 16
-MAX_UNKNOWN_CHARS = 80
+# What a model writes for a place that the list has not.
+UNKNOWN_PLACE = 'unknown'
 _RANGES = ('x_above', 'x_below', 'y_above', 'y_below')
 _SPANS = ('x_between', 'y_between')
 _ORDER_WORDS = ('before', 'after', 'until', 'sequence')
@@ -62,6 +64,8 @@ def answer_schema(reading: Reading, places: Places) -> dict[str, Any]:
     """
     definitions: dict[str, Any] = {}
     names, tags = offered_names(reading, places), offered_tags(places)
+    if reading.has_strange_words:
+        names.append(UNKNOWN_PLACE)
     if names:
         definitions['name'] = {'enum': names}
     if tags:
@@ -75,7 +79,7 @@ def answer_schema(reading: Reading, places: Places) -> dict[str, Any]:
     clauses = {
         'type': 'array',
         'maxItems': MAX_ANSWER_CLAUSES,
-        'items': {'anyOf': clause_forms(reading, definitions)},
+        'items': {'anyOf': clause_forms(reading)},
     }
     return {**_form({'clauses': clauses}), '$defs': definitions}
 
@@ -93,25 +97,20 @@ def offered_tags(places: Places) -> list[str]:
     return [tag for tag in places.tags if tag.casefold() not in names]
 
 
-def clause_forms(reading: Reading, definitions: Mapping[str, Any]) -> list[dict[str, Any]]:
+def clause_forms(reading: Reading) -> list[dict[str, Any]]:
     """Return the schemas of the kinds of clauses that the sentence may hold."""
-    text = {'text': {'type': 'string', 'maxLength': 60}}
-    forms = [_form({'do': {'const': 'unknown'}, **text})]
-    if not definitions['region']['anyOf']:
-        region = None
-    else:
-        region = _ref('region')
-        forms += [
-            _form({'do': {'const': kind}, 'where': region})
-            for kind in ('avoid', 'visit', 'stay_in', 'end_at')
-        ]
-        if reading.sides:
-            forms.append(_form({'do': {'const': 'pass'}, 'where': region, 'side': _ref('side')}))
-        if any(reading.has(f'strong.{word}') for word in _ORDER_WORDS):
-            forms.append(_form({'do': {'const': 'before'}, 'first': region, 'second': region}))
+    region = _ref('region')
+    forms = [
+        _form({'do': {'const': kind}, 'where': region})
+        for kind in ('avoid', 'visit', 'stay_in', 'end_at')
+    ]
+    if reading.sides:
+        forms.append(_form({'do': {'const': 'pass'}, 'where': region, 'side': _ref('side')}))
+    if any(reading.has(f'strong.{word}') for word in _ORDER_WORDS):
+        forms.append(_form({'do': {'const': 'before'}, 'first': region, 'second': region}))
     if reading.numbers:
-        away = [{'const': WALLS}, *([region] if region else [])]
-        fields = {'from': {'anyOf': away}, 'metres': _ref('number')}
+        away = {'anyOf': [{'const': WALLS}, region]}
+        fields = {'from': away, 'metres': _ref('number')}
         forms.append(_form({'do': {'const': 'keep_distance'}, **fields}))
     return forms
 
@@ -120,6 +119,8 @@ def region_forms(reading: Reading, definitions: Mapping[str, Any]) -> list[dict[
     """Return the schemas of the forms of a region that the sentence may hold."""
     name, number = 'name' in definitions, len(reading.numbers)
     forms = [_ref('name')] if name else []
+    if not name:
+        forms.append({'const': UNKNOWN_PLACE})
     if 'tag' in definitions:
         forms.append(_form({'all': _ref('tag')}))
     if reading.sides:
@@ -186,6 +187,8 @@ def read_answer(text: str, places: Places) -> Answer | None:
 
 def read_clause(item: object, places: Places) -> Clause | None:
     """Return a clause of an answer, None where it cannot be read or names no known place."""
+    if isinstance(item, dict) and UNKNOWN_PLACE in map(str, item.values()):
+        return Unknown(text=UNKNOWN_PLACE)
     try:
         return known_places(clause_from_json(published(item), 'clause'), places)
     except SpecificationError:
@@ -221,7 +224,7 @@ def published(item: object) -> object:
     elif kind in _WHERE:
         fields['region'] = published_region(item.get('where'))
     elif kind == 'unknown':
-        fields['text'] = str(item.get('text') or '?')[:MAX_UNKNOWN_CHARS]
+        fields['text'] = UNKNOWN_PLACE
     for name in ('first', 'second', 'from'):
         if name in fields:
             fields[name] = published_region(fields[name])

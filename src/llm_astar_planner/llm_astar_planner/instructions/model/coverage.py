@@ -59,7 +59,11 @@ def unread_parts(clauses: Sequence[Clause], used: set[int], structure: Structure
     optional = {
         n for m in structure.reading.mentions if m.tags for n in m.tokens if tokens[n].labels
     }
-    excused = reason_words(structure) | (statement_words(structure) if clauses else set())
+    excused = (
+        thing_words(used, structure)
+        | reason_words(structure)
+        | (statement_words(structure) if clauses else set())
+    )
     unread = [
         n
         for n, token in enumerate(tokens)
@@ -124,6 +128,21 @@ def reason_words(structure: Structure) -> set[int]:
 def statement_words(structure: Structure) -> set[int]:
     """Return the words of statements ('the floor is wet'): by themselves they ask nothing."""
     return {n for piece in structure.pieces if structure.states(piece) for n in piece.tokens}
+
+
+def thing_words(used: set[int], structure: Structure) -> set[int]:
+    """Return the words for things to carry, where the wish is about a place that is accounted for.
+
+    In 'collect the mail' without a place they may stand for one.
+    """
+    tokens = structure.reading.tokens
+    return {
+        n
+        for piece in structure.pieces
+        if used & set(piece.tokens)
+        for n in piece.tokens
+        if 'things' in tokens[n].labels
+    }
 
 
 def parts_of(unread: Sequence[int], structure: Structure) -> list[str]:

@@ -233,12 +233,19 @@ class Witness:
         fitting = [m for m in self.reading.mentions if side in m.sides]
         wishes = {self.structure.piece_of(m).wish for m in found.anchors}
         if near and wishes:
-            fitting = [m for m in fitting if self.structure.piece_of(m).wish in wishes]
+            fitting = [m for m in fitting if self._belongs(m, wishes)]
         mention = self._pick(fitting)
         if mention is None:
             found.problems.append(f'no {side!r} in the sentence')
             return
         found.use([mention], anchor=anchor)
+
+    def _belongs(self, mention: Mention, wishes: set[int]) -> bool:
+        """Return whether a mention is in one of some wishes, or says something of 'it'."""
+        wish = self.structure.piece_of(mention).wish
+        places = (m for m in self.reading.mentions if m.names or m.tags)
+        own = any(self.structure.piece_of(m).wish == wish for m in places)
+        return wish in wishes or (not own and 'pronoun' in self.structure.labels_of(wish))
 
     def _said_side(self, side: str, found: Evidence) -> str:
         """Return how a sentence says a side: to leave an object on the left is to pass right."""

@@ -19,6 +19,7 @@ from llm_astar_planner.instructions.model.evidence import Evidence, Witness, hol
 from llm_astar_planner.instructions.model.kinds import is_said_first
 from llm_astar_planner.instructions.model.mentions import Mention, Reading, read
 from llm_astar_planner.instructions.model.regions import regions_of
+from llm_astar_planner.instructions.model.repair import repaired
 from llm_astar_planner.instructions.model.structure import Structure
 from llm_astar_planner.instructions.sentence import clause_sentence
 from llm_astar_planner.instructions.specification import (
@@ -45,16 +46,36 @@ Weighed = list[tuple[Clause, Evidence]]
 
 
 def grounded(clauses: Sequence[Clause], text: str, places: Places) -> tuple[Specification, str]:
-    """Return the specification of a model's clauses, and what does not stand in the sentence."""
+    """Return the specification of a model's clauses, and what does not stand in the sentence.
+
+    Clauses that do not stand are repaired only where all of the sentence is then accounted for:
+    of a sentence that is read in parts, the model knows more than these checks.
+    """
     structure = Structure(read(text, places))
-    witness = Witness(structure, places)
     wanted = [usual_form(clause) for clause in clauses if not isinstance(clause, Unknown)]
-    weighed = weigh(said_orders(list(dict.fromkeys(wanted)), structure), witness)
+    asked = said_orders(list(dict.fromkeys(wanted)), structure)
+    first = checked(weigh(asked, Witness(structure, places)), structure)
+    if is_sure(first[0]):
+        return first
+    witness = Witness(structure, places)
+    second = checked(repaired_ones(weigh(asked, witness), witness), structure)
+    return second if is_sure(second[0]) else first
+
+
+def is_sure(specification: Specification) -> bool:
+    """Return whether all of a sentence is accounted for by clauses that stand in it."""
+    clauses = specification.clauses
+    return not any(clause.guessed or isinstance(clause, Unknown) for clause in clauses)
+
+
+def checked(weighed: Weighed, structure: Structure) -> tuple[Specification, str]:
+    """Return the specification of weighed clauses and what the sentence says besides."""
     kept = without_extras(weighed)
     used = {n for _, evidence in kept for n in evidence.tokens}
     unread = unread_parts([clause for clause, _ in kept], used, structure)
     kept = without_inventions(kept, len(unread))
     used = {n for _, evidence in kept if evidence.anchors for n in evidence.tokens}
+    used -= words_half_read([clause for clause, _ in kept], structure.reading)
     unread = unread_parts([clause for clause, _ in kept], used, structure)
     if not kept and not says_of_route(structure):
         unread = []
@@ -142,7 +163,34 @@ def weigh(clauses: Sequence[Clause], witness: Witness) -> Weighed:
     for n, clause in enumerate(clauses):
         if n not in found:
             found[n] = witness.evidence_of(clause)
+    for evidence in found.values():
+        evidence.problems += lengths_left(evidence, witness)
     return [(clause, found[n]) for n, clause in enumerate(clauses)]
+
+
+def repaired_ones(weighed: Weighed, witness: Witness) -> Weighed:
+    """Return the clauses; one that does not stand becomes the only variant of it that does."""
+    result: Weighed = []
+    for clause, evidence in weighed:
+        variant = repaired(clause, witness) if evidence.problems else None
+        if variant is not None:
+            witness.used |= variant[1].tokens
+        result.append(variant or (clause, evidence))
+    return result
+
+
+def lengths_left(evidence: Evidence, witness: Witness) -> list[str]:
+    """Return the lengths that the sentence says with a clause and that no clause holds."""
+    structure = witness.structure
+    wishes = {structure.piece_of(mention).wish for mention in evidence.anchors}
+    left = [
+        mention.numbers[-1]
+        for mention in witness.reading.mentions
+        if mention.has_unit
+        and structure.piece_of(mention).wish in wishes
+        and not witness.used.issuperset(mention.tokens)
+    ]
+    return [f'{metres:g} m is left over' for metres in left if not evidence.problems]
 
 
 def read_back_problems(clause: Clause, reading: Reading) -> list[str]:
@@ -181,6 +229,18 @@ def without_extras(weighed: Weighed) -> Weighed:
         if not is_extra:
             kept.append((clause, evidence))
     return kept
+
+
+def words_half_read(clauses: Sequence[Clause], reading: Reading) -> set[int]:
+    """Return the words for several places of which clauses name some and not all."""
+    regions = [region for clause in clauses for region in regions_of(clause)]
+    named = {region.place for region in regions if isinstance(region, NamedPlace)}
+    return {
+        n
+        for mention in reading.mentions
+        if mention.is_plural and 0 < len(named & set(mention.names)) < len(mention.names)
+        for n in mention.tokens
+    }
 
 
 def without_inventions(kept: Weighed, unread: int) -> Weighed:

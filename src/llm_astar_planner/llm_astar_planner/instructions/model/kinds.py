@@ -55,9 +55,12 @@ def polarity(anchors: Sequence[Mention], structure: Structure) -> Polarity:
 
 def avoid_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
     """Check that an avoided region is refused: not, avoid, never; 'do not leave' is another."""
-    if polarity(anchors, structure) is not Polarity.REFUSED:
-        return 'nothing refuses it'
+    held = polarity(anchors, structure)
     labels = labels_around(anchors, structure)
+    around = 'strong.around' in labels and held is Polarity.WANTED
+    around = around and 'strong.way' not in labels and not structure.reading.sides
+    if held is not Polarity.REFUSED and not around:
+        return 'nothing refuses it'
     if 'leave' in labels and 'shun' not in labels:
         return 'not leaving is no avoiding'
     return None
@@ -95,7 +98,7 @@ def is_long(clause: Clause, structure: Structure) -> bool:
     return any(place is not None and orientation(place) for place in found)
 
 
-def stay_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def stay_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
     """Check that there is a word for staying, or that the region is not to be left."""
     held = polarity(anchors, structure)
     labels = labels_around(anchors, structure)
@@ -103,7 +106,7 @@ def stay_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) ->
         return None if 'leave' in labels and 'shun' not in labels else 'it is refused'
     if held is Polarity.UNCLEAR:
         return 'it is refused, or may be'
-    if 'strong.stay_in' in labels:
+    if 'strong.stay_in' in labels or ('strong.take' in labels and is_long(clause, structure)):
         return None
     return 'nothing says to stay there'
 

@@ -85,13 +85,13 @@ class NameFinder:
         whole = self._whole_name(index)
         if whole is not None and not whole.tags:
             return whole
-        described = self._noun(index)
-        if described is not None and (whole is None or len(described.tokens) > 1):
-            return described
         has_next = whole is not None and index + 1 < len(self._tokens)
         following = self._noun(index + 1) if has_next else None
         if following is not None and index in following.tokens:
             return following
+        described = self._noun(index)
+        if described is not None and (whole is None or len(described.tokens) > 1):
+            return described
         return whole
 
     def _whole_name(self, index: int) -> Match | None:

@@ -36,14 +36,13 @@ Clauses:
 {"do": "keep_distance", "from": W or "walls", "metres": N} only with a number of metres
 {"do": "before", "first": W, "second": W} must not enter second until it was in first
 {"do": "end_at", "where": W} the route ends there
-{"do": "unknown", "text": T} asks for a place that is not in the list, or for anything else
-W is the name of a place in the list, or {"all": TAG}, {"point": [x, y], "radius": N} (0 if none \
-is given), {"half": S} of the map, {"half": S, "of": NAME}, {"between": [NAME, NAME]}, \
+W is the name of a place in the list, "unknown" for one that is not in it, or {"all": TAG}, \
+{"point": [x, y], "radius": N} (0 if none is given), {"half": S} of the map, {"half": S, "of": NAME}, {"between": [NAME, NAME]}, \
 {"along": NAME or "walls", "width": N}, {"x_above": N}, {"x_below": N}, {"y_above": N}, \
 {"y_below": N}, {"x_between": [N, N]}, {"y_between": [N, N]}, {"box": [x0, y0, x1, y1]}.
 S is north, south, east, west, left or right; north is up, y grows to the north, x to the east.
-Write each thing once. Invent no numbers and no places. Without a wish for the route: \
-{"clauses": []}."""
+Leave out what is no wish for the route, such as reasons. Write each thing once. Without any \
+wish for the route: {"clauses": []}."""
 
 
 class ExamplesError(LlmAstarError, ValueError):

@@ -152,7 +152,24 @@ class Structure:
             if self._refuses_behind(piece) and piece.boundary in (COMMA, AND, OR):
                 # 'betritt das Labor und den Flur nicht': it may be of both.
                 self.pieces[n - 1].polarity = Polarity.UNCLEAR
+        self._follow_pronouns()
         self._leave_conditions_open()
+
+    def _follow_pronouns(self) -> None:
+        """Join a statement with the wish behind it: 'the lab is in use, so keep out of it'."""
+        for n, piece in enumerate(self.pieces):
+            if not (self.states(piece) and self._places_in(piece)) or 'shun' in piece.labels:
+                continue
+            wish = next((other for other in self.pieces[n + 1 :] if other.governs), None)
+            if not wish or 'pronoun' not in wish.labels or self._places_in(wish):
+                continue
+            if wish.polarity is Polarity.REFUSED or 'strong.around' in wish.labels:
+                piece.wish, piece.polarity = wish.wish, Polarity.REFUSED
+
+    def _places_in(self, piece: Piece) -> bool:
+        """Return whether a piece mentions a place."""
+        named = (m for m in self.reading.mentions if m.names or m.tags)
+        return any(m.first in piece.tokens for m in named)
 
     def _refuses_behind(self, piece: Piece) -> bool:
         """Return whether a piece without a verb ends with a refusal, after what it mentions."""
@@ -214,8 +231,13 @@ class Structure:
                 return None
             own = self._own_polarity(piece)
             if own is not None:
-                return own if own is not Polarity.WANTED else None
+                return None if own is Polarity.WANTED or self._refuses_next(piece) else own
         return None
+
+    def _refuses_next(self, piece: Piece) -> bool:
+        """Return whether the refusal of a piece is of what it mentions behind it."""
+        refusals = [n for n in piece.tokens if self._refuses(n)]
+        return bool(refusals) and any(n > refusals[0] for n in self._mentioned & set(piece.tokens))
 
     def _after_turn(self, piece: Piece, last: Polarity) -> Polarity | None:
         """Return the polarity after 'but' without a verb: 'not the lab but the hall'."""

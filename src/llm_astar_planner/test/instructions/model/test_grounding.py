@@ -1,17 +1,22 @@
+import json
+
 import pytest
 from instruction_places import HOSPITAL
 from llm_astar_planner.instructions.interpretation import Understanding, status_of
 from llm_astar_planner.instructions.model.answer import read_answer
 from llm_astar_planner.instructions.model.grounding import grounded
 from llm_astar_planner.instructions.sentence import clause_sentence
-from llm_astar_planner.instructions.specification import Unknown
 
 
 def ground(text, *clauses):
-    answer = read_answer(str({'clauses': list(clauses)}).replace("'", '"'), HOSPITAL)
+    answer = read_answer(json.dumps({'clauses': clauses}), HOSPITAL)
     assert answer is not None
     assert not answer.unreadable
     return grounded(answer.clauses, text, HOSPITAL)[0]
+
+
+def clauses_of(answer):
+    return set(read_answer(json.dumps({'clauses': answer}), HOSPITAL).clauses)
 
 
 def shown(specification):
@@ -70,6 +75,10 @@ STANDING = [
      ['stay in the main corridor']),
     ("whatever happens, don't forget to visit the kitchen", [visit('kitchen')],
      ['visit the kitchen']),
+    ('keep 2 m away from the lift and pass it on the north',
+     [{'do': 'keep_distance', 'from': 'lift', 'metres': 2},
+      {'do': 'pass', 'where': 'lift', 'side': 'north'}],
+     ['keep 2 m away from the lift', 'pass the lift on the north side']),
     ('leave the lift on your left', [{'do': 'pass', 'where': 'lift', 'side': 'right'}],
      ['pass the lift on the right of the direct way']),
     ('do not go to the lobby before the kitchen', [before('kitchen', 'lobby')],
@@ -137,10 +146,41 @@ WRONG = [
 
 @pytest.mark.parametrize(('text', 'answer'), WRONG, ids=[row[0] for row in WRONG])
 def test_a_clause_that_the_sentence_does_not_say_is_never_claimed(text, answer):
+    wrong = clauses_of(answer)
     specification = ground(text, *answer)
+    claimed = {clause for clause in specification.enforceable if not clause.guessed}
+    assert not claimed & wrong
+    assert specification.clauses
+
+
+REPAIRED = [
+    ('do not go through the kitchen', [visit('kitchen')], ['avoid the kitchen']),
+    ('go to the kitchen', [{'do': 'stay_in', 'where': 'kitchen'}], ['visit the kitchen']),
+    ('stay in the kitchen', [visit('kitchen')], ['stay in the kitchen']),
+    ('end in the kitchen', [visit('kitchen')], ['end in the kitchen']),
+    ('visit ward 1', [visit('ward 2')], ['visit the ward 1']),
+    ('avoid the kitchen and visit the lobby', [avoid('kitchen'), avoid('ward 1')],
+     ['avoid the kitchen', 'visit the lobby']),
+    ('leave the lift on your left', [{'do': 'pass', 'where': 'lift', 'side': 'left'}],
+     ['pass the lift on the right of the direct way']),
+    ('keep 2 m away from the lift', [avoid('lift')], ['keep 2 m away from the lift']),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(('text', 'answer', 'wanted'), REPAIRED, ids=[row[0] for row in REPAIRED])
+def test_the_only_variant_of_a_clause_that_stands_takes_its_place(text, answer, wanted):
+    assert shown(ground(text, *answer)) == wanted
+
+
+def test_a_place_is_not_taken_for_another_where_two_are_left():
+    specification = ground('visit ward 1 and avoid the lobby', visit('kitchen'))
     assert all(clause.guessed for clause in specification.enforceable)
-    guessed = bool(specification.enforceable)
-    assert guessed or any(isinstance(clause, Unknown) for clause in specification.clauses)
+    assert status_of(specification) in (Understanding.PARTLY, Understanding.NONE)
+
+
+def test_one_of_several_places_is_not_all_of_them():
+    specification = ground('avoid both wards', avoid('ward 1'))
+    assert status_of(specification) is Understanding.PARTLY
 
 
 def test_a_clause_without_words_of_its_own_is_dropped():
@@ -157,7 +197,7 @@ def test_what_no_clause_accounts_for_is_reported():
 
 
 def test_a_number_that_no_clause_holds_is_reported():
-    specification = ground('keep 2 m away from the kitchen', avoid('kitchen'))
+    specification = ground('keep 2 or 3 m away from the kitchen', avoid('kitchen'))
     assert status_of(specification) is Understanding.PARTLY
 
 
