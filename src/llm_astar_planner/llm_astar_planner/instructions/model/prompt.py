@@ -38,8 +38,9 @@ Clauses:
 {"do": "end_at", "where": W} the route ends there
 W is the name of a place in the list, "unknown" for one that is not in it, or {"all": TAG}, \
 {"point": [x, y], "radius": N} (0 if none is given), {"half": S} of the map, \
-{"half": S, "of": NAME}, {"between": [NAME, NAME]}, {"along": NAME or "walls", "width": N}, {"x_above": N}, \
-{"x_below": N}, {"y_above": N}, {"y_below": N}, {"x_between": [N, N]}, {"y_between": [N, N]}, \
+{"half": S, "of": NAME}, {"between": [NAME, NAME]}, \
+{"along": NAME or "walls", "width": N}, {"x_above": N}, {"x_below": N}, \
+{"y_above": N}, {"y_below": N}, {"x_between": [N, N]}, {"y_between": [N, N]}, \
 {"box": [x0, y0, x1, y1]}.
 S is north, south, east, west, left or right; north is up, y grows to the north, x to the east.
 Leave out what is no wish for the route, such as reasons. Write each thing once. Without any \
