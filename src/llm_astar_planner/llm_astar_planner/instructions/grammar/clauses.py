@@ -13,10 +13,11 @@ from llm_astar_planner.instructions.grammar.pieces import (
     ANYORDER,
     BUT,
     COLON,
-    CONDITION,
+    GOVERNING,
     HARD,
     INORDER,
     NEG,
+    REGION_ENDS,
     THEN,
     Piece,
     Splitter,
@@ -33,6 +34,7 @@ from llm_astar_planner.instructions.specification import (
     MAX_NAME_CHARS,
     MAX_VISITS,
     SHOULD,
+    Before,
     Clause,
     EndAt,
     Specification,
@@ -77,7 +79,7 @@ class Assembler:
     def take(self, segment: Sequence[Piece]) -> None:
         """Take the pieces between two full stops; a condition makes all of them unclear."""
         is_broken = any(
-            piece.is_broken or piece.kinds & {CONDITION} or piece.kinds == {NEG}
+            piece.is_broken or (piece.kinds & GOVERNING and not piece.kinds & REGION_ENDS)
             for piece in segment
         )
         self.previous, self.is_wish_open = None, False
@@ -106,10 +108,10 @@ class Assembler:
 
     def is_irrelevant(self, piece: Piece) -> bool:
         """Whether all words of a piece are of phrases that say nothing about the route."""
-        words = [one for one in self.words if piece.start <= one.start < piece.end]
-        vocabulary = self.lexer.vocabulary
-        at, found = 0, False
-        while at < len(words):
+        words, vocabulary = self.words, self.lexer.vocabulary
+        at = sum(word.start < piece.start for word in words)
+        found = False
+        while at < len(words) and words[at].start < piece.end:
             count, _ = vocabulary.irrelevant.longest(words, at)
             found = found or count > 0
             if not count:
@@ -123,6 +125,8 @@ class Assembler:
     def read(self, piece: Piece) -> tuple[Clause, ...]:
         """Return the clauses of a piece, none where it was not read wholly."""
         if piece.link == COLON and self.is_last_unknown:
+            return ()
+        if piece.is_paced and NEG in piece.kinds:
             return ()
         try:
             clauses = self.in_flow(piece, parse_clause(piece.lexemes))
@@ -149,7 +153,11 @@ class Assembler:
             isinstance(self.previous, Visit) and piece.link in (BUT, COMMA, AND)
         ):
             raise Unclear('a place without a verb')
-        is_visit = all(isinstance(clause, Visit) for clause in clauses)
+        is_visit = all(isinstance(clause, (Visit, Before)) for clause in clauses)
+        if piece.is_later and not (is_visit and len(clauses) == 1):
+            raise Unclear('which of them afterwards')
+        if piece.is_first and isinstance(self.previous, Visit):
+            raise Unclear('first, after another visit')
         is_end = piece.link == THEN and all(isinstance(clause, EndAt) for clause in clauses)
         if (in_turn or piece.order) and not (is_visit or is_end):
             raise Unclear('only visits have an order')

@@ -59,7 +59,7 @@ def joined(lexemes: Sequence[Lexeme], kind: str, value: object) -> Lexeme:
 def kinds_match(lexemes: Sequence[Lexeme], at: int, pattern: str) -> bool:
     """Whether the kinds from `at` on are those of a pattern, 'NUMBER COMMA|AND'."""
     wanted = pattern.split()
-    if at + len(wanted) > len(lexemes):
+    if at < 0 or at + len(wanted) > len(lexemes):
         return False
     return all(lexemes[at + n].kind in choice.split('|') for n, choice in enumerate(wanted))
 

@@ -121,6 +121,8 @@ def add_tag(tag: str, tags: Phrases[str], groups: Phrases[str]) -> None:
     words = phrase_words(tag)
     for places in ('places', 'place'):
         groups.add((*words, places), tag)
+    if tag.casefold() in (AREA, PLACE):
+        return
     colour = nouns().colours.get(words[0]) if len(words) == 1 else None
     for word, other in nouns().colours.items() if colour else ():
         if other == colour:

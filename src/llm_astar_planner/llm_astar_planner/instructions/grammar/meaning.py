@@ -127,6 +127,11 @@ def strip_along(thing: Selection, metres: float) -> Along:
     return Along(WALLS if thing.is_walls else thing.place.name, positive(metres))
 
 
+def all_objects(thing: Selection) -> bool:
+    """Whether a selection is of objects."""
+    return bool(thing.places) and all(place.is_object for place in thing.places)
+
+
 def single(things: Things) -> Selection:
     """Return the only thing. Raises Unclear where there are several."""
     if len(things) != 1:
@@ -334,6 +339,12 @@ class Meaning(Callbacks):  # type: ignore[misc]
             raise Unclear('the side of the places or of the way')
         return Reading((Pass(region=thing.one, side=side),))
 
+    def go_past(self, things: Things) -> Reading:
+        """'drive past A' is to come near it, if it is an object or a point."""
+        if not all(thing.is_point or all_objects(thing) for thing in things):
+            raise Unclear('past it or through it')
+        return visits(things)
+
     def pass_by_at(self, how: str, things: Things, *tokens: Token) -> Reading:
         """'pass by A on the north side'."""
         if how != 'PASSBY':
@@ -418,6 +429,10 @@ class Meaning(Callbacks):  # type: ignore[misc]
         if not thing.is_point:
             raise Unclear('a strip around a place is said as avoid it by')
         return Selection((with_radius(thing, positive(value(metres))),))
+
+    def disc(self, thing: Selection) -> Selection:
+        """'the area around 20, 12': a disc of the default radius."""
+        return self.surroundings(thing)
 
     def surroundings(self, thing: Selection) -> Selection:
         """'the surroundings of 20, 12': a disc of the default radius."""

@@ -27,6 +27,10 @@ VERBS = word_set(
     'AVOID AROUND_VERB SKIP MISS VISIT PASSBY MOVE STAY USE CLOSE END PASS LEAVE '
     'WITHIN CLOSER APPROACH ALONG'
 )
+# Words that are left out where nothing is negated: 'slowly', 'you have to'.
+AFFIRMATIVE = frozenset({'SPEED', 'NEED'})
+# Verbs of which a comma does not part the infinitive: 'vergiss nicht, A zu besuchen'.
+GOVERNING = frozenset({NEG, 'AVOID', 'SKIP', 'MISS'})
 PREPOSITIONS = word_set('THROUGH TO FROM IN UPON BY')
 # A verb after one of these belongs to it: 'before you enter A'.
 ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER'})
@@ -43,6 +47,8 @@ class Piece:
     - `start`, `end`: where its words stand in the text, separators included.
     - `is_first`: it begins with 'first'. `is_wish`: it has an 'if possible'; `wish_leads`: at the
       beginning. `order`: it ends with 'in any order' or 'in this order'.
+    - `is_paced`: it holds words that change their meaning beside a negation.
+    - `is_later`: it ends with 'afterwards'.
     - `is_broken`: it holds a condition or words that make it no instruction.
     """
 
@@ -55,6 +61,8 @@ class Piece:
     wish_leads: bool = False
     order: str = ''
     is_broken: bool = False
+    is_paced: bool = False
+    is_later: bool = False
 
     @property
     def kinds(self) -> set[str]:
@@ -103,16 +111,23 @@ class Splitter:
         for at, lexeme in enumerate(self.lexemes):
             if self.skipped:
                 self.skipped -= 1
-            elif lexeme.kind in SEPARATORS:
+            elif lexeme.kind in SEPARATORS or self.takes_back(at, lexeme):
                 self.separate(at, lexeme)
             elif lexeme.kind == OR:
                 self.choose(at, lexeme)
             else:
                 self.add(at, lexeme)
+        if self.piece.link == THEN and not self.piece.lexemes and len(self.pieces) > 1:
+            self.pieces[-2].is_later = True
         filled = [piece for piece in self.pieces if piece.lexemes or piece.is_broken]
         for piece in filled:
             piece.lexemes = in_reading_order(piece.lexemes)
         return filled
+
+    def takes_back(self, at: int, lexeme: Lexeme) -> bool:
+        """Whether it is the 'no' of 'avoid A, no, B'."""
+        after = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
+        return lexeme.other == CONDITION and after in (COMMA, HARD)
 
     @property
     def piece(self) -> Piece:
@@ -143,33 +158,33 @@ class Splitter:
 
     def separate(self, at: int, lexeme: Lexeme) -> None:
         """Take a separator: go on with a list, leave it out, or begin a new piece."""
-        kind = lexeme.kind
+        kind = CONDITION if lexeme.other == CONDITION else lexeme.kind
         if kind == CONDITION:
             self.begin(kind)
             self.piece.link = CONDITION
             self.piece.is_broken = True
             self.piece.start, self.piece.end = lexeme.start, lexeme.end
-            return
-        if kind not in (AND, COMMA):
+        elif kind not in (AND, COMMA) or not self.is_left_out(at, kind):
             self.begin(kind)
-            return
-        following = self.kind_after(at)
-        if following in TRAILERS and kind == COMMA and self.piece.lexemes:
-            return
-        if following in (THEN, BUT, '') or self.leads_an_order(kind):
-            return
-        if self.goes_on(at, following):
-            return
-        if following == SHOULD_WORD and kind == COMMA and not self.ends_before(at):
-            return
-        self.begin(kind)
 
-    def leads_an_order(self, kind: str) -> bool:
+    def is_left_out(self, at: int, kind: str) -> bool:
+        """Whether a comma or 'and' ends no piece; one within a list is added to it."""
+        following = self.kind_after(at)
+        if following in (THEN, BUT, ''):
+            return True
+        if kind == COMMA:
+            kinds = self.piece.kinds
+            is_governing = bool(kinds) and kinds <= GOVERNING
+            if is_governing or (kinds and following in TRAILERS) or self.leads_an_order():
+                return True
+        if self.goes_on(at, following):
+            return True
+        return following == SHOULD_WORD and kind == COMMA and not self.ends_before(at)
+
+    def leads_an_order(self) -> bool:
         """Whether the comma in 'before A, visit B' is at hand: it ends nothing."""
         piece = self.piece
-        if kind != COMMA or not piece.lexemes or piece.lexemes[0].kind not in ORDER_WORDS:
-            return False
-        return piece.is_complete
+        return piece.is_complete and piece.lexemes[0].kind in ORDER_WORDS
 
     def goes_on(self, at: int, following: str) -> bool:
         """Whether a comma or 'and' goes on with a list; then its lexeme is added."""
@@ -233,10 +248,14 @@ class Splitter:
         if lexeme.kind == SHOULD_WORD:
             piece.wish_leads = piece.wish_leads or not piece.lexemes
             piece.is_wish = True
+        elif lexeme.kind in AFFIRMATIVE or (lexeme.kind == 'DEGREE' and piece.last != NEG):
+            piece.is_paced = piece.is_paced or lexeme.kind in AFFIRMATIVE
         elif lexeme.kind == FIRST:
-            piece.is_first = piece.is_first or not piece.lexemes
+            piece.is_first = True
         elif lexeme.kind in (ANYORDER, INORDER):
             piece.order = lexeme.kind
+        elif lexeme.other == 'WITHOUT' and NEG in piece.kinds:
+            self.extend(replace(lexeme, kind='UNTIL'))
         elif self.begins_clause(at, lexeme):
             self.begin('')
             self.extend(lexeme)
@@ -254,9 +273,12 @@ class Splitter:
             return False
         following = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
         if lexeme.kind == NEG:
+            if NEG in piece.kinds:
+                return False
             at_end = not following or following in SEPARATORS
             return not at_end and not (piece.awaits_verb and following in VERBS)
-        if piece.closes_an_order and (not following or following in SEPARATORS):
+        at_end = not following or following in SEPARATORS
+        if at_end and (piece.closes_an_order or piece.kinds & VERBS <= GOVERNING):
             return False
         if lexeme.kind == 'ALONG' and piece.last == LENGTH:
             return False
@@ -275,6 +297,7 @@ def waiting(piece: Piece) -> Iterable[str]:
 
 def in_reading_order(lexemes: list[Lexeme]) -> list[Lexeme]:
     """Return a piece with its negation first and a verb at its end before what it governs."""
+    lexemes = with_only_after(lexemes)
     negations = [lexeme for lexeme in lexemes if lexeme.kind == NEG]
     rest = [lexeme for lexeme in lexemes if lexeme.kind != NEG]
     order = next((n for n, one in enumerate(rest) if n and one.kind in ORDER_WORDS), None)
@@ -284,12 +307,29 @@ def in_reading_order(lexemes: list[Lexeme]) -> list[Lexeme]:
     return with_visits(negations + verb_first(rest))
 
 
-def verb_first(lexemes: list[Lexeme]) -> list[Lexeme]:
-    """Return lexemes with a verb at their end before them: 'die Küche meiden'."""
+def with_only_after(lexemes: list[Lexeme]) -> list[Lexeme]:
+    """Return 'only enter A after B' as 'enter A only after B'."""
     kinds = [lexeme.kind for lexeme in lexemes]
-    if kinds and kinds[-1] in VERBS and not VERBS.intersection(kinds[:-1]):
-        return [lexemes[-1], *lexemes[:-1]]
-    return lexemes
+    if kinds.count('ONLY') != 1 or 'AFTER' not in kinds:
+        return lexemes
+    return [
+        replace(lexeme, kind='ONLYAFTER') if lexeme.kind == 'AFTER' else lexeme
+        for lexeme in lexemes
+        if lexeme.kind != 'ONLY'
+    ]
+
+
+def verb_first(lexemes: list[Lexeme]) -> list[Lexeme]:
+    """Return lexemes with a verb at their end before them: 'die Küche meiden'.
+
+    After another verb if that governs it: 'vergiss die Küche nicht zu besuchen'.
+    """
+    kinds = [lexeme.kind for lexeme in lexemes]
+    others = [n for n, kind in enumerate(kinds[:-1]) if kind in VERBS]
+    if not kinds or kinds[-1] not in VERBS or any(kinds[n] not in GOVERNING for n in others):
+        return lexemes
+    at = others[-1] + 1 if others else 0
+    return [*lexemes[:at], lexemes[-1], *lexemes[at:-1]]
 
 
 def with_visits(lexemes: list[Lexeme]) -> list[Lexeme]:

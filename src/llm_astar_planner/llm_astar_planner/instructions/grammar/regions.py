@@ -92,7 +92,8 @@ def select_group(group: Group, parts: Sequence[Part], where: Sequence[Part]) -> 
     tags = [str(part.value) for part in parts if part.kind == 'TAG']
     narrowing = [part for part in parts if part.kind not in ('ALL', 'ANY', 'TAG')]
     found = [place for place in group.places if all(has_tag(place, tag) for tag in tags)]
-    if group.noun == WALL and group.plural and not (tags or narrowing or where):
+    is_bare = not (tags or narrowing or where)
+    if group.noun == WALL and is_bare and (group.plural or quantity.kind or not found):
         return Selection(is_walls=True, places=group.places)
     found = narrowed(group, found, narrowing, where)
     if not found:
@@ -167,6 +168,8 @@ def half_of(side: str, is_half: bool, whole: object) -> Selection:
     `whole` is a place, 'map', 'way' or None.
     """
     if isinstance(whole, Place):
+        if side in DRAWN and not is_half:
+            raise Unclear('the left or right side as drawn or as driven')
         return Selection((Half(DRAWN.get(side, side), whole.name),), places=(whole,))
     if side in DRAWN and whole == 'map':
         side = DRAWN[side]

@@ -29,7 +29,8 @@ def is_misspelt(word: str, other: str, distance: int) -> bool:
     if word[0] != other[0] or word.startswith(other) or other.startswith(word):
         return squeezed(word) == squeezed(other)
     allowed = max((errors for length, errors in LENGTHS if len(other) >= length), default=0)
-    if distance <= allowed:
+    # Two errors at the end are another word: 'pharmacist' is no pharmacy.
+    if distance <= allowed and (distance == 1 or word[-1] == other[-1]):
         return True
     is_exchange = sorted(word) == sorted(other) and distance == 1
     return is_exchange or squeezed(word) == squeezed(other)

@@ -9,8 +9,9 @@ from functools import lru_cache
 
 # Each alternative starts with another kind of character, so that reading takes linear time.
 WORD = re.compile(r'(?<![\w.])[-\u2212]?[0-9]+(?:\.[0-9]+)?|[0-9]+(?:\.[0-9]+)?|[^\W\d_]+|\S')
-# The straight ones, the typographic ones of all languages, and accents used as such.
-QUOTES = frozenset('\'"`*_\u00ab\u00b4\u00bb\u2018\u2019\u201a\u201c\u201d\u201e')
+# The straight ones, the typographic ones of all languages, accents used as such, and
+# the signs that open a Spanish exclamation or question.
+QUOTES = frozenset('\'"`*_\u00ab\u00b4\u00bb\u2018\u2019\u201a\u201c\u201d\u201e\u00a1\u00bf')
 HYPHENS = frozenset('-\u2010\u2011')
 MINUS = '\u2212'
 
@@ -26,7 +27,7 @@ class Word:
     @property
     def is_number(self) -> bool:
         """Whether it is written in digits."""
-        return self.text[-1] in '0123456789'
+        return self.text.isascii() and self.text[-1].isdigit()
 
     @property
     def is_letters(self) -> bool:
@@ -39,7 +40,7 @@ def comparable(text: str) -> str:
     """Return a word without case and accents: 'Küche' is 'kuche', 'weiß' is 'weiss'."""
     if text[0] == MINUS:
         return f'-{text[1:]}'
-    if text.isascii():
+    if text.isascii() or not text.isalpha():
         return text.lower()
     decomposed = unicodedata.normalize('NFKD', text.casefold())
     return ''.join(letter for letter in decomposed if not unicodedata.combining(letter)) or text

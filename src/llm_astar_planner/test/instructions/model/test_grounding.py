@@ -82,7 +82,7 @@ STANDING = [
     ('leave the lift on your left', [{'do': 'pass', 'where': 'lift', 'side': 'right'}],
      ['pass the lift on the right of the direct way']),
     ('do not go to the lobby before the kitchen', [before('kitchen', 'lobby')],
-     ['visit the kitchen before the lobby']),
+     ['do not enter the lobby before the kitchen']),
     ('passe par la cuisine', [visit('kitchen')], ['visit the kitchen']),
     ('meide die Küche', [avoid('kitchen')], ['avoid the kitchen']),
     ('evita los cuartos azules', [avoid({'all': 'blue'})], ['avoid all blue places']),
