@@ -94,11 +94,12 @@ def visited_place(place: Place) -> BaseGeometry:
 def inner(polygon: BaseGeometry) -> BaseGeometry:
     """Return the part of an area that is deep enough inside to count as visited."""
     box = shapely.minimum_rotated_rectangle(polygon)
-    if box.geom_type != 'Polygon':
+    if box.geom_type != 'Polygon' or box.is_empty:
         return polygon
     corners = shapely.get_coordinates(box)
     width = min(np.hypot(*(corners[1] - corners[0])), np.hypot(*(corners[2] - corners[1])))
-    return polygon.buffer(-min(VISIT_DEPTH, width / 4))
+    deep = polygon.buffer(-min(VISIT_DEPTH, width / 4))
+    return polygon if deep.is_empty else deep
 
 
 def grown(geometry: BaseGeometry, distance: float) -> BaseGeometry:
@@ -191,9 +192,11 @@ def side_direction(side: str, route: Route) -> tuple[float, float]:
 def ray(region: Region, side: str, route: Route, *, opposite: bool = False) -> BaseGeometry:
     """Return the line from a region's centre to the edge of the map on a side, or the other one.
 
-    Raises RegionError as `region_polygon`.
+    Raises RegionError as `region_polygon`, and for an empty region.
     """
     centre = region_polygon(region, route, VISIT_RADIUS).centroid
+    if centre.is_empty:
+        raise RegionError('the region has no area on this map')
     x, y = side_direction(side, route)
     sign = -1.0 if opposite else 1.0
     x0, y0, x1, y1 = map_polygon(route).union(centre).bounds

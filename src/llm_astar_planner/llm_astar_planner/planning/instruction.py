@@ -195,6 +195,7 @@ def plan_with_instruction(
     if problem is not None and plan.code is ResultCode.NONE:
         withheld = PlanningFailure(ResultCode.NO_VALID_PATH, problem)
         plan = planner.build_plan(request, endpoints, [], failure=withheld)
+        outcome = replace(outcome, note='of a path that was withheld')
     return with_outcome(plan, outcome)
 
 
