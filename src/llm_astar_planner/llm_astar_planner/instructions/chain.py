@@ -23,6 +23,7 @@ from llm_astar_planner.instructions.interpretation import (
     not_understood,
 )
 from llm_astar_planner.instructions.model.interpreter import ModelInterpreter
+from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_examples
 from llm_astar_planner.instructions.model.replay import ReplayInterpreter
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
@@ -173,7 +174,7 @@ def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
 
     `source` endpoint: the grammar, then the model; replay: the grammar, then the recorded replies
     of `transcript`; others: the grammar alone. Values that are no settings of a source are
-    ignored. Raises SettingsError, or TranscriptError for a file.
+    ignored. Raises SettingsError, or TranscriptError or ExamplesError for a file.
     """
     settings = SourceSettings(**{name: values[name] for name in SOURCE if name in values})
     settings.check()
@@ -191,4 +192,5 @@ def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
     # Models keep to the form best when held to the schema; what refuses it falls back.
     asked = replace(settings, response_format='json_schema', max_output_tokens=tokens)
     recorder = InstructionRecorder(settings.record) if settings.record else None
-    return ModelInterpreter(make_client(asked), recorder=recorder)
+    examples = load_examples(settings.instruction_examples or EXAMPLES_FILE)
+    return ModelInterpreter(make_client(asked), examples=examples, recorder=recorder)

@@ -44,6 +44,11 @@ class SourceSettings:
         'Prompt template: `few_shot`, `cot`, `repe` or the path of a file; empty: `few_shot` for '
         '`endpoint`, any for `replay`',
     )
+    instruction_examples: str = parameter(
+        '',
+        'File of worked examples by which a model learns how to read instructions; empty: the '
+        'shipped ones (`instructions/model/examples.json`)',
+    )
     response_format: str = parameter(
         'text', 'Response format to ask the endpoint for', choices=tuple(RESPONSE_FORMATS)
     )

@@ -19,6 +19,7 @@ from llm_astar_planner.instructions.interpretation import (
     Interpretation,
     Understanding,
 )
+from llm_astar_planner.instructions.model.prompt import ExamplesError
 from llm_astar_planner.instructions.specification import (
     Avoid,
     NamedPlace,
@@ -279,6 +280,8 @@ def test_the_settings_of_a_source_make_the_chain(chat_server, tmp_path):
     assert LOBBY.regions == live.specification.clauses[0].regions
     replay = make_interpreter({'source': 'replay', 'transcript': str(record)})
     assert replay.interpret(text, HOSPITAL, 1.0).specification == live.specification
+    with pytest.raises(ExamplesError, match='nowhere'):
+        make_interpreter({**values, 'instruction_examples': 'nowhere.json'})
     with pytest.raises(SettingsError, match='base_url'):
         make_interpreter({'source': 'endpoint', 'base_url': 'ftp://x'})
 
