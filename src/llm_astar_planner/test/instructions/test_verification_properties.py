@@ -27,7 +27,7 @@ from llm_astar_planner.instructions.specification import (
     Visit,
 )
 from llm_astar_planner.instructions.verification import verify
-from path_samples import STEP, box_depth, dense, disc_depth, triangle_depth
+from path_samples import STEP, box_depth, dense, disc_depth, length_where, triangle_depth
 from verified_maps import SATISFIED, VIOLATED, field, outcome, outcomes, route, turned
 
 SIZE = 20.0
@@ -215,6 +215,26 @@ def test_the_distance_to_the_walls_agrees_with_every_centimetre(points, cells, m
         assert found.measured == pytest.approx(metres - max(0.0, away.min()), abs=0.01)
 
 
+@given(PATHS, st.lists(st.tuples(st.integers(0, 39), st.integers(0, 39)), min_size=1, max_size=9),
+       st.sampled_from([0.25, 0.5, 1.0, 3.0]), st.sampled_from([0.0, 0.7, -2.0]))  # fmt: skip
+@settings(max_examples=100, deadline=None)
+def test_the_length_near_the_walls_agrees_with_every_centimetre(points, cells, width, yaw):
+    origin = Pose2D(3.0, -5.0, yaw)
+    walls = [(x / 2, y / 2, x / 2 + 0.5, y / 2 + 0.5) for x, y in cells]
+    costmap = field(walls=walls, origin=origin)
+    strip = Along('walls', width)
+    moved = turned(points, yaw, origin[:2])
+    outside, inside = outcomes(moved, StayIn(region=strip), Avoid(region=strip), costmap=costmap)
+    xy, at = dense(points)
+    deep = width + np.max([box_depth(xy, *wall) for wall in walls], axis=0)
+    if length_where(-deep, at) > 0.05:
+        assert outside.measured == pytest.approx(length_where(-deep, at), abs=0.1, rel=0.01)
+    if length_where(deep, at) > 0.05:
+        assert inside.measured == pytest.approx(length_where(deep, at), abs=0.1, rel=0.01)
+    assert inside.status is not SATISFIED or deep.max() <= EDGE
+    assert outside.status is not SATISFIED or deep.min() >= -EDGE
+
+
 @given(PATHS, st.tuples(QUARTERS, QUARTERS), st.sampled_from(['north', 'south', 'east', 'west']))
 @settings(max_examples=150, deadline=None)
 def test_pass_agrees_with_every_centimetre(points, corner, side):
@@ -234,7 +254,8 @@ def test_pass_agrees_with_every_centimetre(points, corner, side):
         assert (places_of > -0.05).any()
         assert not (places_of < -0.05).any()
     elif box_depth(xy, *box).max() <= 0.0 and len(places_of):
-        assert places_of.min() < 0.05
+        touches_other_ray = (~clear & (along < 0.0)).any()
+        assert places_of.min() < 0.05 or touches_other_ray
 
 
 @given(PATHS, regions(), st.sampled_from([0.3, 1.5707963267948966, -2.5]))

@@ -6,11 +6,15 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
+
+if TYPE_CHECKING:
+    from llm_astar_planner.instructions.verification.polyline import Polyline
 
 # Metres. A path that lies no deeper in an area than this runs along its edge.
 EDGE = 1e-6
@@ -24,19 +28,20 @@ class Area:
     """A polygon together with discs, as one closed set; metres, map frame.
 
     `discs` is float64 [n, 3]: x, y, radius. They stay exact, so that a path that touches a circle
-    is told from one that crosses it. If `wall_distance` is above 0, the area is all that is so
-    near to a wall, and `polygon` is right near the path alone.
+    is told from one that crosses it.
     """
 
     polygon: BaseGeometry
     discs: NDArray[np.float64]
-    wall_distance: float = 0.0
+
+    @property
+    def wall_distance(self) -> float:
+        """How near to a wall everything in it is, 0 if it is not about walls."""
+        return 0.0
 
     @property
     def has_size(self) -> bool:
         """Whether a path can lie in it: its area is not 0."""
-        if self.wall_distance > 0.0:
-            return True
         return bool(self.polygon.area > 0.0 or (self.discs[:, 2] > 0.0).any())
 
     @cached_property
@@ -64,7 +69,7 @@ class Area:
         corners = np.unique(shapely.get_coordinates(self.polygon), axis=0)
         arcs = np.column_stack((corners, np.full(len(corners), by)))
         polygon = shapely.buffer(self.polygon, by, join_style='bevel', cap_style='flat')
-        return Area(polygon, np.concatenate((discs, arcs)), self.wall_distance)
+        return Area(polygon, np.concatenate((discs, arcs)))
 
     def shrunk(self, by: float) -> Area:
         """Return all points of it that are at least `by` metres, at least 0, from its edge.
@@ -73,7 +78,12 @@ class Area:
         """
         discs = self.discs - (0.0, 0.0, by)
         polygon = shapely.buffer(self.polygon, -by, join_style='mitre')
-        return Area(polygon, discs[discs[:, 2] > 0.0], self.wall_distance)
+        return Area(polygon, discs[discs[:, 2] > 0.0])
+
+    def spans_of(self, path: Polyline) -> NDArray[np.float64]:
+        """Return where a path lies in it, its edge included; spans as in Polyline."""
+        spans = [path.spans_in_polygon(self.polygon), path.spans_in_discs(self.discs)]
+        return np.concatenate(spans)
 
     def contains_inside(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points [n, 2] lie in it and not on its edge."""
@@ -112,9 +122,9 @@ class Area:
         return float(x), float(y)
 
 
-def polygon_area(shape: BaseGeometry, wall_distance: float = 0.0) -> Area:
+def polygon_area(shape: BaseGeometry) -> Area:
     """Return the polygons of a shape as an area; repairs invalid ones."""
-    return Area(polygons_of(shape), np.empty((0, 3)), wall_distance)
+    return Area(polygons_of(shape), np.empty((0, 3)))
 
 
 def disc_area(x: float, y: float, radius: float) -> Area:

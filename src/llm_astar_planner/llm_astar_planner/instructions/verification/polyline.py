@@ -72,11 +72,10 @@ class Polyline:
 
     def spans_in(self, area: Area) -> Spans:
         """Return where the path lies in an area, its edge included."""
-        spans = [self._spans_in_polygon(area.polygon), self._spans_in_discs(area.discs)]
-        return joined(np.concatenate(spans))
+        return joined(area.spans_of(self))
 
-    def _spans_in_polygon(self, polygon: BaseGeometry) -> Spans:
-        """Cut every segment with a polygon; what is cut off lies straight on the segment."""
+    def spans_in_polygon(self, polygon: BaseGeometry) -> Spans:
+        """Return where each segment lies in a polygon: what a cut leaves is straight on it."""
         if polygon.is_empty:
             return np.empty((0, 2))
         shapely.prepare(polygon)
@@ -93,8 +92,8 @@ class Polyline:
             (np.minimum.reduceat(places, firsts), np.maximum.reduceat(places, firsts))
         )
 
-    def _spans_in_discs(self, discs: NDArray[np.float64]) -> Spans:
-        """Solve the quadratic of each segment and disc."""
+    def spans_in_discs(self, discs: NDArray[np.float64]) -> Spans:
+        """Return where each segment lies in each disc, float64 [n, 3], by its quadratic."""
         if not len(discs):
             return np.empty((0, 2))
         begins = self.corners[: max(1, len(self.corners) - 1), None]

@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.specification import VISIT_DEPTH
-from llm_astar_planner.instructions.verification.area import Area, polygon_area
-from llm_astar_planner.instructions.verification.polyline import Polyline
+from llm_astar_planner.instructions.verification.area import EDGE, NOTHING, Area
+from llm_astar_planner.instructions.verification.polyline import Polyline, polyline
 
 # Cells. A path is looked at in pieces of this length, so that few cells are near each.
 PIECE = 48.0
 # A square is at most half its diagonal nearer than its centre, and at least half its side.
 SPREAD = math.sqrt(0.5) - 0.5
+# Metres. No map is larger.
+FAR = 1e6
 
 
 class Walls:
@@ -39,40 +41,45 @@ class Walls:
         (inf, the path's first point) where no wall is within `reach` metres.
         """
         metres, point = math.inf, path.point(0.0)
-        for piece, xs, ys in self.pieces(path, reach):
+        for piece in self.pieces(path, reach):
+            away = piece.distances()
+            xs, ys = piece.squares[away <= away.min() + SPREAD + 1e-6].T
             squares = shapely.box(xs - 0.5, ys - 0.5, xs + 0.5, ys + 0.5)
-            away = shapely.distance(squares, piece)
+            away = shapely.distance(squares, piece.shape)
             least = int(np.argmin(away))
             if away[least] * self._grid_map.resolution < metres:
                 metres = float(away[least]) * self._grid_map.resolution
-                line = shapely.shortest_line(piece, squares[least])
+                line = shapely.shortest_line(piece.shape, squares[least])
                 x, y = self._grid_map.grid_to_world(shapely.get_coordinates(line)[:1])[0]
                 point = float(x), float(y)
         return (metres, point) if metres <= reach else (math.inf, path.point(0.0))
 
-    def pieces(
-        self, path: Polyline, reach: float, *, all_near: bool = False
-    ) -> Iterator[tuple[BaseGeometry, NDArray[np.intp], NDArray[np.intp]]]:
-        """Cut a path into pieces; yield each with the lethal cells (xs, ys) that may be nearest.
+    def spans(self, path: Polyline, metres: float) -> NDArray[np.float64]:
+        """Return where a path is at most `metres`, above 0, from the walls; spans as in Polyline.
 
-        In cells. With `all_near` all cells within `reach` metres, and perhaps some more, come
-        with it. Pieces without such cells are left out.
+        All that is so near to one square is convex, so a straight piece has one stretch in it,
+        from the first to the last of what lies in two boxes and four discs.
         """
+        radius = metres / self._grid_map.resolution
+        found = [np.empty((0, 2))]
+        for piece in self.pieces(path, metres):
+            near = piece.distances() <= radius + math.sqrt(0.5)
+            firsts, lasts = piece.stretches(piece.squares[near], radius)
+            hit = firsts <= lasts
+            places = np.column_stack((firsts[hit], lasts[hit])) * self._grid_map.resolution
+            found.append(piece.place + places)
+        return np.concatenate(found)
+
+    def pieces(self, path: Polyline, reach: float) -> Iterator[Piece]:
+        """Cut a path into pieces; yield those with lethal cells within `reach` metres, or so."""
         corners = self._grid_map.world_to_grid(path.corners)
         around = reach / self._grid_map.resolution + 1.0
-        for begin, end in pieces_of(corners):
+        for begin, end, place in pieces_of(corners, path.at):
             xs, ys = self._cells_between(
                 np.minimum(begin, end) - around, np.maximum(begin, end) + around
             )
-            if not len(xs):
-                continue
-            piece = shapely.linestrings([begin, end]) if (begin != end).any() else None
-            piece = shapely.Point(begin) if piece is None else piece
-            if not all_near:
-                away = distances_to_segment(xs, ys, begin, end)
-                near = away <= away.min() + SPREAD + 1e-6
-                xs, ys = xs[near], ys[near]
-            yield piece, xs, ys
+            if len(xs):
+                yield Piece(begin, end, place, np.column_stack((xs, ys)))
 
     def _cells_between(
         self, low: NDArray[np.float64], high: NDArray[np.float64]
@@ -83,15 +90,19 @@ class Walls:
         ys, xs = np.nonzero(self._grid_map.cells[y0:y1, x0:x1] >= self._threshold)
         return xs + x0, ys + y0
 
-    def zone(self, metres: float) -> Area:
-        """Return everything within `metres` of the walls; its polygon is right near the path."""
+    def outline(self, metres: float) -> BaseGeometry:
+        """Return everything within `metres` of the walls near the path as a polygon, to draw."""
         lethal = np.zeros(self._grid_map.cells.shape, dtype=np.bool_)
-        for _, xs, ys in self.pieces(self._path, metres + VISIT_DEPTH, all_near=True):
-            lethal[ys, xs] = True
+        for piece in self.pieces(self._path, metres):
+            lethal[piece.squares[:, 1], piece.squares[:, 0]] = True
         x0, y0, x1, y1 = rectangles(lethal)
         cells = shapely.union_all(shapely.box(x0 - 0.5, y0 - 0.5, x1 - 0.5, y1 - 0.5))
         placed = shapely.transform(cells, self._grid_map.grid_to_world)
-        return polygon_area(shapely.buffer(placed, metres, quad_segs=16), metres)
+        return shapely.buffer(placed, metres, quad_segs=4)
+
+    def zone(self, metres: float) -> WallZone:
+        """Return everything within `metres`, above 0, of the walls."""
+        return WallZone(NOTHING, np.empty((0, 3)), self, metres)
 
     @property
     def exist(self) -> bool:
@@ -118,32 +129,157 @@ class Walls:
         return distances
 
 
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A straight piece of a path, `begin` to `end` in cells, with lethal cells near it.
+
+    `place` is where on the path it begins, metres; `squares` are the cells (x, y), [n, 2].
+    """
+
+    begin: NDArray[np.float64]
+    end: NDArray[np.float64]
+    place: float
+    squares: NDArray[np.intp]
+
+    @property
+    def shape(self) -> BaseGeometry:
+        """The piece as a shapely line, or a point."""
+        if (self.begin == self.end).all():
+            return shapely.Point(self.begin)
+        return shapely.LineString([self.begin, self.end])
+
+    def distances(self) -> NDArray[np.float64]:
+        """Return the distances of the squares' centres, in cells: float64 [n]."""
+        off = self.squares - self.begin
+        step = self.end - self.begin
+        length = float(step @ step)
+        share = np.clip(off @ step / length, 0.0, 1.0) if length else np.zeros(len(off))
+        off = off - share[:, None] * step
+        return np.hypot(off[:, 0], off[:, 1])
+
+    def stretches(
+        self, squares: NDArray[np.intp], radius: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where the piece is at most `radius` cells from each of some squares.
+
+        As first and last place on it, in cells, float64 [n] each; last before first if nowhere.
+        """
+        length = math.dist(self.begin, self.end)
+        ahead = (self.end - self.begin) / length if length else np.zeros(2)
+        off = squares - self.begin
+        firsts, lasts = np.full(len(off), np.inf), np.full(len(off), -np.inf)
+        grown = radius + 0.5
+        parts = [in_box(off, ahead, grown, 0.5), in_box(off, ahead, 0.5, grown)]
+        corners = ((0.5, 0.5), (0.5, -0.5), (-0.5, 0.5), (-0.5, -0.5))
+        parts += [in_disc(off + corner, ahead, radius) for corner in corners]
+        for begin, end in parts:
+            first, last = np.maximum(begin, 0.0), np.minimum(end, length)
+            hit = first <= last
+            firsts[hit] = np.minimum(firsts, first)[hit]
+            lasts[hit] = np.maximum(lasts, last)[hit]
+        return firsts, lasts
+
+
+def in_box(
+    off: NDArray[np.float64], ahead: NDArray[np.float64], half_x: float, half_y: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where a line from the origin lies in boxes around the points `off` [n, 2]."""
+    firsts, lasts = np.full(len(off), -np.inf), np.full(len(off), np.inf)
+    for axis, half in enumerate((half_x, half_y)):
+        low, high = off[:, axis] - half, off[:, axis] + half
+        if ahead[axis]:
+            one, other = low / ahead[axis], high / ahead[axis]
+            firsts = np.maximum(firsts, np.minimum(one, other))
+            lasts = np.minimum(lasts, np.maximum(one, other))
+        else:
+            lasts = np.where((low <= 0.0) & (high >= 0.0), lasts, -np.inf)
+    return firsts, lasts
+
+
+def in_disc(
+    off: NDArray[np.float64], ahead: NDArray[np.float64], radius: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where a line from the origin lies in discs around the points `off` [n, 2]."""
+    along = off @ ahead
+    across = np.hypot(*(off - along[:, None] * ahead).T)
+    half = np.sqrt(np.maximum(radius**2 - across**2, 0.0))
+    lasts = along + half if ahead.any() else np.full(len(off), np.inf)
+    return along - half, np.where(across <= radius, lasts, -np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class WallZone(Area):
+    """All that is at most `metres` from the walls."""
+
+    walls: Walls
+    metres: float
+
+    @property
+    def wall_distance(self) -> float:
+        """How near to a wall everything in it is."""
+        return self.metres
+
+    @property
+    def has_size(self) -> bool:
+        """Whether a path can lie in it."""
+        return self.metres > 0.0
+
+    @cached_property
+    def outline(self) -> BaseGeometry:
+        """The part near the path as a polygon, to draw."""
+        return self.walls.outline(self.metres)
+
+    def grown(self, by: float) -> WallZone:
+        """Return all points within `by` metres more of the walls."""
+        return self.walls.zone(self.metres + by)
+
+    def shrunk(self, by: float) -> WallZone:
+        """Return all points that are `by` metres nearer to the walls."""
+        return self.walls.zone(self.metres - by)
+
+    def spans_of(self, path: Polyline) -> NDArray[np.float64]:
+        """Return where a path lies in it."""
+        return self.walls.spans(path, self.metres)
+
+    def contains_inside(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which points [n, 2] lie in it and not on its edge."""
+        return self._distances(points) < self.metres
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Tell which points [n, 2] lie in it, those within EDGE of its edge included."""
+        return self._distances(points) <= self.metres + EDGE
+
+    def _distances(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the metres from points [n, 2] to the walls, inf where that is over twice its."""
+        reach = 2.0 * self.metres + EDGE
+        xy = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        return np.array([self.walls.nearest(polyline(point), reach)[0] for point in xy])
+
+    def distance(self, shape: BaseGeometry) -> float:
+        """Return the metres from a point or a line to it."""
+        path = polyline(shapely.get_coordinates(shape))
+        return max(0.0, self.walls.nearest(path, FAR)[0] - self.metres)
+
+    def nearest_point(self, shape: BaseGeometry) -> tuple[float, float]:
+        """Return the point (x, y) of a point or a line that is nearest to it."""
+        return self.walls.nearest(polyline(shapely.get_coordinates(shape)), FAR)[1]
+
+
 def pieces_of(
-    corners: NDArray[np.float64],
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Yield the begin and end of straight pieces of a polyline [n, 2], none over PIECE long."""
+    corners: NDArray[np.float64], at: NDArray[np.float64]
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64], float]]:
+    """Yield begin, end and place of straight pieces of a polyline [n, 2], none over PIECE long.
+
+    `at` are the places of its corners.
+    """
     if len(corners) == 1:
-        yield corners[0], corners[0]
-    for begin, end in pairwise(corners):
+        yield corners[0], corners[0], 0.0
+    for (begin, end), (first, last) in zip(pairwise(corners), pairwise(at)):
         count = max(1, math.ceil(math.dist(begin, end) / PIECE))
-        cuts = begin + (end - begin) * (np.arange(count + 1) / count)[:, None]
-        yield from pairwise(cuts)
-
-
-def distances_to_segment(
-    xs: NDArray[np.intp],
-    ys: NDArray[np.intp],
-    begin: NDArray[np.float64],
-    end: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return the distances of points to a straight segment: float64 [n]."""
-    off = np.column_stack((xs, ys)) - begin
-    step = end - begin
-    length = float(step @ step)
-    share = np.clip(off @ step / length, 0.0, 1.0) if length else np.zeros(len(xs))
-    off -= share[:, None] * step
-    distances: NDArray[np.float64] = np.hypot(off[:, 0], off[:, 1])
-    return distances
+        shares = np.arange(count + 1) / count
+        cuts = begin + (end - begin) * shares[:, None]
+        for number, share in enumerate(shares[:-1]):
+            yield cuts[number], cuts[number + 1], first + share * (last - first)
 
 
 def rectangles(cells: NDArray[np.bool_]) -> NDArray[np.intp]:
