@@ -19,7 +19,7 @@ from llm_astar_planner.instructions.model.evidence import Evidence, Witness, hol
 from llm_astar_planner.instructions.model.kinds import is_said_first
 from llm_astar_planner.instructions.model.mentions import Mention, Reading, read
 from llm_astar_planner.instructions.model.regions import regions_of
-from llm_astar_planner.instructions.model.repair import repaired
+from llm_astar_planner.instructions.model.repair import repaired, turned
 from llm_astar_planner.instructions.model.structure import Structure
 from llm_astar_planner.instructions.sentence import clause_sentence
 from llm_astar_planner.instructions.specification import (
@@ -165,7 +165,7 @@ def weigh(clauses: Sequence[Clause], witness: Witness) -> Weighed:
             found[n] = witness.evidence_of(clause)
     for evidence in found.values():
         evidence.problems += lengths_left(evidence, witness)
-    return [(clause, found[n]) for n, clause in enumerate(clauses)]
+    return [(turned(clause, found[n], witness), found[n]) for n, clause in enumerate(clauses)]
 
 
 def repaired_ones(weighed: Weighed, witness: Witness) -> Weighed:

@@ -11,7 +11,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from llm_astar_planner.instructions.model.evidence import Evidence, Witness
+from llm_astar_planner.instructions.model.kinds import polarity
 from llm_astar_planner.instructions.model.regions import regions_of
+from llm_astar_planner.instructions.model.structure import Polarity
 from llm_astar_planner.instructions.specification import (
     COMPASS,
     MAX_METRES,
@@ -47,6 +49,18 @@ def repaired(clause: Clause, witness: Witness) -> tuple[Clause, Evidence] | None
         if not any(evidence.tokens < other for other in tokens)
     ]
     return fullest[0] if len(fullest) == 1 else None
+
+
+def turned(clause: Clause, evidence: Evidence, witness: Witness) -> Clause:
+    """Return what is to be avoided for a visit of what the sentence refuses.
+
+    It stays a guess; but a robot sent where it must not go is worse than one kept out.
+    """
+    if not (isinstance(clause, Visit) and evidence.problems and evidence.anchors):
+        return clause
+    if polarity(evidence.anchors, witness.structure) is not Polarity.REFUSED:
+        return clause
+    return Avoid(clause.strength, region=clause.regions[0])
 
 
 def variants(clause: Clause, witness: Witness) -> Iterator[Clause]:

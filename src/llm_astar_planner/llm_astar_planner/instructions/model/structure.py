@@ -216,6 +216,7 @@ class Structure:
             n
             for n in piece.tokens
             if 'negator' in self._labels(n)
+            and 'shun' not in self._labels(n)
             and n not in self._mentioned
             and not self._labels(n) & _NEUTRAL
         ]

@@ -178,6 +178,11 @@ def test_a_place_is_not_taken_for_another_where_two_are_left():
     assert status_of(specification) in (Understanding.PARTLY, Understanding.NONE)
 
 
+def test_a_visit_of_what_is_refused_becomes_a_guess_to_avoid_it():
+    specification = ground('on no account bother the zoltans in the kitchen', visit('kitchen'))
+    assert shown(specification)[0] == '?avoid the kitchen'
+
+
 def test_one_of_several_places_is_not_all_of_them():
     specification = ground('avoid both wards', avoid('ward 1'))
     assert status_of(specification) is Understanding.PARTLY
