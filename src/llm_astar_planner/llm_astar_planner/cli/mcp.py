@@ -1,12 +1,15 @@
 """Serve route planning to agents over MCP, the Model Context Protocol.
 
 The server speaks on standard input and output. Its tools are list_places, interpret, plan_route
-and check_path, on a map file with its places. It needs the official SDK: pip install 'mcp>=2'.
+and check_path, on a map file with its places, or on what a running planner_node plans with. It
+needs the official SDK: pip install 'mcp>=2'.
 """
 
 from __future__ import annotations
 
 import argparse
+import threading
+from typing import TYPE_CHECKING
 
 from llm_astar_planner.cli.map_files import (
     add_map_options,
@@ -15,23 +18,47 @@ from llm_astar_planner.cli.map_files import (
     open_places,
     warn_of_places,
 )
-from llm_astar_planner.cli.planning_options import add_planning_options, read_planning_options
+from llm_astar_planner.cli.planning_options import (
+    RULES,
+    PlanningOptions,
+    add_planning_options,
+    read_planning_options,
+)
 from llm_astar_planner.cli.route_tools import RouteTools
+from llm_astar_planner.planning.parameters import costmap_config
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.search.paper import compile_kernels
+from llm_astar_planner.waypoints.config import SourceSettings
+
+if TYPE_CHECKING:
+    from llm_astar_planner.nodes.tools.planner_state import PlannerState
+
+# The longest wait for an answer of the graph; a small model takes long to understand.
+GRAPH_SECONDS = 60.0
 
 EPILOG = """\
 examples:
   llm-astar mcp --map depot.yaml --places depot.places.geojson --robot-radius 0.3
   llm-astar mcp --map depot.yaml --source endpoint --base-url http://localhost:11434/v1 \\
     --model qwen2.5:7b
+  llm-astar mcp --graph --namespace /robot1
+
+With --graph the map, the places and the parameters are those of the planner at that moment, and
+the graph understands the instructions. The robot's own plans and instruction stay as they are.
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    where = parser.add_argument_group('where')
+    where = parser.add_argument_group('on a map file')
     add_map_options(where, default='demo.json')
     add_places_option(where)
+    graph = parser.add_argument_group('on a running graph')
+    graph.add_argument('--graph', action='store_true', help='use what a running planner has')
+    graph.add_argument('--namespace', default='/', help="the planner's namespace (default: /)")
+    graph.add_argument(
+        '--node', default='planner_node', help='name of the planner (default: %(default)s)'
+    )
     add_planning_options(parser)
 
 
@@ -40,12 +67,45 @@ def run(arguments: argparse.Namespace) -> int:
     # An optional dependency; the help needs to work without it.
     from llm_astar_planner.cli.mcp_server import make_server  # noqa: PLC0415
 
+    compile_kernels()
+    if not arguments.graph:
+        tools = tools_of_files(arguments)
+        make_server(lambda: tools).run('stdio')
+        return 0
+    from llm_astar_planner.nodes.tools.planner_state import planner_state  # noqa: PLC0415
+
+    with planner_state(arguments.namespace, arguments.node, GRAPH_SECONDS) as state:
+        make_server(GraphTools(state).current).run('stdio')
+    return 0
+
+
+def tools_of_files(arguments: argparse.Namespace) -> RouteTools:
+    """Return the tools on a map file with its places. Raises what reading them raises."""
     problem = open_maps(arguments)[1]
     options = read_planning_options(arguments, problem)
     places = open_places(options.values['places_file'], arguments.map)
     planner = options.make_planner(problem)
     warn_of_places(places, planner.grid_map)
-    compile_kernels()
-    tools = RouteTools(planner.prepare(), places, options.make_interpreter(), options)
-    make_server(tools).run('stdio')
-    return 0
+    return RouteTools(planner.prepare(), places, options.make_interpreter(), options)
+
+
+class GraphTools:
+    """Makes route tools on what a running planner has; they are made again when that changes."""
+
+    def __init__(self, state: PlannerState) -> None:
+        """Take the state of a planner."""
+        self._state = state
+        self._lock = threading.Lock()
+        self._planner: Planner | None = None
+
+    def current(self) -> RouteTools:
+        """Return the tools. Raises PlannerClientError where the planner does not answer."""
+        with self._lock:
+            values = self._state.values([item.name for item in RULES])
+            grid_map, config = self._state.grid_map(), costmap_config(values)
+            known = self._planner
+            if known is None or (known.grid_map.digest, known.config) != (grid_map.digest, config):
+                self._planner = known = Planner(grid_map, config).prepare()
+        settings = SourceSettings(timeout_s=GRAPH_SECONDS)
+        options = PlanningOptions(values, settings)
+        return RouteTools(known, self._state.places(), self._state, options)

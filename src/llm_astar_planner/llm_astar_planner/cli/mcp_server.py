@@ -37,8 +37,8 @@ Instruction = Annotated[
 ]
 
 
-def make_server(tools: RouteTools) -> MCPServer[Any]:
-    """Return the server with its tools."""
+def make_server(tools: Callable[[], RouteTools]) -> MCPServer[Any]:
+    """Return the server; each of its tools asks those that `tools` returns at that moment."""
     server: MCPServer[Any] = MCPServer(
         'llm-astar', version=__version__, instructions=ABOUT, log_level='WARNING'
     )
@@ -47,7 +47,7 @@ def make_server(tools: RouteTools) -> MCPServer[Any]:
     @as_tool_errors
     def list_places() -> dict[str, Any]:
         """List the named places of the map: name, kind, tags, aliases, centre, area in m2."""
-        return tools.list_places()
+        return tools().list_places()
 
     @server.tool(annotations=READ_ONLY)
     @as_tool_errors
@@ -57,7 +57,7 @@ def make_server(tools: RouteTools) -> MCPServer[Any]:
         `sentence` says it in plain words, `specification` clause by clause; what was not
         understood is a clause of kind "unknown".
         """
-        return tools.interpret(text)
+        return tools().interpret(text)
 
     @server.tool(annotations=READ_ONLY)
     @as_tool_errors
@@ -72,7 +72,7 @@ def make_server(tools: RouteTools) -> MCPServer[Any]:
         The answer has the path's points, its length in metres, and for each clause whether the
         path satisfies it. With the policy `require` there is no path unless it keeps all clauses.
         """
-        return tools.plan_route(start, goal, instruction, policy)
+        return tools().plan_route(start, goal, instruction, policy)
 
     @server.tool(annotations=READ_ONLY)
     @as_tool_errors
@@ -81,7 +81,7 @@ def make_server(tools: RouteTools) -> MCPServer[Any]:
         instruction: Instruction = '',
     ) -> dict[str, Any]:
         """Say whether a path of straight segments can be driven and keeps to an instruction."""
-        return tools.check_path(points, instruction)
+        return tools().check_path(points, instruction)
 
     return server
 

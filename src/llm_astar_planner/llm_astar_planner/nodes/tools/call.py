@@ -10,6 +10,7 @@ from typing import Any
 
 import rclpy
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.report import PlanReport
@@ -41,9 +42,9 @@ class PlannerCaller:
 
     def __init__(self, client: PlannerClient, planner: str, seconds: float) -> None:
         """Take the client of the node `planner`."""
-        self._client = client
-        self._planner = planner
-        self._seconds = seconds
+        self.client = client
+        self.planner = planner
+        self.seconds = seconds
         self._answers: dict[str, list[dict[str, Any]]] = {}
         self._places: list[dict[str, Any]] = []
         self._questions = client.node.create_publisher(String, f'{planner}/interpret', RELIABLE)
@@ -64,40 +65,43 @@ class PlannerCaller:
 
     def wait_for_planner(self) -> None:
         """Wait until the planner is there and has a map."""
-        self._client.wait_until_ready(seconds=self._seconds)
+        self.client.wait_until_ready(seconds=self.seconds)
 
     def interpret(self, text: str) -> Iterator[dict[str, Any]]:
         """Yield what the planner understands of a text: now, and again if a model is asked."""
         id_ = uuid.uuid4().hex
-        self._client.wait_for_subscriber(self._questions, self._seconds)
+        self.client.wait_for_subscriber(self._questions, self.seconds)
         answers = self._answers[id_] = []
         self._questions.publish(String(data=Question(text, id_).to_text()))
-        what = f'the interpretation by {self._planner}'
-        self._client.wait_for(lambda: len(answers) > 0, what, self._seconds)
+        what = f'the interpretation by {self.planner}'
+        self.client.wait_for(lambda: len(answers) > 0, what, self.seconds)
         yield answers[0]
         if answers[0].get('status') == Understanding.PENDING.value:
-            self._client.wait_for(lambda: len(answers) > 1, what, self._seconds)
+            self.client.wait_for(lambda: len(answers) > 1, what, self.seconds)
             yield answers[1]
 
     def set_instruction(self, text: str) -> None:
         """Set the planner's instruction."""
-        service = self._client.node.create_client(SetParameters, f'{self._planner}/set_parameters')
+        service = self.client.node.create_client(SetParameters, f'{self.planner}/set_parameters')
         value = Parameter('instruction', value=text).to_parameter_msg()
-        response = self._client.ask(
-            service, SetParameters.Request(parameters=[value]), self._seconds
+        response = self.client.ask(
+            service, SetParameters.Request(parameters=[value]), self.seconds
         )
         if not response.results[0].successful:
             raise PlannerClientError(response.results[0].reason)
 
     def place(self, name: str) -> Pose2D:
         """Return the goal of a place. Raises PlaceGoalError with the names to choose from."""
-        what = f'the places of {self._planner}'
-        self._client.wait_for(self.has_places, what, self._seconds)
-        collection = self._places[-1]
-        place = find_place(name, places_from_geojson(collection, what))
+        place, collection = find_place(name, self.places()), self._places[-1]
         if place.name not in collection['goals']:
             raise PlaceGoalError(f'no cell of {place.name!r} is free on the map')
         return Pose2D(*collection['goals'][place.name])
+
+    def places(self) -> Places:
+        """Return the planner's places."""
+        what = f'the places of {self.planner}'
+        self.client.wait_for(self.has_places, what, self.seconds)
+        return places_from_geojson(self._places[-1], what)
 
     def has_places(self) -> bool:
         """Tell whether the places have arrived, with their goals if there are any."""
@@ -106,7 +110,7 @@ class PlannerCaller:
 
     def plan(self, start: Pose2D, goal: Pose2D, frame_id: str) -> CalledPlan:
         """Ask for a plan."""
-        path, report, seconds = self._client.call(start, goal, frame_id, self._seconds)
+        path, report, seconds = self.client.call(start, goal, frame_id, self.seconds)
         return CalledPlan(path_from_message(path).tolist(), report, seconds)
 
 
