@@ -34,6 +34,8 @@ from llm_astar_planner.instructions.specification import (
     Visit,
 )
 from llm_astar_planner.instructions.verification import PathError, verify, visited_regions
+from llm_astar_planner.instructions.verification.polyline import polyline
+from llm_astar_planner.instructions.verification.walls import Walls
 from verified_maps import (
     GUESSED,
     IMPOSSIBLE,
@@ -627,3 +629,25 @@ def test_the_check_knows_nothing_of_the_enforcement():
         for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
             if isinstance(node, ast.ImportFrom) and 'planner.instructions.' in node.module:
                 assert node.module.split('.')[2] in allowed
+
+
+def test_a_point_without_a_radius_is_a_metre_to_avoid_and_half_a_metre_to_visit():
+    point = Disc(10.0, 10.0)
+
+    def status(y, clause):
+        return outcome([(1.0, y), (19.0, y)], clause).status
+
+    assert status(11.0, Avoid(region=point)) is SATISFIED
+    assert status(10.9, Avoid(region=point)) is VIOLATED
+    assert status(9.5, Visit(regions=(point,))) is SATISFIED
+    assert status(9.4, Visit(regions=(point,))) is VIOLATED
+    ended = [(1.0, 1.0), (10.0, 7.6)]
+    assert outcome(ended, EndAt(region=Disc(10.0, 10.0, 2.4))).status is SATISFIED
+    assert outcome(ended, EndAt(region=Disc(10.0, 10.0, 2.3))).status is VIOLATED
+
+
+def test_the_nearest_wall_is_not_always_that_with_the_nearest_centre():
+    costmap = field(1.0, walls=[(15.0, 10.0, 16.0, 11.0), (14.0, 13.0, 15.0, 14.0)])
+    path = polyline([(10.55, 10.5)])
+    away, _ = Walls(costmap, path).nearest(path, 10.0)
+    assert away == pytest.approx(math.hypot(3.45, 2.5))

@@ -75,7 +75,7 @@ def regions(draw):
 
 
 @given(PATHS, regions(), st.sampled_from([0.0, 0.5, 1.25]))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_avoid_agrees_with_every_centimetre(points, region, margin):
     where, places, depth = region
     if isinstance(where, Along) or (len(places) and margin and depth_is_no_distance(places)):
@@ -99,7 +99,7 @@ def depth_is_no_distance(places):
 
 
 @given(PATHS, regions())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_stay_in_agrees_with_every_centimetre(points, region):
     where, places, depth = region
     found = outcome(points, StayIn(region=where), places=places)
@@ -133,7 +133,7 @@ def visit_depth(where, places):
 
 
 @given(PATHS, regions())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_a_visit_agrees_with_every_centimetre(points, region):
     where, places, depth = region
     if len(places) and depth_is_no_distance(places):
@@ -153,7 +153,7 @@ def test_a_visit_agrees_with_every_centimetre(points, region):
 @given(
     PATHS, st.lists(st.lists(st.tuples(QUARTERS, QUARTERS), min_size=1, max_size=2), max_size=3)
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_the_order_of_visits_agrees_with_all_orders(points, groups):
     clauses = [Visit(regions=tuple(Disc(x, y, 2.0) for x, y in group)) for group in groups]
     found = outcomes(points, *clauses)
@@ -180,7 +180,7 @@ def in_some_order(xy, groups, radius):
 
 
 @given(PATHS, st.tuples(QUARTERS, QUARTERS), st.tuples(QUARTERS, QUARTERS))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_before_agrees_with_every_centimetre(points, first, second):
     found = outcome(points, Before(first=Disc(*first, 2.0), second=Disc(*second, 2.5)))
     xy, _ = dense(points)
@@ -197,7 +197,7 @@ def test_before_agrees_with_every_centimetre(points, first, second):
 
 @given(PATHS, st.lists(st.tuples(st.integers(0, 39), st.integers(0, 39)), min_size=1, max_size=9),
        st.sampled_from([0.25, 0.5, 1.0, 3.0]), st.sampled_from([0.0, 0.7, -2.0]))  # fmt: skip
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_the_distance_to_the_walls_agrees_with_every_centimetre(points, cells, metres, yaw):
     origin = Pose2D(3.0, -5.0, yaw)
     walls = [(x / 2, y / 2, x / 2 + 0.5, y / 2 + 0.5) for x, y in cells]
@@ -217,7 +217,7 @@ def test_the_distance_to_the_walls_agrees_with_every_centimetre(points, cells, m
 
 @given(PATHS, st.lists(st.tuples(st.integers(0, 39), st.integers(0, 39)), min_size=1, max_size=9),
        st.sampled_from([0.25, 0.5, 1.0, 3.0]), st.sampled_from([0.0, 0.7, -2.0]))  # fmt: skip
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_the_length_near_the_walls_agrees_with_every_centimetre(points, cells, width, yaw):
     origin = Pose2D(3.0, -5.0, yaw)
     walls = [(x / 2, y / 2, x / 2 + 0.5, y / 2 + 0.5) for x, y in cells]
@@ -236,7 +236,7 @@ def test_the_length_near_the_walls_agrees_with_every_centimetre(points, cells, w
 
 
 @given(PATHS, st.tuples(QUARTERS, QUARTERS), st.sampled_from(['north', 'south', 'east', 'west']))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_pass_agrees_with_every_centimetre(points, corner, side):
     box = (*corner, corner[0] + 1.0, corner[1] + 2.0)
     places = Places([Place('it', shapely.box(*box), 'object')])
@@ -259,7 +259,7 @@ def test_pass_agrees_with_every_centimetre(points, corner, side):
 
 
 @given(PATHS, regions(), st.sampled_from([0.3, 1.5707963267948966, -2.5]))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_a_turned_world_changes_nothing(points, region, yaw):
     where, places, _ = region
     if not len(places):
@@ -273,6 +273,9 @@ def test_a_turned_world_changes_nothing(points, region, yaw):
         Avoid(region=where), Visit(regions=(where,)), StayIn(region=where),
         KeepDistance(metres=2.0, region=where), EndAt(region=where),
     ]  # fmt: skip
+    if depth_is_no_distance(places):
+        # Around a triangle there may be two smallest rectangles, of different widths.
+        clauses = [clause for clause in clauses if not isinstance(clause, Visit)]
     if len({point[0] for point in points}) + len({point[1] for point in points}) == 2:
         return
     before = outcomes(points, *clauses, places=places)
@@ -287,7 +290,7 @@ def test_a_turned_world_changes_nothing(points, region, yaw):
 
 
 @given(PATHS, regions(), st.integers(0, 2**32 - 1))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_more_points_on_the_same_way_change_nothing(points, region, seed):
     where, places, _ = region
     clauses = [

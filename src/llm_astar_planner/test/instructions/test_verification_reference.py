@@ -90,7 +90,7 @@ def least_by_dijkstra(route, depth, *, outside):
 
 @given(routes(), st.tuples(st.floats(-2, 12), st.floats(-2, 12)), st.sampled_from([0.3, 1, 3, 7]),
        st.booleans(), st.booleans())  # fmt: skip
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_the_least_length_in_a_region_is_that_of_a_plain_search(
     drawn, corner, size, disc, outside
 ):
@@ -171,7 +171,7 @@ def random_paths(route, random, count):
 
 
 @given(routes(PLACES), st.lists(CLAUSES, min_size=4, max_size=8))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_nothing_impossible_is_done_and_nothing_is_less_than_the_least(drawn, clauses):
     route, random = drawn
     assume(sum(len(one.regions) for one in clauses if isinstance(one, Visit)) <= 8)
@@ -188,7 +188,7 @@ def test_nothing_impossible_is_done_and_nothing_is_less_than_the_least(drawn, cl
 
 
 @given(routes(PLACES), st.lists(CLAUSES, min_size=2, max_size=6))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_a_path_is_judged_alike_in_both_frames(drawn, clauses):
     """The same world in a frame that is turned by a right angle: the compass turns with it."""
     route, random = drawn
