@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from llm_astar_planner.instructions.grammar.asked import Reading, visit_of
 from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN
 from llm_astar_planner.instructions.grammar.lexer import Lexer
-from llm_astar_planner.instructions.grammar.meaning import Reading, visit_of
 from llm_astar_planner.instructions.grammar.parser import parse_clause
 from llm_astar_planner.instructions.grammar.pieces import (
     ANYORDER,

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 from llm_astar_planner.instructions.specification import Box
 
@@ -31,15 +32,21 @@ class Lexeme:
     """
 
     kind: str
-    value: object
+    value: Any
     start: int
     end: int
     other: str = ''
-    other_value: object = ''
+    other_value: Any = ''
 
     def __str__(self) -> str:
         """Return the kind, for messages of the parser."""
         return self.kind
+
+    @property
+    def line(self) -> tuple[str, float]:
+        """The axis and the coordinate of a line 'y = 3'; raises TypeError for others."""
+        axis, at = self.value
+        return str(axis), float(at)
 
     def as_other(self) -> Lexeme:
         """Return the lexeme as of its other kind."""
@@ -118,9 +125,9 @@ def bare_point(
         while kinds_match(lexemes, at + count, 'COMMA|AND'):
             count += 1
         other = axis_line(lexemes, at + count)
-        if other is None or (one.value[0], other[1].value[0]) != ('x', 'y'):  # type: ignore[index]
+        if other is None or (one.line[0], other[1].line[0]) != ('x', 'y'):
             return None
-        x, y = one.value[1], other[1].value[1]  # type: ignore[index]
+        x, y = one.line[1], other[1].line[1]
         return count + other[0], x, y
     if opening and kinds_match(lexemes, at, 'NUMBER NUMBER'):
         return 2, lexemes[at].number, lexemes[at + 1].number
@@ -158,7 +165,7 @@ def axis_range(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
         if kinds_match(lexemes, at + 3, UNIT):
             count, scale = 4, lexemes[at + 3].number
             low, high = low * scale, high * scale
-    elif kinds_match(lexemes, at, 'AXIS FROM|BETWEEN NUMBER TO|AND NUMBER'):
+    elif kinds_match(lexemes, at, 'AXIS FROM|BETWEEN|OF NUMBER TO|AND NUMBER'):
         count, low, high = 5, lexemes[at + 2].number, lexemes[at + 4].number
     else:
         return None
@@ -172,11 +179,30 @@ def axis_box(axis: str, low: float, high: float) -> Box:
     return Box(-math.inf, low, math.inf, high)
 
 
+def between_lines(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
+    """'between y = 5 and y = 20' as a Box."""
+    if not kinds_match(lexemes, at, 'BETWEEN|FROM'):
+        return None
+    first = axis_line(lexemes, at + 1)
+    if first is None or not kinds_match(lexemes, at + 1 + first[0], 'AND|TO'):
+        return None
+    second = axis_line(lexemes, at + 2 + first[0])
+    if second is None:
+        return None
+    one, other = first[1].line, second[1].line
+    if one[0] != other[0]:
+        return None
+    count = 2 + first[0] + second[0]
+    box = axis_box(one[0], one[1], other[1])
+    return count, joined(lexemes[at : at + count], RANGE, (box,))
+
+
 COMBINATIONS: tuple[Callable[[Sequence[Lexeme], int], Combined | None], ...] = (
     length,
     point,
     axis_range,
     axis_line,
+    between_lines,
 )
 
 
@@ -203,7 +229,7 @@ def joins_area(result: list[Lexeme], lexeme: Lexeme) -> bool:
     if lexeme.kind != RANGE or not kinds_match(result, len(result) - 3, 'AREAWITH RANGE AND'):
         return False
     _, first, _ = result[-3:]
-    result[-2:] = [joined((first, lexeme), RANGE, (*first.value, *lexeme.value))]  # type: ignore[misc]
+    result[-2:] = [joined((first, lexeme), RANGE, (*first.value, *lexeme.value))]
     return True
 
 

@@ -19,6 +19,7 @@ from llm_astar_planner.instructions.grammar.lexemes import (
 )
 from llm_astar_planner.instructions.grammar.lexicon import Group, Lexicon
 from llm_astar_planner.instructions.grammar.nouns import Noun, nouns
+from llm_astar_planner.instructions.grammar.regions import Part, Unclear, select_group
 from llm_astar_planner.instructions.grammar.spelling import corrections
 from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Vocabulary
 from llm_astar_planner.instructions.grammar.words import Word
@@ -52,7 +53,7 @@ class Lexer:
             scanned += found
             at += count
         kept = [lexeme for lexeme in scanned if lexeme.kind not in (ARTICLE, FILLER)]
-        return settled(in_context(combined(kept)))
+        return resolved(settled(in_context(combined(kept))))
 
     def scan(self, words: Sequence[Word], at: int) -> tuple[int, list[Lexeme]]:
         """Return how many words the longest phrase at a word takes, and its lexemes."""
@@ -71,8 +72,16 @@ class Lexer:
         if taken > count:
             return taken, phrase_lexemes(words[at : at + taken], meanings)
         if count:
-            return count, [place_lexeme(words[at : at + count], values, self.lexicon.places)]
+            place = place_lexeme(words[at : at + count], values, self.lexicon.places)
+            return count, [*self.preposition(words, at, count), place]
         return 1, self.compound(words[at]) or [self.single(words[at])]
+
+    def preposition(self, words: Sequence[Word], at: int, count: int) -> list[Lexeme]:
+        """Return 'through' before a name that begins with 'between': one drives between, too."""
+        _, meanings = self.vocabulary.phrases.longest(words[at : at + 1], 0)
+        if count < 2 or not meanings or meanings[0][0][0] != 'BETWEEN':
+            return []
+        return [Lexeme('THROUGH', '', words[at].start, words[at].end)]
 
     def noun(self, words: Sequence[Word], at: int) -> list[tuple[int, list[tuple[str, object]]]]:
         """Return the places that a noun at a word may mean, if there are any on the map."""
@@ -217,3 +226,34 @@ def as_place(lexeme: Lexeme) -> Lexeme:
     if group.noun == WALL and group.plural:
         return lexeme
     return replace(lexeme, kind=PLACE, value=group.places[0])
+
+
+def resolved(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return lexemes with 'the vertical wall' as the place, if the words before it tell which."""
+    result: list[Lexeme] = []
+    begin = 0
+    for lexeme in lexemes:
+        if lexeme.kind not in ADJECTIVES and lexeme.kind != NOUN:
+            begin = len(result) + 1
+        result.append(lexeme)
+        if lexeme.kind == NOUN and isinstance(lexeme.value, Group) and begin < len(result) - 1:
+            place = described_place(result[begin:])
+            if place is not None:
+                result[begin:] = [
+                    replace(lexeme, kind=PLACE, value=place, start=result[begin].start)
+                ]
+            begin = len(result)
+    return result
+
+
+def described_place(lexemes: Sequence[Lexeme]) -> Place | None:
+    """Return the one place that adjectives and a noun mean, None if there may be several."""
+    *adjectives, noun = lexemes
+    if any(lexeme.kind in (ANY, ALL, 'ORDINAL') for lexeme in adjectives):
+        return None
+    parts = [Part(lexeme.kind, lexeme.value) for lexeme in adjectives]
+    try:
+        places = select_group(noun.value, parts, ()).places
+    except Unclear:
+        return None
+    return places[0] if len(places) == 1 else None

@@ -180,10 +180,10 @@ def sides_in(*names: str) -> frozenset[str]:
     return frozenset(found)
 
 
-def common_tag(group: Group, found: Sequence[Place], wanted: Sequence[str]) -> str:
+def common_tag(group: Group, found: Sequence[Place], wanted: Sequence[str], is_told: bool) -> str:
     """Return the kind or tag that means exactly the places found, '' if there is none.
 
-    Of several, one of the `wanted` or one that is the group's noun.
+    One of the `wanted` or one that is the group's noun; any other unless `is_told`.
     """
     names = {place.name for place in found}
     exact = [
@@ -192,7 +192,7 @@ def common_tag(group: Group, found: Sequence[Place], wanted: Sequence[str]) -> s
         if {place.name for place in group.all_places.with_tag(tag)} == names
     ]
     said = [tag for tag in exact if tag in wanted or group.noun in head_nouns(phrase_words(tag))]
-    return (said or exact or [''])[0]
+    return (said or ([] if is_told else exact) or [''])[0]
 
 
 def variants(words: tuple[str, ...]) -> Iterator[tuple[str, ...]]:

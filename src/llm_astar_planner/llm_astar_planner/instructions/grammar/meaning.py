@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from lark import Token, Transformer, v_args
 
+from llm_astar_planner.instructions.grammar.asked import (
+    Reading,
+    Things,
+    all_objects,
+    avoid_of,
+    distance_of,
+    positive,
+    refuse_half_of_object,
+    single,
+    strip_along,
+    visit_of,
+    with_radius,
+)
 from llm_astar_planner.instructions.grammar.lexicon import (
     PASSAGE,
     Group,
@@ -27,116 +39,22 @@ from llm_astar_planner.instructions.grammar.regions import (
 from llm_astar_planner.instructions.grammar.relative import OPPOSITE
 from llm_astar_planner.instructions.specification import (
     ALONG_WIDTH,
-    MAX_METRES,
     SHOULD,
-    WALLS,
-    Along,
     Avoid,
     Before,
     Between,
     Box,
-    Clause,
     Disc,
     EndAt,
     Half,
-    KeepDistance,
     NamedPlace,
     Pass,
-    Region,
     StayIn,
-    Visit,
 )
 
 # The type parameters of lark's class differ between its versions.
 Callbacks: Any = Transformer
-Things = tuple[Selection, ...]
 DOOR = 'door'
-
-
-@dataclass(frozen=True)
-class Reading:
-    """What one clause of an instruction says.
-
-    `things` are regions without a verb; `is_negative` where a 'not' stands before them.
-    """
-
-    clauses: tuple[Clause, ...] = ()
-    things: Things = ()
-    is_negative: bool = False
-
-
-def visit_of(things: Things) -> Visit:
-    """Return the visit of all things, in any order. Raises Unclear."""
-    regions: list[Region] = []
-    for thing in things:
-        if thing.is_walls:
-            raise Unclear('walls cannot be visited')
-        regions += [thing.one] if thing.any_one else thing.regions
-    return Visit(regions=tuple(regions))
-
-
-def avoid_of(things: Things, metres: float = 0.0) -> tuple[Clause, ...]:
-    """Return what avoids all things. Raises Unclear."""
-    clauses: list[Clause] = []
-    for thing in things:
-        if thing.any_one == 'one':
-            raise Unclear('which one is to be avoided')
-        if thing.is_walls:
-            clauses.append(KeepDistance(metres=positive(metres)))
-        elif thing.is_point and metres:
-            clauses.append(Avoid(region=with_radius(thing, metres)))
-        else:
-            regions = thing.regions if thing.together is None else (thing.together,)
-            clauses += [Avoid(region=region, margin=metres) for region in regions]
-    return tuple(clauses)
-
-
-def distance_of(things: Things, metres: float) -> tuple[Clause, ...]:
-    """Return what keeps a distance from all things. Raises Unclear."""
-    clauses: list[Clause] = []
-    for thing in things:
-        if thing.any_one == 'one':
-            raise Unclear('a distance from which one')
-        if thing.is_walls:
-            clauses.append(KeepDistance(metres=positive(metres)))
-        elif thing.is_point:
-            clauses.append(Avoid(region=with_radius(thing, positive(metres))))
-        else:
-            regions = thing.regions if thing.together is None else (thing.together,)
-            clauses += [KeepDistance(metres=positive(metres), region=one) for one in regions]
-    return tuple(clauses)
-
-
-def with_radius(thing: Selection, metres: float) -> Disc:
-    """Return a point as a disc."""
-    point = thing.one
-    if not isinstance(point, Disc):
-        raise Unclear('no point')
-    return Disc(point.x, point.y, metres)
-
-
-def positive(metres: float) -> float:
-    """Return a distance. Raises Unclear where there is none."""
-    if not 0.0 < metres <= MAX_METRES:
-        raise Unclear('no distance that can be kept')
-    return metres
-
-
-def strip_along(thing: Selection, metres: float) -> Along:
-    """Return the strip around a place or the walls."""
-    return Along(WALLS if thing.is_walls else thing.place.name, positive(metres))
-
-
-def all_objects(thing: Selection) -> bool:
-    """Whether a selection is of objects."""
-    return bool(thing.places) and all(place.is_object for place in thing.places)
-
-
-def single(things: Things) -> Selection:
-    """Return the only thing. Raises Unclear where there are several."""
-    if len(things) != 1:
-        raise Unclear('several things where one is expected')
-    return things[0]
 
 
 def value(token: Token) -> Any:
@@ -241,6 +159,16 @@ class Meaning(Callbacks):  # type: ignore[misc]
         first, second = (single(part).one for part in parts if isinstance(part, tuple))
         return Reading((Before(first=first, second=second),))
 
+    def visit_before(self, _: str, first: Things, how: str, second: Things) -> Reading:
+        """'visit A before you enter B', which need not be; 'visit A before going to B'."""
+        if how == 'ENTER':
+            return self.before(first, second)
+        return visits(first, second)
+
+    def before_visit(self, how: str, second: Things, _: str, first: Things) -> Reading:
+        """'before you enter B, visit A'."""
+        return self.visit_before('', first, how, second)
+
     def before_swapped(self, *parts: Any) -> Reading:
         """'do not enter B before A'."""
         second, first = (single(part).one for part in parts if isinstance(part, tuple))
@@ -259,6 +187,7 @@ class Meaning(Callbacks):  # type: ignore[misc]
 
     def stay_in(self, thing: Selection) -> Reading:
         """'stay in the corridor'."""
+        refuse_half_of_object(thing)
         return Reading((StayIn(region=thing.one),))
 
     def stay_on(self, thing: Selection) -> Reading:
@@ -269,6 +198,7 @@ class Meaning(Callbacks):  # type: ignore[misc]
 
     def keep_to(self, thing: Selection) -> Reading:
         """'keep to the south side'."""
+        refuse_half_of_object(thing)
         return Reading((StayIn(SHOULD, region=thing.one),))
 
     def keep_side(self, side: str) -> Reading:
@@ -341,7 +271,11 @@ class Meaning(Callbacks):  # type: ignore[misc]
 
     def go_past(self, things: Things) -> Reading:
         """'drive past A' is to come near it, if it is an object or a point."""
-        if not all(thing.is_point or all_objects(thing) for thing in things):
+        if all(isinstance(region, Between) for thing in things for region in thing.regions):
+            return visits(things)
+        if any(thing.is_positioned for thing in things) or not all(
+            thing.is_point or all_objects(thing) for thing in things
+        ):
             raise Unclear('past it or through it')
         return visits(things)
 
@@ -354,6 +288,14 @@ class Meaning(Callbacks):  # type: ignore[misc]
     def pass_of(self, side: Token, thing: Selection) -> Reading:
         """'pass north of A'."""
         return self.pass_at((thing,), str(value(side)))
+
+    def pass_above(self, thing: Selection) -> Reading:
+        """'pass above A', on the map."""
+        return self.pass_at((thing,), 'north')
+
+    def pass_below(self, thing: Selection) -> Reading:
+        """'pass below A', on the map."""
+        return self.pass_at((thing,), 'south')
 
     def pass_half(self, thing: Selection) -> Reading:
         """'pass on the north side of A'."""
@@ -485,6 +427,20 @@ class Meaning(Callbacks):  # type: ignore[misc]
     def between(self, first: Selection, second: Selection) -> Selection:
         """'between A and B'."""
         return Selection((Between(first.place.name, second.place.name),))
+
+    def between_two(self, pair: Selection) -> Selection:
+        """'between the racks', if there are two."""
+        if len(pair.places) != 2:
+            raise Unclear('between which two')
+        first, second = pair.places
+        return Selection((Between(first.name, second.name),))
+
+    def rectangle(self, corner: Token, other: Token) -> Selection:
+        """'the rectangle from 1, 2 to 3, 4'."""
+        (x0, y0), (x1, y1) = value(corner), value(other)
+        if x0 == x1 or y0 == y1:
+            raise Unclear('an empty area')
+        return Selection((Box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),))
 
     def strip(self, metres: Token, thing: Selection) -> Selection:
         """'the 1 m along the lab'."""

@@ -14,15 +14,16 @@ from lark import Lark, Token
 from lark.exceptions import UnexpectedInput, VisitError
 from lark.lexer import Lexer as LarkLexer
 
+from llm_astar_planner.instructions.grammar.asked import Reading
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
-from llm_astar_planner.instructions.grammar.meaning import Meaning, Reading
+from llm_astar_planner.instructions.grammar.meaning import Meaning
 from llm_astar_planner.instructions.grammar.regions import Unclear
 from llm_astar_planner.instructions.grammar.words import word_set
 
 # Kinds whose value the grammar's callbacks are given; lark leaves out those with an underscore.
 VALUED = word_set(
     'PLACE NOUN POINT LENGTH RANGE AXISLINE SIDE MOST CENTER ORIENT ORDINAL TAG ANY '
-    'ALL SIDENOUN HALFNOUN PASSBY'
+    'ALL SIDENOUN HALFNOUN PASSBY ENTER'
 )
 # Typed differently by the versions of lark.
 Lexer: Any = LarkLexer

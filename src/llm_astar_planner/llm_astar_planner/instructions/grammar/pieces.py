@@ -18,20 +18,20 @@ ANYORDER, INORDER = 'ANYORDER', 'INORDER'
 
 REGION_STARTS = word_set(
     'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
-    'RADIUS WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW'
+    'RADIUS RECTANGLE WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW'
 ) | {POINT, RANGE, LENGTH}
 REGION_ENDS = word_set(
     'PLACE NOUN SIDE SIDENOUN HALFNOUN CORNER CENTER OFMAP OFWAY AXISLINE WHOLEMAP'
 ) | {POINT, RANGE, LENGTH}
 VERBS = word_set(
-    'AVOID AROUND_VERB SKIP MISS VISIT PASSBY MOVE STAY USE CLOSE END PASS LEAVE '
+    'AVOID AROUND_VERB SKIP MISS VISIT ENTER PASSBY MOVE STAY USE CLOSE END PASS LEAVE '
     'WITHIN CLOSER APPROACH ALONG'
 )
 # Words that are left out where nothing is negated: 'slowly', 'you have to'.
 AFFIRMATIVE = frozenset({'SPEED', 'NEED'})
 # Verbs of which a comma does not part the infinitive: 'vergiss nicht, A zu besuchen'.
 GOVERNING = frozenset({NEG, 'AVOID', 'SKIP', 'MISS'})
-PREPOSITIONS = word_set('THROUGH TO FROM IN UPON BY')
+PREPOSITIONS = word_set('THROUGH TO FROM OF IN UPON BY')
 # A verb after one of these belongs to it: 'before you enter A'.
 ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER'})
 # A comma before one of these ends nothing.
@@ -197,8 +197,8 @@ class Splitter:
             return True
         nearest = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
         repeated = nearest in PREPOSITIONS and self.kind_after(at + 1) in REGION_STARTS
-        if repeated and nearest in ('THROUGH', 'TO', 'FROM') and self.repeats(nearest):
-            kind = 'UNKNOWN' if NEG in piece.kinds else AND
+        if repeated and nearest in ('THROUGH', 'TO', 'FROM', 'OF') and self.repeats(nearest):
+            kind = 'UNKNOWN' if NEG in piece.kinds and 'AVOID' not in piece.kinds else AND
             self.extend(Lexeme(kind, '', lexeme.start, lexeme.end))
             self.skipped = 1
             return True
@@ -207,7 +207,9 @@ class Splitter:
     def repeats(self, preposition: str) -> bool:
         """Whether the piece has the preposition already, in a verb or alone."""
         kinds = self.piece.kinds
-        return preposition in kinds or (preposition in ('THROUGH', 'TO') and 'VISIT' in kinds)
+        if preposition in ('THROUGH', 'TO'):
+            return preposition in kinds or 'VISIT' in kinds
+        return preposition in kinds or 'AVOID' in kinds
 
     def names_a_subject(self, at: int) -> bool:
         """Whether the region after a comma begins a clause: 'avoid A, B is closed'."""

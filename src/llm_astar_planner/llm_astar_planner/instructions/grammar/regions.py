@@ -98,7 +98,7 @@ def select_group(group: Group, parts: Sequence[Part], where: Sequence[Part]) -> 
     found = narrowed(group, found, narrowing, where)
     if not found:
         raise Unclear(f'there is no such place: {group.words}')
-    tag = group.tag or common_tag(group, found, tags)
+    tag = group.tag or common_tag(group, found, tags, is_told=quantity.kind != 'ANY')
     is_one = len(found) == 1 and not group.tag
     several = group.plural or quantity.kind == 'ALL'
     if not is_one and not several and quantity.kind != 'ANY':
