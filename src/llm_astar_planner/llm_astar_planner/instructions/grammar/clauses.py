@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -109,7 +110,7 @@ class Assembler:
     def is_irrelevant(self, piece: Piece) -> bool:
         """Whether all words of a piece are of phrases that say nothing about the route."""
         words, vocabulary = self.words, self.lexer.vocabulary
-        at = sum(word.start < piece.start for word in words)
+        at = bisect_left(words, piece.start, key=lambda word: word.start)
         found = False
         while at < len(words) and words[at].start < piece.end:
             count, _ = vocabulary.irrelevant.longest(words, at)

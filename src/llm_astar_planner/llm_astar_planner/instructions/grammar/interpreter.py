@@ -25,6 +25,10 @@ from llm_astar_planner.instructions.interpretation import (
 NAME = 'grammar'
 # A language is tried if it knows at least this share of the words that the best one knows.
 WORTHWHILE = 0.5
+# Languages tried of one text, and words and signs that it may have: 500 characters of brackets
+# are no instruction.
+MOST_LANGUAGES = 2
+MOST_WORDS = 160
 
 
 class GrammarInterpreter:
@@ -48,8 +52,11 @@ class GrammarInterpreter:
             return not_understood(text[:80], str(error), NAME)
         if not clean:
             return Interpretation('', understood_by=NAME, status=Understanding.IRRELEVANT)
+        words = read_words(clean)
+        if len(words) > MOST_WORDS:
+            return not_understood(clean, f'more than {MOST_WORDS} words and signs', NAME)
         best: Understood | None = None
-        for language in languages_of(read_words(clean)):
+        for language in languages_of(words):
             understood = understand(clean, lexer_for(places, language))
             if best is None or understood.share > best.share:
                 best = understood
@@ -71,6 +78,6 @@ def languages_of(words: Sequence[Word]) -> Iterator[str]:
         language: sum(vocabulary(language).knows(word.text) for word in words if word.is_letters)
         for language in LANGUAGES
     }
-    ordered = sorted(LANGUAGES, key=lambda language: -known[language])
+    ordered = sorted(LANGUAGES, key=lambda language: -known[language])[:MOST_LANGUAGES]
     least = WORTHWHILE * known[ordered[0]]
     return (language for language in ordered if language == ordered[0] or known[language] > least)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -63,12 +64,18 @@ def joined(lexemes: Sequence[Lexeme], kind: str, value: object) -> Lexeme:
     return Lexeme(kind, value, lexemes[0].start, lexemes[-1].end)
 
 
+@cache
+def choices_of(pattern: str) -> tuple[frozenset[str], ...]:
+    """Return the kinds that a pattern allows one after the other."""
+    return tuple(frozenset(choice.split('|')) for choice in pattern.split())
+
+
 def kinds_match(lexemes: Sequence[Lexeme], at: int, pattern: str) -> bool:
     """Whether the kinds from `at` on are those of a pattern, 'NUMBER COMMA|AND'."""
-    wanted = pattern.split()
+    wanted = choices_of(pattern)
     if at < 0 or at + len(wanted) > len(lexemes):
         return False
-    return all(lexemes[at + n].kind in choice.split('|') for n, choice in enumerate(wanted))
+    return all(lexemes[at + n].kind in kinds for n, kinds in enumerate(wanted))
 
 
 def is_sign(lexemes: Sequence[Lexeme], at: int, signs: str) -> bool:
@@ -76,6 +83,8 @@ def is_sign(lexemes: Sequence[Lexeme], at: int, signs: str) -> bool:
     return at < len(lexemes) and lexemes[at].kind == SIGN and str(lexemes[at].value) in signs
 
 
+# What a combination may begin with.
+COMBINED = frozenset({NUMBER, SIGN, AXIS, 'BETWEEN', 'FROM'})
 # Each takes the lexemes and an index and returns what they are put together to, or None.
 Combined = tuple[int, Lexeme]
 
@@ -211,7 +220,7 @@ def combined(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     result: list[Lexeme] = []
     at = 0
     while at < len(lexemes):
-        for combine in COMBINATIONS:
+        for combine in COMBINATIONS if lexemes[at].kind in COMBINED else ():
             found = combine(lexemes, at)
             if found is not None:
                 count, lexeme = found

@@ -33,6 +33,9 @@ ADJECTIVES = frozenset({'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL', TAG, ANY,
 # Misspelt words that are looked up in one sentence, so that none takes long.
 MOST_CORRECTIONS = 6
 WALL = 'wall'
+# How many words a phrase takes, and what it may mean: kinds and values.
+Phrase = tuple[int, list[tuple[str, object]]]
+NO_PHRASE: Phrase = (0, [])
 # Letters of the longest side that begins a compound.
 LONGEST_SIDE = 8
 
@@ -57,17 +60,7 @@ class Lexer:
 
     def scan(self, words: Sequence[Word], at: int) -> tuple[int, list[Lexeme]]:
         """Return how many words the longest phrase at a word takes, and its lexemes."""
-        found: list[tuple[int, list[tuple[str, object]]]] = []
-        count, places = self.lexicon.names.longest(words, at)
-        found.append((count, [(PLACE, place) for place in places]))
-        count, tags = self.lexicon.tag_groups.longest(words, at)
-        found.append((count, [(NOUN, self.tag_group(tag)) for tag in tags]))
-        found += self.noun(words, at)
-        count, places = self.lexicon.near_names.longest(words, at)
-        found.append((count, [(PLACE, place) for place in places]))
-        count, tags = self.lexicon.tags.longest(words, at)
-        found.append((count, [(TAG, tag) for tag in tags]))
-        count, values = max(found, key=lambda one: one[0])
+        count, values = max(self.place_phrases(words, at), key=lambda one: one[0])
         taken, meanings = self.vocabulary.phrases.longest(words, at)
         if taken > count:
             return taken, phrase_lexemes(words[at : at + taken], meanings)
@@ -76,6 +69,24 @@ class Lexer:
             return count, [*self.preposition(words, at, count), place]
         return 1, self.compound(words[at]) or [self.single(words[at])]
 
+    def place_phrases(self, words: Sequence[Word], at: int) -> list[Phrase]:
+        """Return what a word may begin of names and nouns: the first of equal length counts."""
+        lexicon = self.lexicon
+        found = self.noun(words, at)
+        if words[at].text not in lexicon.starts:
+            return found or [NO_PHRASE]
+        count, places = lexicon.names.longest(words, at)
+        tagged, tags = lexicon.tag_groups.longest(words, at)
+        near, variants = lexicon.near_names.longest(words, at)
+        single, adjectives = lexicon.tags.longest(words, at)
+        return [
+            (count, [(PLACE, place) for place in places]),
+            (tagged, [(NOUN, self.tag_group(tag)) for tag in tags]),
+            *found,
+            (near, [(PLACE, place) for place in variants]),
+            (single, [(TAG, tag) for tag in adjectives]),
+        ]
+
     def preposition(self, words: Sequence[Word], at: int, count: int) -> list[Lexeme]:
         """Return 'through' before a name that begins with 'between': one drives between, too."""
         _, meanings = self.vocabulary.phrases.longest(words[at : at + 1], 0)
@@ -83,15 +94,15 @@ class Lexer:
             return []
         return [Lexeme('THROUGH', '', words[at].start, words[at].end)]
 
-    def noun(self, words: Sequence[Word], at: int) -> list[tuple[int, list[tuple[str, object]]]]:
+    def noun(self, words: Sequence[Word], at: int) -> list[Phrase]:
         """Return the places that a noun at a word may mean, if there are any on the map."""
-        found: list[tuple[int, list[tuple[str, object]]]] = []
-        for language in dict.fromkeys((self.vocabulary.language, 'en')):
+        found: list[Phrase] = []
+        for language in (self.vocabulary.language, 'en'):
             count, meant = nouns().by_language[language].longest(words, at)
-            text = ' '.join(word.text for word in words[at : at + count])
-            group = merged([self.lexicon.group(noun, text) for noun in meant], meant)
-            if group is not None:
-                found.append((count, [(NOUN, group)]))
+            if count:
+                text = ' '.join(word.text for word in words[at : at + count])
+                group = merged([self.lexicon.group(noun, text) for noun in meant], meant)
+                found += [] if group is None else [(count, [(NOUN, group)])]
         return found
 
     def compound(self, word: Word) -> list[Lexeme]:

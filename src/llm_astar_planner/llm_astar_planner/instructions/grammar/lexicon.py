@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -27,6 +27,7 @@ PREPOSITIONS = word_set(
 )
 AREA = 'area'
 OBJECT, PASSAGE, ROOM, PLACE = 'object', 'passage', 'room', 'place'
+Members = tuple[Place, ...]
 # Of a place without a noun in its name, kind and tags.
 UNNAMED = 'unnamed'
 
@@ -54,7 +55,9 @@ class Lexicon:
 
     - `names`: names and aliases; `near_names`: their translations and other number.
     - `tags`: kinds and tags that are no nouns, as adjectives ('blue').
-    - `nouns_of`: by the name of a place, the nouns that it is called by.
+    - `members`: by the name of a noun, the places that it may mean.
+    - `spellings`: the words that a misspelt one is compared with.
+    - `starts`: the words that any of the phrases begin with.
     """
 
     places: Places
@@ -62,24 +65,30 @@ class Lexicon:
     near_names: Phrases[Place]
     tags: Phrases[str]
     tag_groups: Phrases[str]
-    nouns_of: dict[str, frozenset[str]]
+    members: dict[str, Members]
     spellings: frozenset[str]
-
-    def generic_of(self, place: Place) -> str:
-        """Return the generic word for a place: 'room', 'passage', 'door', 'object', ..."""
-        return generic_of(place, self.nouns_of[place.name])
+    starts: frozenset[str]
 
     def group(self, noun: Noun, words: str) -> Group:
         """Return the places that a noun may mean."""
-        found = tuple(place for place in self.places if noun.name in self.nouns_of[place.name])
-        if noun.name == PLACE:
-            found = self.places.places
-        elif noun.name == noun.generic:
-            covered = (noun.generic, UNNAMED) if noun.name == ROOM else (noun.generic,)
-            found = tuple(place for place in self.places if self.generic_of(place) in covered)
-        elif not found and noun.generic == PASSAGE:
-            found = tuple(place for place in self.places if self.generic_of(place) == PASSAGE)
-        return Group(words, self.places, found, noun.plural, noun=noun.name)
+        return Group(words, self.places, self.members[noun.name], noun.plural, noun=noun.name)
+
+
+def members_of(places: Places, nouns_of: Mapping[str, frozenset[str]]) -> dict[str, Members]:
+    """Return, by the name of a noun, the places that it may mean."""
+    generics = {place.name: generic_of(place, nouns_of[place.name]) for place in places}
+    found: dict[str, Members] = {}
+    for name, generic in nouns().generic.items():
+        meant = tuple(place for place in places if name in nouns_of[place.name])
+        if name == PLACE:
+            meant = places.places
+        elif name == generic:
+            covered = (generic, UNNAMED) if name == ROOM else (generic,)
+            meant = tuple(place for place in places if generics[place.name] in covered)
+        elif not meant and generic == PASSAGE:
+            meant = tuple(place for place in places if generics[place.name] == PASSAGE)
+        found[name] = meant
+    return found
 
 
 @lru_cache(maxsize=16)
@@ -99,8 +108,11 @@ def lexicon(places: Places) -> Lexicon:
     for tag in places.tags:
         add_tag(tag, tags, groups)
     nouns_of = {place.name: place_nouns(place) for place in places}
+    starts = frozenset().union(*(phrases.starts for phrases in (names, near, tags, groups)))
     letters = frozenset(word for word in names.words | near.words | tags.words if word.isalpha())
-    return Lexicon(places, names, near, tags, groups, nouns_of, letters)
+    return Lexicon(
+        places, names, near, tags, groups, members_of(places, nouns_of), letters, starts
+    )
 
 
 @lru_cache(maxsize=1)

@@ -34,6 +34,11 @@ class Phrases(Generic[Value]):
         if phrase and value not in values:
             values.append(value)
 
+    @property
+    def starts(self) -> frozenset[str]:
+        """The first words of all phrases."""
+        return frozenset(self._root)
+
     def longest(self, words: Sequence[Word], start: int) -> tuple[int, list[Value]]:
         """Return how many words the longest phrase at `start` takes, and its values."""
         node, best, values = self._root, 0, []

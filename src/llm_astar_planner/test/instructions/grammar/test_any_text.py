@@ -56,6 +56,7 @@ def test_nested_brackets(text):
     interpretation = read(text)
     assert_sound(text, interpretation)
     assert interpretation.specification.enforceable == ()
+    assert interpretation.status is Understanding.NONE
 
 
 def test_a_text_that_is_too_long_is_not_understood():
@@ -102,13 +103,14 @@ def calls(text):
     ['(', '([', 'and ', 'avoid ', 'not ', 'ward 1, ', 'blue ', '1, ', 'before ', 'gzorp ', 'x y '],
 )
 def test_the_work_grows_linearly(part):
-    half, whole = (part * (count // len(part)) for count in (240, 480))
+    half, whole = part * 25, part * 50
     read(half)
     read(whole)
     assert calls(whole) < 2.5 * calls(half) + 500
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 def test_a_hundred_thousand_sentences():
     chooser = random.Random(18)  # noqa: S311 (words, no secrets)
     slowest = 0.0
