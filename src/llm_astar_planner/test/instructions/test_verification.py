@@ -651,3 +651,27 @@ def test_the_nearest_wall_is_not_always_that_with_the_nearest_centre():
     path = polyline([(10.55, 10.5)])
     away, _ = Walls(costmap, path).nearest(path, 10.0)
     assert away == pytest.approx(math.hypot(3.45, 2.5))
+
+
+def test_a_slow_curve_is_not_taken_for_a_straight_line():
+    x = np.arange(1.0, 19.0, 0.05)
+    curve = np.column_stack((x, 3.9 + 0.2 * np.sin(np.pi * (x - 1.0) / 18.0)))
+    found = outcome(curve, Avoid(region=KITCHEN))
+    assert found.status is VIOLATED
+    assert found.measured == pytest.approx(8.0 - x[(curve[:, 1] > 4.0)][0], abs=0.06)
+
+
+def test_before_is_not_impossible_where_the_second_need_not_be_entered():
+    costmap = field(walls=[(3.0, 3.0, 9.0, 9.0)])
+    clause = Before(first=KITCHEN, second=LAB)
+    points = [(1.25, 1.25), (14.25, 6.25), (18.75, 1.25)]
+    assert outcome(points, clause, costmap=costmap).status is VIOLATED
+
+
+@pytest.mark.parametrize(('cutting', 'status'), [(False, IMPOSSIBLE), (True, VIOLATED)])
+def test_whether_corners_may_be_cut_decides_what_can_be_reached(cutting, status):
+    walls = [(0.0, 10.0, 10.0, 11.0), (10.0, 11.0, 20.0, 12.0)]
+    costmap = field(1.0, walls=walls, corner_cutting=cutting)
+    assert outcome(PAST, Visit(regions=(Disc(5.5, 15.5),)), costmap=costmap).status is status
+    passed = Avoid(region=Box(0.0, 0.0, 20.0, 10.0), guessed=True)
+    assert outcome(PAST, passed, costmap=costmap).status is GUESSED
