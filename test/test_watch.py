@@ -45,6 +45,15 @@ PLAN = MonitorEvent(
         'waypoints': ((1.0, 2.0, 'accepted'), (3.0, 2.0, 'out_of_order'), (1.0, 1.0, 'accepted')),
     },
 )
+INSTRUCTED = {
+    'clauses': [
+        {'clause': 'avoid the lab', 'status': 'satisfied', 'detail': '0 m inside'},
+        {'clause': 'visit the dock', 'status': 'violated', 'detail': 'never nearer than 3.2 m'},
+    ],
+    'satisfied': False,
+    'note': 'the clauses leave no path',
+    'interpretation': {'status': 'understood', 'understood_by': 'grammar'},
+}
 
 
 @pytest.fixture(scope='module')
@@ -137,6 +146,27 @@ def test_a_line_has_the_figures_of_the_plan():
         assert words in line
     assert '\033' not in line
     assert json.loads(to_json(PLAN))['operation'] == 49
+
+
+def test_each_clause_of_an_instruction_has_a_line_with_what_became_of_it():
+    line = to_line(PLAN._replace(values={**PLAN.values, 'instruction_report': INSTRUCTED}))
+    first, *clauses = line.split('\n')
+    assert 'instruction understood by grammar; the clauses leave no path' in first
+    assert clauses == [
+        '          satisfied       avoid the lab (0 m inside)',
+        '          violated        visit the dock (never nearer than 3.2 m)',
+    ]
+    coloured = to_line(
+        PLAN._replace(values={**PLAN.values, 'instruction_report': INSTRUCTED}), colour=True
+    )
+    assert [part[:5] for part in coloured.split('\n')] == ['\033[33m', '\033[32m', '\033[31m']
+
+
+def test_an_instruction_that_is_not_understood_yet_has_no_lines_of_clauses():
+    words = 'not understood yet'
+    report = {**INSTRUCTED, 'clauses': [], 'note': ''}
+    values = {**PLAN.values, 'instruction': words, 'instruction_report': report}
+    assert to_line(PLAN._replace(values=values)).endswith(f'instruction {words}')
 
 
 @pytest.mark.parametrize(

@@ -61,11 +61,15 @@ class PlanReport:
 
     @property
     def level(self) -> bytes:
-        """OK for a plan, WARN for one with warnings or without its source, ERROR for no plan."""
+        """OK for a plan, ERROR for none.
+
+        WARN for one with warnings, without its source, or that does not satisfy its instruction.
+        """
         if self.code != 0:
             return ERROR
-        fine = self.source_status in ('OK', 'NONE') and not self.warnings
-        return OK if fine else WARN
+        is_guided = self.source_status in ('OK', 'NONE')
+        is_violated = (self.instruction_report or {}).get('satisfied') is False
+        return OK if is_guided and not self.warnings and not is_violated else WARN
 
     @property
     def summary(self) -> str:

@@ -219,6 +219,8 @@ def test_a_lone_surrogate_in_a_message_does_not_break_a_report():
         ({'warnings': ()}, DiagnosticStatus.OK),
         ({}, DiagnosticStatus.WARN),
         ({'warnings': (), 'source_status': 'TIMEOUT'}, DiagnosticStatus.WARN),
+        ({'warnings': (), 'instruction_report': {'satisfied': False}}, DiagnosticStatus.WARN),
+        ({'warnings': (), 'instruction_report': {'satisfied': True}}, DiagnosticStatus.OK),
         ({'code': 208}, DiagnosticStatus.ERROR),
     ],
 )

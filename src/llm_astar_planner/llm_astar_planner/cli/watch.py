@@ -194,5 +194,8 @@ def colour_of(event: MonitorEvent) -> int:
         return DIM
     if event.values['code']:
         return RED
-    is_doubtful = event.values['warnings'] or event.values['source_status'] not in ('OK', 'NONE')
+    report = event.values['instruction_report']
+    is_violated = report is not None and report['satisfied'] is False
+    is_unguided = event.values['source_status'] not in ('OK', 'NONE')
+    is_doubtful = event.values['warnings'] or is_unguided or is_violated
     return YELLOW if is_doubtful else GREEN

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections.abc import Callable
 from functools import partial
 
@@ -25,6 +27,9 @@ from llm_astar_planner.instructions.messages import (
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 
+# Questions a second, of which so many may come at once: a flood must leave time to plan.
+RATE, BURST = 50.0, 20
+
 OnAnswer = Callable[[Interpretation], None]
 # Given a question with a clean text, returns what is understood now. If that is PENDING, the
 # callback gets the rest, on any thread. May raise LlmAstarError.
@@ -34,7 +39,8 @@ Interpret = Callable[[Question, OnAnswer], Interpretation]
 class QuestionServer:
     """Takes questions on `~/interpret` and answers on `~/interpretation`, with the id of each.
 
-    Every question is answered: what cannot be read, or is too long, with an error.
+    Every question is answered: what cannot be read, or is too long, with an error. Of a flood the
+    newest are, RATE a second; the middleware drops the others.
     """
 
     def __init__(
@@ -49,6 +55,7 @@ class QuestionServer:
         self._interpret = interpret
         self._limit = limit
         self._waits = waits
+        self._due = -math.inf
         self._lock = threading.Lock()
         self._is_closed = False
         self._publisher = entities.publisher(String, '~/interpretation', REPORTS)
@@ -59,6 +66,7 @@ class QuestionServer:
 
     def on_question(self, message: String) -> None:
         """Answer a question, or have it answered."""
+        self.pace()
         asked = Question(message.data)
         try:
             asked = parse_question(message.data, self._limit)
@@ -69,6 +77,12 @@ class QuestionServer:
             return
         if not (self._waits and reading.status is Understanding.PENDING):
             self.answer(asked, reading)
+
+    def pace(self) -> None:
+        """Wait where questions come faster than they may."""
+        now = time.monotonic()
+        self._due = max(self._due + 1.0 / RATE, now - BURST / RATE)
+        time.sleep(max(0.0, self._due - now))
 
     def answer(self, question: Question, interpretation: Interpretation) -> None:
         """Publish the answer to a question."""

@@ -8,7 +8,7 @@ import uuid
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.places import Places
-from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from std_msgs.msg import String
 
 from llm_astar_planner.instructions.interpretation import (
@@ -43,9 +43,8 @@ class InstructionClient:
         self._answers: dict[str, Answer | None] = {}
         self._is_closed = False
         self._publisher = entities.publisher(String, f'{client}/interpret', RELIABLE)
-        entities.subscription(
-            String, f'{client}/interpretation', self.on_answer, REPORTS, ReentrantCallbackGroup()
-        )
+        group = MutuallyExclusiveCallbackGroup()
+        entities.subscription(String, f'{client}/interpretation', self.on_answer, REPORTS, group)
         entities.on_close(self.close)
 
     @property
