@@ -242,6 +242,28 @@ def joins_area(result: list[Lexeme], lexeme: Lexeme) -> bool:
     return True
 
 
+# After these 'est' is the east in French.
+BEFORE_SIDES = frozenset({'TO', 'SIDENOUN', 'HALFNOUN', 'THROUGH', 'IN', 'UPON', 'NOUN', 'AT'})
+
+
+def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return lexemes of two kinds as the one that goes with their neighbours.
+
+    'y = 3' is an axis in Spanish, too, and 'um A' is around it in German, 'um 3 m' by so much.
+    """
+    result: list[Lexeme] = []
+    for at, lexeme in enumerate(lexemes):
+        before = result[-1].kind if result else ''
+        is_other = (
+            (lexeme.other == AXIS and is_sign(lexemes, at + 1, '='))
+            or (lexeme.other == 'ABOVE' and before == AXIS)
+            or (lexeme.other == 'SIDE' and before in BEFORE_SIDES)
+            or (lexeme.other == 'AROUND' and not kinds_match(lexemes, at + 1, 'NUMBER|LENGTH'))
+        )
+        result.append(lexeme.as_other() if is_other else lexeme)
+    return result
+
+
 def settled(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
     """Return the lexemes without those that only go with the next one: 'the point', 'at least'.
 

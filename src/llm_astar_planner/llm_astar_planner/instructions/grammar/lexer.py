@@ -16,6 +16,7 @@ from llm_astar_planner.instructions.grammar.lexemes import (
     Lexeme,
     combined,
     settled,
+    told_apart,
 )
 from llm_astar_planner.instructions.grammar.lexicon import Group, Lexicon
 from llm_astar_planner.instructions.grammar.nouns import Noun, nouns
@@ -56,7 +57,7 @@ class Lexer:
             scanned += found
             at += count
         kept = [lexeme for lexeme in scanned if lexeme.kind not in (ARTICLE, FILLER)]
-        return resolved(settled(in_context(combined(kept))))
+        return resolved(settled(in_context(combined(told_apart(kept)))))
 
     def scan(self, words: Sequence[Word], at: int) -> tuple[int, list[Lexeme]]:
         """Return how many words the longest phrase at a word takes, and its lexemes."""

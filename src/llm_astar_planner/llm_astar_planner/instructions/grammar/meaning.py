@@ -199,6 +199,8 @@ class Meaning(Callbacks):  # type: ignore[misc]
     def keep_to(self, thing: Selection) -> Reading:
         """'keep to the south side'."""
         refuse_half_of_object(thing)
+        if isinstance(thing.one, Box) and outside(thing.one) is not None:
+            return self.stay_field(thing)
         return Reading((StayIn(SHOULD, region=thing.one),))
 
     def keep_side(self, side: str) -> Reading:

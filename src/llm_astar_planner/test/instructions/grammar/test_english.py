@@ -25,6 +25,8 @@ AVOID = {
     'stay left of x = 12': 'avoid the area with x above 12',
     'avoid the northern half of ward 1': 'avoid the north half of the ward 1',
     'go around the trolley': 'avoid the trolley',
+    'avoid the rectangle from 1,2 to 5,4': 'avoid the area with x from 1 to 5 and y from 2 to 4',
+    'stay between y=5 and y=20': 'stay in the area with y from 5 to 20',
 }
 VISIT = {
     'visit the pharmacy and the reception': 'visit the pharmacy and the reception in any order',
@@ -51,6 +53,7 @@ VISIT = {
 }
 ORDER = {
     'do not enter ward 1 before the pharmacy': 'do not enter the ward 1 before the pharmacy',
+    'visit the pharmacy before going to ward 1': 'visit the pharmacy, then the ward 1',
     'visit the pharmacy before you go into ward 1': 'do not enter the ward 1 before the pharmacy',
     'do not visit ward 1 without visiting the pharmacy first': 'do not enter the ward 1 '
     'before the pharmacy',
@@ -69,6 +72,7 @@ STAY = {
     'remain in the western half': 'stay in the west half',
 }
 PASS = {
+    'pass the vertical wall on the north side': 'pass the short wall on the north side',
     'pass the scanner on the north side': 'pass the scanner on the north side',
     'drive past the scanner on its eastern side': 'pass the scanner on the east side',
     'go north of the trolley': 'pass the trolley on the north side',

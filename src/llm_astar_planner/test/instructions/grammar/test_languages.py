@@ -21,6 +21,9 @@ GERMAN = {
     'ende am Empfang': 'end in the reception',
     'vergiss nicht, die Apotheke zu besuchen': 'visit the pharmacy',
     'vermeide es, durch die Apotheke zu fahren': 'avoid the pharmacy',
+    'fahr um den Scanner im Norden herum': 'pass the scanner on the north side',
+    'fahre links am Scanner vorbei': 'pass the scanner on the left of the direct way',
+    'betrete weder die Apotheke noch den Empfang': 'avoid the pharmacy; avoid the reception',
     'fahr zur Apotheke, ohne den Flur zu betreten': 'visit the pharmacy; avoid the hallway',
 }
 FRENCH = {
@@ -36,6 +39,9 @@ FRENCH = {
     'va à la réception sans passer par la pharmacie': 'visit the reception; avoid the pharmacy',
     "n'entre pas dans la pharmacie avant d'avoir visité la réception": 'do not enter '
     'the pharmacy before the reception',
+    "contourne le scanner par l'est": 'pass the scanner on the east side',
+    'la pharmacie est fermée': 'avoid the pharmacy',
+    'laisse le scanner à ta gauche': 'pass the scanner on the right of the direct way',
     'évite toutes les portes': 'avoid all door places',
 }
 SPANISH = {
@@ -48,6 +54,8 @@ SPANISH = {
     'si es posible, evita todas las puertas': 'if possible, avoid all door places',
     'no entres en la farmacia antes de visitar la recepción': 'do not enter the pharmacy '
     'before the reception',
+    'pasa al norte del scanner': 'pass the scanner on the north side',
+    'mantente al sur de y = 10': 'avoid the area with y above 10',
     'no olvides visitar la farmacia': 'visit the pharmacy',
 }
 WHOLE = {**GERMAN, **FRENCH, **SPANISH}
