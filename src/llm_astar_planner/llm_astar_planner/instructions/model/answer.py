@@ -44,7 +44,7 @@ MAX_STARTS = 16
 UNKNOWN_PLACE = 'unknown'
 _RANGES = ('x_above', 'x_below', 'y_above', 'y_below')
 _SPANS = ('x_between', 'y_between')
-_ORDER_WORDS = ('before', 'after', 'until', 'sequence')
+_ORDER_WORDS = ('before', 'after', 'until')
 # The kinds with one region, in the field `where`.
 _WHERE = ('avoid', 'stay_in', 'end_at', 'pass')
 

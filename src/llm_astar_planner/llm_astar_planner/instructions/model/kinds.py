@@ -134,7 +134,7 @@ def before_problem(parts: Parts, structure: Structure) -> str | None:
 
 
 def is_said_first(first: Mention, second: Mention, structure: Structure) -> bool | None:
-    """Return whether 'before', 'after', 'until' or 'first' puts one before the other.
+    """Return whether 'before', 'after' or 'until' puts one before the other.
 
     None where no such word stands with them. Not before, like after, goes before the first one.
     """
@@ -147,8 +147,6 @@ def is_said_first(first: Mention, second: Mention, structure: Structure) -> bool
             return (follows is first) if negated else (follows is second)
         if token.labels & {'strong.after', 'strong.until'}:
             return follows is first
-    if structure.reading.has('strong.sequence'):
-        return both[0] is first
     return None
 
 
