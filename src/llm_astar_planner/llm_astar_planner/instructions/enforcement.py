@@ -18,6 +18,7 @@ from scipy import ndimage
 from llm_astar_planner.instructions.raster import Cover, cover, open_border
 from llm_astar_planner.instructions.regions import (
     RegionError,
+    entered_polygon,
     grown,
     map_polygon,
     ray,
@@ -125,8 +126,7 @@ def before(number: int, clause: Before, route: Route) -> Demand:
     """Forbid the second region until the first one was visited, on the way or on this path."""
     if (number, 0) in route.visited:
         return Demand(clause)
-    second = region_polygon(clause.second, route, VISIT_RADIUS)
-    later = cover(second, route.costmap.grid_map)
+    later = cover(entered_polygon(clause.second, route), route.costmap.grid_map)
     return Demand(clause, before=(visit_cells(clause.first, route), later))
 
 

@@ -82,6 +82,13 @@ def visit_polygon(region: Region, route: Route) -> BaseGeometry:
     return polygon if isinstance(region, Disc) else inner(polygon)
 
 
+def entered_polygon(region: Region, route: Route) -> BaseGeometry:
+    """Return where a path has entered a region: all of an area, and as for a visit of an object."""
+    if isinstance(region, NamedPlace) and find_place(region.place, route).is_object:
+        return visit_polygon(region, route)
+    return region_polygon(region, route, VISIT_RADIUS)
+
+
 def visited_place(place: Place) -> BaseGeometry:
     """Return where a place counts as visited."""
     if place.is_object:
