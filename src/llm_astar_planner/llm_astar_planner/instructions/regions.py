@@ -83,7 +83,7 @@ def visit_polygon(region: Region, route: Route) -> BaseGeometry:
 
 
 def entered_polygon(region: Region, route: Route) -> BaseGeometry:
-    """Return where a path has entered a region: all of an area, and as for a visit of an object."""
+    """Return where a path has entered a region: any part of an area, or near an object."""
     if isinstance(region, NamedPlace) and find_place(region.place, route).is_object:
         return visit_polygon(region, route)
     return region_polygon(region, route, VISIT_RADIUS)
