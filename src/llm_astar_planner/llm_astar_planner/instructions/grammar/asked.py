@@ -10,6 +10,7 @@ from llm_astar_planner.instructions.specification import (
     WALLS,
     Along,
     Avoid,
+    Before,
     Clause,
     Disc,
     Half,
@@ -73,6 +74,11 @@ def distance_of(things: Things, metres: float) -> tuple[Clause, ...]:
             regions = thing.regions if thing.together is None else (thing.together,)
             clauses += [KeepDistance(metres=positive(metres), region=one) for one in regions]
     return tuple(clauses)
+
+
+def befores(firsts: Things, seconds: Things) -> tuple[Clause, ...]:
+    """Return that each of the second things is entered after each of the first ones."""
+    return tuple(Before(first=one.one, second=two.one) for two in seconds for one in firsts)
 
 
 def with_radius(thing: Selection, metres: float) -> Disc:

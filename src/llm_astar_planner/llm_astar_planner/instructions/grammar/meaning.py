@@ -11,6 +11,7 @@ from llm_astar_planner.instructions.grammar.asked import (
     Things,
     all_objects,
     avoid_of,
+    befores,
     distance_of,
     positive,
     refuse_half_of_object,
@@ -41,7 +42,6 @@ from llm_astar_planner.instructions.specification import (
     ALONG_WIDTH,
     SHOULD,
     Avoid,
-    Before,
     Between,
     Box,
     Disc,
@@ -155,9 +155,9 @@ class Meaning(Callbacks):  # type: ignore[misc]
         return visits(first, second)
 
     def before(self, *parts: Any) -> Reading:
-        """'visit A before you enter B'."""
-        first, second = (single(part).one for part in parts if isinstance(part, tuple))
-        return Reading((Before(first=first, second=second),))
+        """'A must be visited before B'; of several, each of them."""
+        firsts, seconds = (part for part in parts if isinstance(part, tuple))
+        return Reading(befores(firsts, seconds))
 
     def visit_before(self, _: str, first: Things, how: str, second: Things) -> Reading:
         """'visit A before you enter B', which need not be; 'visit A before going to B'."""
@@ -171,8 +171,8 @@ class Meaning(Callbacks):  # type: ignore[misc]
 
     def before_swapped(self, *parts: Any) -> Reading:
         """'do not enter B before A'."""
-        second, first = (single(part).one for part in parts if isinstance(part, tuple))
-        return Reading((Before(first=first, second=second),))
+        seconds, firsts = (part for part in parts if isinstance(part, tuple))
+        return Reading(befores(firsts, seconds))
 
     def until(self) -> None:
         """'before', 'until'."""
@@ -191,9 +191,11 @@ class Meaning(Callbacks):  # type: ignore[misc]
         return Reading((StayIn(region=thing.one),))
 
     def stay_on(self, thing: Selection) -> Reading:
-        """'stay on the north side', 'stay on the ramp'."""
-        if isinstance(thing.one, Half):
+        """'stay on the north side', 'stay on the bridge'; but where is 'stay at the desk'."""
+        if isinstance(thing.one, (Half, Box)):
             return self.keep_to(thing)
+        if generic_of(thing.place, place_nouns(thing.place)) != PASSAGE:
+            raise Unclear('to stay in it or to end there')
         return self.stay_in(thing)
 
     def keep_to(self, thing: Selection) -> Reading:

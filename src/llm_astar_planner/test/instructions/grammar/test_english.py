@@ -52,6 +52,8 @@ VISIT = {
     'visit the bathroom in the top right corner': 'visit the bathroom B',
 }
 ORDER = {
+    'do not enter ward 1 or ward 2 before the pharmacy': 'do not enter the ward 1 before '
+    'the pharmacy; do not enter the ward 2 before the pharmacy',
     'do not enter ward 1 before the pharmacy': 'do not enter the ward 1 before the pharmacy',
     'visit the pharmacy before going to ward 1': 'visit the pharmacy, then the ward 1',
     'visit the pharmacy before you go into ward 1': 'do not enter the ward 1 before the pharmacy',
@@ -127,6 +129,12 @@ def test_is_read_wholly(text):
         'avoid the hallway unless it is empty',
         'visit the pharmacy or ward 1',
         'visit either ward 1 or ward 2',
+        'do not visit both ward 1 and ward 2',
+        'do not enter ward 1 through the fire door',
+        'avoid ward 1 on the way to ward 2',
+        'stay out of ward 1 until you have visited ward 2',
+        'ward 1 is no longer closed',
+        'stop avoiding ward 1',
         'you may go through the pharmacy',
         'you do not have to visit the pharmacy',
         "you needn't visit the pharmacy",
