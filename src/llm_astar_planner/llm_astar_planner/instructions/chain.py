@@ -145,11 +145,13 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     best = max(readings, key=rank)
     whole = best.status in READ_WHOLE
     others = [] if whole else [part.detail for part in readings if part is not best]
+    # Two readings of the grammar, here and in another process, have the same reasons.
+    reasons = [reason for detail in (best.detail, *others) for reason in detail.split('; ')]
     pending = not whole and any(part.status is Understanding.PENDING for part in readings)
     return replace(
         best,
         status=Understanding.PENDING if pending else best.status,
-        detail='; '.join(detail for detail in (best.detail, *others) if detail),
+        detail='; '.join(filter(None, dict.fromkeys(reasons))),
         seconds=sum(reading.seconds for reading in readings),
         prompt_tokens=sum(reading.prompt_tokens for reading in readings),
         output_tokens=sum(reading.output_tokens for reading in readings),

@@ -23,10 +23,12 @@ from llm_astar_planner.instructions.interpretation import (
     clean_instruction,
 )
 
-# Seconds after which a model that did not answer is asked again. Longer than its missing answer
-# is remembered.
+# Seconds after which a model that did not answer is asked again: more than its missing answer is
+# remembered, and each time twice as long, as many times as this.
 ASK_AGAIN_S = 15.0
-LIMIT_S = 120.0
+MAX_DOUBLINGS = 6
+# Seconds for one question, longer than the process that is asked gives its model.
+LIMIT_S = 150.0
 # A text in each language of the grammar.
 FIRST_TEXTS = ('avoid that', 'vermeide das', 'evita eso', 'évite cela')
 
@@ -109,6 +111,7 @@ class CurrentInstruction:
         # When to ask next, in monotonic seconds; and whether the question was answered before.
         self._ask_at = math.inf
         self._is_answered = False
+        self._failures = 0
 
     def set(self, text: str, places: Places) -> None:
         """Set the instruction, '' for none. Raises InstructionError for one that is too long."""
@@ -116,6 +119,7 @@ class CurrentInstruction:
         with self._lock:
             if (clean, places.digest) != (self._text, self._places.digest):
                 self._text, self._places = clean, places
+                self._failures = 0
                 self.read()
 
     def ask_again(self, *, anew: bool = False) -> None:
@@ -157,7 +161,9 @@ class CurrentInstruction:
                 return
             is_answer = answer.status is not Understanding.PENDING
             if not is_answer:
-                self._ask_at = time.monotonic() + ASK_AGAIN_S
+                delay = ASK_AGAIN_S * 2 ** min(self._failures, MAX_DOUBLINGS)
+                self._ask_at = time.monotonic() + delay
+                self._failures += 1
             if is_answer or not self._is_answered:
                 self._is_answered = is_answer
                 self.use(answer)

@@ -16,8 +16,8 @@ from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.question_server import OnAnswer, QuestionServer
 
 # Seconds for one question to a model. No plan waits for it, and a small model on a processor
-# takes half a minute for its first.
-LIMIT_S = 60.0
+# takes half a minute for its first, or longer if the processor has other work.
+LIMIT_S = 120.0
 
 
 class InterpretationServer:
