@@ -14,7 +14,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
-from matplotlib.transforms import Affine2D, Bbox
+from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
@@ -28,6 +28,8 @@ SIZES = (9.0, 7.5, 6.0)
 SHIFTS = ((0, 0), (0, 1), (0, -1), (0, 2), (0, -2), (0.6, 0), (-0.6, 0))
 HALO = [withStroke(linewidth=2.5, foreground='white')]
 
+# Left, bottom, right, top in pixels.
+Box = tuple[float, float, float, float]
 # From metres in the map's frame, points [n, 2], to the coordinates of the axes.
 Projection = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -85,7 +87,8 @@ class NameLabels:
         if root is not None:
             root.draw_without_rendering()
         points = axes.transData.transform(np.array([*taken], dtype=float).reshape(-1, 2))
-        self.boxes = [Bbox.from_extents(x - 8, y - 8, x + 8, y + 8) for x, y in points]
+        self.boxes: list[Box] = [(x - 8, y - 8, x + 8, y + 8) for x, y in points.tolist()]
+        self.frame = axes.get_window_extent()
 
     def add(self, name: str, shape: BaseGeometry) -> None:
         """Write a name in the middle of its place, upright where the place is too narrow.
@@ -97,19 +100,30 @@ class NameLabels:
             middle.x, middle.y, name, ha='center', va='center', color='black', zorder=6,
             path_effects=HALO, clip_on=True, parse_math=False,
         )  # fmt: skip
-        frame = self.axes.get_window_extent()
         # The name of a point stands above its mark.
         shifts = (*SHIFTS[1:], SHIFTS[0]) if shape.geom_type == 'Point' else SHIFTS
         for size in SIZES:
             text.set_fontsize(size)
             text.set_rotation(self.rotation(text, shape))
-            for shift in shifts:
-                box = self.move(text, (middle.x, middle.y), shift)
-                inside = frame.x0 <= box.x0 and box.x1 <= frame.x1
-                if inside and not any(box.overlaps(other) for other in self.boxes):
-                    self.boxes.append(box)
-                    return
-        self.boxes.append(self.move(text, (middle.x, middle.y), shifts[0]))
+            extent = text.get_window_extent()
+            box = (extent.x0, extent.y0, extent.x1, extent.y1)
+            free = [moved for shift in shifts if self.is_free(moved := shifted(box, shift))]
+            if free:
+                break
+        chosen = free[0] if free else shifted(box, shifts[0])
+        corners = np.reshape(chosen, (2, 2))
+        x, y = self.axes.transData.inverted().transform(corners).mean(axis=0)
+        text.set_position((x, y))
+        self.boxes.append(chosen)
+
+    def is_free(self, box: Box) -> bool:
+        """Tell whether a name in a box is within the picture and hides no other."""
+        x0, y0, x1, y1 = box
+        inside = self.frame.x0 <= x0 and x1 <= self.frame.x1
+        return inside and not any(
+            x0 < right and left < x1 and y0 < top and bottom < y1
+            for left, bottom, right, top in self.boxes
+        )
 
     def rotation(self, text: Text, shape: BaseGeometry) -> float:
         """Return 90 degrees for a name that fits into its place only upright, else 0."""
@@ -119,14 +133,12 @@ class NameLabels:
         width, height = np.ptp(self.axes.transData.transform(corners), axis=0)
         return 90.0 if box.width > width and height > 1.2 * max(width, box.height) else 0.0
 
-    def move(self, text: Text, middle: tuple[float, float], shift: tuple[float, float]) -> Bbox:
-        """Move a name by parts of its own size and return the box that it then covers."""
-        text.set_position(middle)
-        box = text.get_window_extent()
-        x, y = self.axes.transData.transform(middle)
-        moved = (x + shift[0] * box.width, y + shift[1] * box.height)
-        text.set_position(tuple(self.axes.transData.inverted().transform(moved)))
-        return text.get_window_extent()
+
+def shifted(box: Box, shift: tuple[float, float]) -> Box:
+    """Return a box moved by parts of its own size."""
+    x0, y0, x1, y1 = box
+    dx, dy = shift[0] * (x1 - x0), shift[1] * (y1 - y0)
+    return x0 + dx, y0 + dy, x1 + dx, y1 + dy
 
 
 def places_figure(places: Places, grid_map: GridMap | None = None) -> Figure:
