@@ -31,7 +31,7 @@ def find_place(name: str, places: Places) -> Place:
         raise PlaceGoalError(f'{wanted!r} is said of several places: {listed(Places(tagged))}')
     if not len(places):
         raise PlaceGoalError(f'there is no place {wanted!r}, as no places are loaded')
-    near = nearest_name(wanted, [place.name for place in places])
+    near = nearest_name(wanted, [name for p in places for name in (p.name, *p.aliases)])
     raise PlaceGoalError(f'there is no place {wanted[:80]!r}{near}; there is {listed(places)}')
 
 
