@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -16,11 +17,12 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import layered as kernels
+from llm_astar_planner.search._kernels import layers
 from llm_astar_planner.search.grid_graph import GridGraph, path_length
-from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus
+from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
 from llm_astar_planner.search.stop import StopFlag, no_stop
 
-MAX_REGIONS = kernels.MAX_REGIONS
+MAX_REGIONS = layers.MAX_REGIONS
 # A price that counts before all lengths; higher ones are refused.
 MAX_PRICE = 1e6
 MAX_RULES = 32
@@ -29,8 +31,14 @@ MAX_LAYERS = 1 << 16
 # Bytes that the states of one search may take: 9 for each cell of each layer that it enters.
 MAX_BYTES = 2_000_000_000
 STATE_BYTES = 9
+# A search leaves so much memory at most to the next one.
+MAX_IDLE_BYTES = 64 * 1024 * 1024
+# Caps on the cost of entering a region count paths that leave its box by so many cells, and are
+# measured after so many expansions per cell of that.
+CAP_MARGIN = 16
+CAP_PATIENCE = 2
 # Expansions between two looks at the deadline.
-EXPANSION_SLICE = 16384
+EXPANSION_SLICE = 8192
 
 _STATUS = {
     plain_kernels.FOUND: SearchStatus.FOUND,
@@ -133,6 +141,57 @@ def check_problem(graph: GridGraph, problem: VisitProblem) -> None:
         raise VisitProblemError(f'price: not all values are in 0 to {MAX_PRICE:g}')
 
 
+class StateMemory:
+    """What one running search writes: states, a queue and what is known of each cell.
+
+    Idle memory is kept for the next search, so that small queries touch no new pages.
+    """
+
+    _idle: ClassVar[list[StateMemory]] = []
+
+    def __init__(self, cells: int) -> None:
+        """Make memory for a grid of `cells` cells, without room for states yet."""
+        self.cells = cells
+        self.costs = np.empty(0, dtype=np.float64)
+        self.tags = np.zeros(0, dtype=np.uint8)
+        self.cell_bits = np.zeros(cells, dtype=np.uint32)
+        self.queue = make_queue(4096)
+
+    @classmethod
+    def borrow(cls, cells: int) -> StateMemory:
+        """Take idle memory, or make some."""
+        try:
+            memory = cls._idle.pop()
+        except IndexError:
+            return cls(cells)
+        return memory if memory.cells == cells else cls(cells)
+
+    def give_back(self, slots: int) -> None:
+        """Clear what a search with so many layers wrote and keep it, if it is not too much."""
+        if self.tags.size * STATE_BYTES <= MAX_IDLE_BYTES and not self._idle:
+            self.tags[: slots * self.cells] = 0
+            self.cell_bits[:] = 0
+            self.queue.heads[:] = 0
+            self._idle.append(self)
+
+    def grow_states(self, slots: int) -> None:
+        """Make room for `slots` layers and keep the content."""
+        costs = np.empty(slots * self.cells, dtype=np.float64)
+        tags = np.zeros(slots * self.cells, dtype=np.uint8)
+        costs[: self.costs.size] = self.costs
+        tags[: self.tags.size] = self.tags
+        self.costs, self.tags = costs, tags
+
+    def grow_queue(self) -> None:
+        """Double the room for entries of the queue and keep the content."""
+        keys, entries = self.queue.keys, self.queue.entries
+        self.queue = kernels.Queue(
+            self.queue.heads,
+            np.concatenate((keys, np.empty_like(keys))),
+            np.concatenate((entries, np.empty_like(entries))),
+        )
+
+
 class LayeredSearch:
     """One run of the layered search on one grid."""
 
@@ -142,99 +201,112 @@ class LayeredSearch:
         Raises LayersTooLargeError.
         """
         self._graph, self._start, self._problem = graph, start, problem
-        self._tables, self._possible = make_tables(graph, goal, problem)
-        firsts = int(self._tables.first_mask[0]).bit_count()
+        self._units = graph.straight, graph.diagonal
+        self._memory = StateMemory.borrow(graph.moves.size)
+        self._tables, self._counts = make_tables(graph, goal, problem, self._memory.cell_bits)
+        firsts = int(self._tables.rules.first_mask[0]).bit_count()
         count = self._tables.groups.base_group.size << firsts
         if count > MAX_LAYERS:
             raise LayersTooLargeError(
                 f'{count} layers are over {MAX_LAYERS}: give fewer regions in any order'
             )
         self._limit = min(count, max(1, MAX_BYTES // (STATE_BYTES * graph.moves.size)))
-        self._layers = kernels.Layers(
-            np.full(count, -1, dtype=np.int32),
-            *(np.zeros(self._limit, dtype=np.int64) for _ in range(3)),
-        )
-        self._costs = np.empty(0, dtype=np.float64)
-        self._tags = np.zeros(0, dtype=np.uint8)
-        self.grow_slots()
-        self._queue = make_queue(4096)
+        self._layers = make_layers(count, self._limit)
         self._control = np.zeros(kernels.C_SIZE, dtype=np.int64)
         self._best = np.full(1, np.inf)
 
     def run(self, stop: StopFlag, deadline: float) -> SearchStatus:
         """Search to the end, or until stopped. Raises LayersTooLargeError."""
-        graph, tables = self._graph, self._tables
-        if not self._possible or graph.blocked.reshape(-1)[self._start]:
+        graph, tables, memory = self._graph, self._tables, self._memory
+        wanted = [region for group in self._problem.visits for region in group]
+        if graph.blocked.reshape(-1)[self._start] or not all(
+            self._counts[region] for region in (*wanted, MAX_REGIONS)
+        ):
             return SearchStatus.EXHAUSTED
+        if memory.tags.size == 0:
+            self.add_slots()
         kernels.begin(
-            tables, self._layers, self._queue, self._costs, self._tags, graph.width, self._start,
-            self._control, self._best,
+            tables, self._layers, memory.queue, memory.costs, memory.tags, graph.width,
+            self._start, self._control, self._best,
         )  # fmt: skip
+        prices = tables.rules.prices
         every_move = bool(tables.cell_surcharge.size or tables.price.size)
-        every_move |= bool(((tables.before_price > 0.0) & (tables.before_price < np.inf)).any())
+        every_move |= bool(((prices > 0.0) & (prices < np.inf)).any())
         while not stop[0] and time.monotonic() < deadline:
             ended = kernels.advance(
-                tables, self._layers, self._queue, self._costs, self._tags,
-                graph.width, graph.straight, graph.diagonal, every_move,
+                tables, self._layers, memory.queue, memory.costs, memory.tags,
+                graph.width, self._units, every_move,
                 self._control, self._best, EXPANSION_SLICE, stop,
             )  # fmt: skip
             if ended == plain_kernels.NEED_SPACE:
-                self._queue = grown_queue(self._queue)
+                memory.grow_queue()
             elif ended == kernels.NEED_SLOT:
-                self.grow_slots()
+                self.add_slots()
             elif ended != plain_kernels.RUNNING:
                 return _STATUS[ended]
+            else:
+                layers.measure_caps(
+                    tables, self._layers, memory.costs, memory.tags,
+                    int(self._control[kernels.C_SLOTS]), graph.width, self._units,
+                    CAP_MARGIN, CAP_PATIENCE,
+                )  # fmt: skip
         return SearchStatus.STOPPED
 
-    def grow_slots(self) -> None:
+    def add_slots(self) -> None:
         """Make room for more layers. Raises LayersTooLargeError beyond the limit of memory."""
         cells = self._graph.moves.size
-        have = self._tags.size // cells
-        if have == self._limit or cells * STATE_BYTES > MAX_BYTES:
+        have = self._memory.tags.size // cells
+        if have >= self._limit or cells * STATE_BYTES > MAX_BYTES:
             raise LayersTooLargeError(
                 f'the layers of {cells} cells take over {MAX_BYTES / 1e9:g} GB'
             )
-        count = min(self._limit, max(9, 2 * have))
-        costs, tags = np.empty(count * cells), np.zeros(count * cells, dtype=np.uint8)
-        costs[: self._costs.size] = self._costs
-        tags[: self._tags.size] = self._tags
-        self._costs, self._tags = costs, tags
+        self._memory.grow_states(min(self._limit, max(4, 2 * have)))
 
     def result(self, status: SearchStatus, *, want_expanded: bool) -> LayeredResult:
-        """Describe how the search ended."""
+        """Describe how the search ended, and release its memory. Call it once."""
         graph, control = self._graph, self._control
         slots = int(control[kernels.C_SLOTS])
-        expanded = np.zeros(graph.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
-        if want_expanded:
-            kernels.add_expanded(self._tags, slots, expanded)
+        expanded: NDArray[np.bool_] = np.zeros((0, 0), dtype=np.bool_)
+        if want_expanded and slots == 0:
+            expanded = np.zeros_like(graph.blocked)
+        elif want_expanded:
+            tags = self._memory.tags[: slots * graph.moves.size].reshape(slots, -1)
+            every = np.bitwise_or.reduce(tags, axis=0)
+            expanded = (every & kernels.EXPANDED).astype(np.bool_).reshape(graph.blocked.shape)
         counts = int(control[kernels.C_EXPANSIONS]), int(control[kernels.C_STORAGE])
-        if status is not SearchStatus.FOUND:
-            floor = int(control[kernels.C_LAST]) << plain_kernels.BUCKET_BITS
-            bound = math.inf if status is SearchStatus.EXHAUSTED else floor / graph.straight
-            return LayeredResult(status, *counts, expanded, lower_bound=bound, layers=slots)
-        path, cost = self.path(), float(self._best[0]) / graph.straight
+        path = empty_path()
+        visited_at: tuple[int, ...] = ()
+        cost = math.inf
+        lower_bound = (int(control[kernels.C_LAST]) << plain_kernels.BUCKET_BITS) / graph.straight
+        if status is SearchStatus.EXHAUSTED:
+            lower_bound = math.inf
+        elif status is SearchStatus.FOUND:
+            path = self.path()
+            visited_at = self.visited_at(path)
+            cost = lower_bound = float(self._best[0]) / graph.straight
+        self._memory.give_back(slots)
         return LayeredResult(
             status,
             *counts,
             expanded,
             path,
             path_length(path),
-            cost=cost,
-            lower_bound=cost,
-            suboptimality_bound=1.0,
-            first_expansions=counts[0],
-            first_cost=cost,
-            visited_at=self.visited_at(path),
-            layers=slots,
+            cost,
+            lower_bound,
+            1.0 if len(path) else math.inf,
+            counts[0],
+            cost,
+            visited_at,
+            slots,
         )
 
     def path(self) -> NDArray[np.int32]:
         """Return the path found: int32 [n, 2]."""
-        graph, path = self._graph, np.empty((1024, 2), dtype=np.int32)
+        graph, memory, path = self._graph, self._memory, np.empty((1024, 2), dtype=np.int32)
         while True:
             count = kernels.trace(
-                self._tables, self._layers, self._costs, self._tags,
-                graph.width, graph.straight, graph.diagonal, self._start, self._control, path,
+                self._tables, self._layers, memory.costs, memory.tags,
+                graph.width, self._units, self._start, self._control, path,
             )  # fmt: skip
             if count <= len(path):
                 return path[-count:].copy()
@@ -252,63 +324,59 @@ class LayeredSearch:
         return tuple(indices)
 
 
-def make_tables(graph: GridGraph, goal: int, problem: VisitProblem) -> tuple[kernels.Tables, bool]:
-    """Return the tables of a problem, and whether it may have a path.
+def make_tables(
+    graph: GridGraph, goal: int, problem: VisitProblem, cell_bits: NDArray[np.uint32]
+) -> tuple[layers.Tables, list[int]]:
+    """Fill `cell_bits`, which is zero, and return the tables of a problem.
 
-    There surely is none if a region to visit or the goals have no free cell.
+    Also returns the number of free cells of each region and, as number MAX_REGIONS, of the goals.
     """
-    cells = graph.moves.size
-    cell_bits = np.zeros(cells, dtype=np.uint32)
     boxes = np.zeros((MAX_REGIONS + 1, 4), dtype=np.int64)
-    counts = [
-        kernels.mark_region(mask, graph.blocked, 1 << index, cell_bits, boxes[index])
-        for index, mask in enumerate(problem.regions)
-    ]
-    possible = all(counts[region] for group in problem.visits for region in group)
-    if problem.goals is None:
-        y, x = divmod(goal, graph.width)
-        cell_bits[goal] |= kernels.GOAL_BIT
-        boxes[-1] = x, x, y, y
-        possible &= not graph.blocked[y, x]
+    counts = [0] * (MAX_REGIONS + 1)
+    masks = dict(enumerate(problem.regions))
+    if problem.goals is not None:
+        masks[MAX_REGIONS] = problem.goals
     else:
-        possible &= (
-            kernels.mark_region(
-                problem.goals, graph.blocked, kernels.GOAL_BIT, cell_bits, boxes[-1]
+        y, x = divmod(goal, graph.width)
+        cell_bits[goal] = layers.GOAL_BIT
+        boxes[-1] = x, x, y, y
+        counts[-1] = int(not graph.blocked[y, x])
+    for region, mask in masks.items():
+        rows = np.flatnonzero(mask.any(axis=1))
+        if rows.size:
+            boxes[region, 2:] = rows[0], rows[-1]
+            counts[region] = layers.mark_region(
+                mask, graph.blocked, 1 << region, cell_bits, boxes[region]
             )
-            > 0
-        )
-    seconds = np.zeros(cells if problem.before else 0, dtype=np.uint32)
-    for index, (_, second, _) in enumerate(problem.before):
-        mask = problem.regions[second].reshape(-1)
-        seconds[mask] |= np.uint32(1 << index)
-        cell_bits[mask] |= np.uint32(kernels.SECOND_BIT)
     price = np.zeros(0, dtype=np.float32)
     if problem.price is not None:
         price = np.ascontiguousarray(problem.price, dtype=np.float32).reshape(-1)
     groups = make_groups(problem.visits)
-    point = bool((boxes[-1, ::2] == boxes[-1, 1::2]).all())
-    slopes = make_slopes(graph, point=point)
-    first_mask = 0
-    for first, *_ in problem.before:
-        first_mask |= 1 << first
-    tables = kernels.Tables(
+    tables = layers.Tables(
         graph.moves,
         graph.cell_surcharge,
         price,
         cell_bits,
-        seconds,
-        np.array([rule[0] for rule in problem.before], dtype=np.int64),
-        np.array([rule[2] for rule in problem.before], dtype=np.float64),
-        np.array([first_mask], dtype=np.int64),
         groups,
-        slopes,
-        np.empty((groups.candidates.size, len(slopes))),
+        make_rules(problem.before),
+        boxes,
+        make_slopes(graph),
+        np.empty((groups.candidates.size, layers.SLOPES)),
     )
-    kernels.fill_offsets(tables, boxes.astype(np.float64))
-    return tables, possible
+    layers.fill_offsets(tables)
+    return tables, counts
 
 
-def make_groups(visits: tuple[tuple[int, ...], ...]) -> kernels.Groups:
+def make_rules(before: tuple[tuple[int, int, float], ...]) -> layers.Rules:
+    """Return the tables of the rules `before`."""
+    firsts = np.array([first for first, _, _ in before], dtype=np.int64)
+    seconds = np.array([second for _, second, _ in before], dtype=np.int64)
+    masks = (np.bitwise_or.reduce(1 << numbers, keepdims=True) for numbers in (firsts, seconds))
+    prices = np.array([price for _, _, price in before], dtype=np.float64)
+    return layers.Rules(firsts, seconds, prices, *masks)
+
+
+def make_groups(visits: tuple[tuple[int, ...], ...]) -> layers.Groups:
     """Return the tables of the base layers. Raises LayersTooLargeError."""
     groups = [set(group) for group in visits if group]
     sizes = [(1 << len(group)) - 1 for group in groups]
@@ -320,23 +388,39 @@ def make_groups(visits: tuple[tuple[int, ...], ...]) -> kernels.Groups:
     masks = np.array([sum(1 << region for region in group) for group in groups], dtype=np.int64)
     base_group, base_visited = np.zeros((2, first_base[-1] + 1), dtype=np.int64)
     none = np.empty(0, dtype=np.int64)
-    tables = kernels.Groups(masks, first_base, base_group, base_visited, none, none)
-    kernels.fill_bases(tables)
+    tables = layers.Groups(masks, first_base, base_group, base_visited, none, none)
+    layers.fill_bases(tables)
     due = np.append(masks, 1 << MAX_REGIONS)[base_group] & ~base_visited
     rows, candidates = np.nonzero(due[:, None] >> np.arange(MAX_REGIONS + 1) & 1)
     begin = np.searchsorted(rows, np.arange(len(due) + 1))
     return tables._replace(candidate_begin=begin, candidates=candidates)
 
 
-def make_slopes(graph: GridGraph, *, point: bool) -> NDArray[np.float64]:
-    """Return the slopes for `Tables`, float64 [n, 2]; fewer do if the goal is a `point`."""
-    straight, extra = graph.straight, graph.diagonal - graph.straight
-    values = (
-        (straight, extra, -extra, -straight) if point else (straight, extra, 0, -extra, -straight)
-    )
-    return np.array(
-        [(a, b) for a in values for b in values if abs(a) + abs(b) <= graph.diagonal],
-        dtype=np.float64,
+def make_slopes(graph: GridGraph) -> NDArray[np.float64]:
+    """Return the slopes for `Tables`, float64 [2, SLOPES].
+
+    They are those of octile distances, and what the sums along a chain of boxes add to them.
+    """
+    long, short = graph.straight, graph.diagonal - graph.straight
+    signs = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+    slopes = [(long * a, short * b) for a, b in signs]
+    slopes += [(short * b, long * a) for a, b in signs]
+    slopes += [(long, 0), (-long, 0), (0, long), (0, -long)]
+    slopes += [(short * a, short * b) for a, b in signs]
+    return np.array(slopes, dtype=np.float64).T.copy()
+
+
+def make_layers(count: int, slots: int) -> layers.Layers:
+    """Return the table of `count` layers, of which as many as `slots` may be entered."""
+    return layers.Layers(
+        np.full(count, -1, dtype=np.int32),
+        np.zeros(slots, dtype=np.int64),
+        np.zeros(slots, dtype=np.int64),
+        np.zeros(slots, dtype=np.int64),
+        np.zeros(slots, dtype=np.int64),
+        np.zeros(slots, dtype=np.int64),
+        np.zeros(slots, dtype=np.int64),
+        np.empty((slots, MAX_REGIONS)),
     )
 
 
@@ -346,15 +430,4 @@ def make_queue(size: int) -> kernels.Queue:
         np.zeros(kernels.LEVELS << kernels.DIGIT_BITS, dtype=np.int32),
         np.empty(size, dtype=np.int64),
         np.empty(size, dtype=np.int64),
-        np.empty(size, dtype=np.int32),
-    )
-
-
-def grown_queue(queue: kernels.Queue) -> kernels.Queue:
-    """Return a queue with the same content and twice the room."""
-    return kernels.Queue(
-        queue.heads,
-        np.concatenate((queue.keys, np.empty_like(queue.keys))),
-        np.concatenate((queue.states, np.empty_like(queue.states))),
-        np.concatenate((queue.following, np.empty_like(queue.following))),
     )

@@ -1,8 +1,8 @@
 """Compiled loops of the layered search: an exact A* over pairs of a cell and a layer.
 
-A layer says which regions the path has visited. See `_kernels/astar` for the layout of cells and
-moves. Costs are float64 in the grid's units of length: whole numbers without prices, so that
-lengths are exact. A layer gets a slot, room for one state per cell, when it is first entered.
+See `_kernels/astar` for the layout of cells and moves and `_kernels/layers` for what a layer is.
+Costs are float64 in the grid's units of length: whole numbers without prices, so that lengths
+are exact. A layer gets a slot, room for one state per cell, when it is first entered.
 
 The queue has LEVELS rows of 1 << DIGIT_BITS buckets, last in first out (a multi-level bucket
 queue: Denardo and Fox, Operations Research 1979). A key is f >> BUCKET_BITS; the row of an entry
@@ -32,6 +32,19 @@ from llm_astar_planner.search._kernels.astar import (
     STEP_Y,
     STOPPED,
 )
+from llm_astar_planner.search._kernels.layers import (
+    GOAL_BIT,
+    Layers,
+    Tables,
+    advance_base,
+    estimate,
+    estimate_below_caps,
+    layer_after,
+    move_cost,
+    price_of,
+    rule_price,
+    slot_of,
+)
 
 # One more way a call can end: a layer was entered for which there is no slot.
 NEED_SLOT = 6
@@ -41,11 +54,7 @@ LEVELS = 6
 # entering the cell, or it is the start.
 SEEN = 16
 ENTERED = 32
-# Bits of `Tables.cell_bits`: regions are bits 0 to 15, then the goal cells and the cells of the
-# second region of a `before`.
-MAX_REGIONS = 16
-GOAL_BIT = 1 << 16
-SECOND_BIT = 1 << 17
+EXPANDED = 64
 
 # Slots of the control array. C_SLOTS: the number of layers that have a slot.
 (C_LAST, C_TOP, C_FREE, C_LIVE, C_EXPANSIONS, C_STORAGE, C_SLOTS, C_GOAL, C_GOAL_SLOT, C_SIZE) = (
@@ -55,227 +64,23 @@ SECOND_BIT = 1 << 17
 _jit: Any = njit(cache=True, nogil=True)
 
 
-class Groups(NamedTuple):
-    """The base layers: each is a group of visits and the set of regions visited of it.
-
-    Sets of regions are masks of bits. The base layers of a group follow each other; the last
-    base layer of all has every visit done. `candidates` lists the regions that may be visited
-    next (MAX_REGIONS: the goal), for a base layer from `candidate_begin[base]` to the next.
-    """
-
-    masks: NDArray[np.int64]  # [groups]
-    first_base: NDArray[np.int64]  # [groups + 1]
-    base_group: NDArray[np.int64]  # [bases]
-    base_visited: NDArray[np.int64]  # [bases]
-    candidate_begin: NDArray[np.int64]  # [bases + 1]
-    candidates: NDArray[np.int64]  # [n]
-
-
-class Tables(NamedTuple):
-    """What a query does not change: the grid and the rules of the layers.
-
-    A layer is a base layer and the set of entered `first` regions of `before`. The least cost
-    from cell (x, y) to the goal by way of candidate i is at least the maximum over d of
-    slopes[d] . (x, y) + offsets[i, d].
-    """
-
-    moves: NDArray[np.uint8]  # [cells]
-    cell_surcharge: NDArray[np.uint16]  # [cells] or empty
-    price: NDArray[np.float32]  # [cells] or empty
-    cell_bits: NDArray[np.uint32]  # [cells]
-    seconds: NDArray[np.uint32]  # [cells] or empty: bit i: in the second region of before[i]
-    before_first: NDArray[np.int64]  # [n]: the region that ends before[i]
-    before_price: NDArray[np.float64]  # [n]
-    first_mask: NDArray[np.int64]  # [1]: all `first` regions
-    groups: Groups
-    slopes: NDArray[np.float64]  # [directions, 2]
-    offsets: NDArray[np.float64]  # [n, directions]
-
-
-class Layers(NamedTuple):
-    """The layers that have a slot."""
-
-    slots: NDArray[np.int32]  # [bases << number of firsts], -1: none
-    base: NDArray[np.int64]  # [slots]
-    entered: NDArray[np.int64]  # [slots]
-    pending: NDArray[np.int64]  # [slots]: regions that lead from here to another layer
-
-
 class Queue(NamedTuple):
     """The open states: `heads` [LEVELS << DIGIT_BITS] and a pool of linked entries."""
 
     heads: NDArray[np.int32]
     keys: NDArray[np.int64]
-    states: NDArray[np.int64]  # slot << 32 | cell
-    following: NDArray[np.int32]
-
-
-@_jit
-def mark_region(
-    mask: NDArray[np.bool_],
-    blocked: NDArray[np.bool_],
-    bit: int,
-    cell_bits: NDArray[np.uint32],
-    box: NDArray[np.int64],
-) -> int:
-    """Set a bit in the free cells of a region; return their number.
-
-    Writes their bounding box: the lowest and highest x, the lowest and highest y.
-    """
-    height, width = mask.shape
-    box[0], box[1], box[2], box[3] = width, -1, height, -1
-    count = 0
-    for y in range(height):
-        for x in range(width):
-            if mask[y, x] and not blocked[y, x]:
-                cell_bits[y * width + x] |= np.uint32(bit)
-                count += 1
-                box[0] = min(box[0], x)
-                box[1] = max(box[1], x)
-                box[2] = min(box[2], y)
-                box[3] = y
-    return count
-
-
-@_jit
-def pack(bits: int, mask: int) -> int:
-    """Return the bits of `bits` at the places set in `mask`, moved together."""
-    packed = 0
-    place = 0
-    for region in range(MAX_REGIONS):
-        if mask >> region & 1:
-            packed |= (bits >> region & 1) << place
-            place += 1
-    return packed
-
-
-@_jit
-def fill_bases(groups: Groups) -> None:
-    """Write the group and the visited regions of each base layer."""
-    for group in range(groups.masks.size):
-        for packed in range(groups.first_base[group + 1] - groups.first_base[group]):
-            base = groups.first_base[group] + packed
-            groups.base_group[base] = group
-            place = 0
-            for region in range(MAX_REGIONS):
-                if groups.masks[group] >> region & 1:
-                    groups.base_visited[base] |= (packed >> place & 1) << region
-                    place += 1
-    groups.base_group[-1] = groups.masks.size
-
-
-@_jit
-def advance_base(tables: Tables, group: int, visited: int, bits: int) -> int:
-    """Return the base layer after entering a cell of the regions `bits`."""
-    groups = tables.groups.masks.size
-    while group < groups:
-        visited |= bits & tables.groups.masks[group]
-        if visited != tables.groups.masks[group]:
-            return tables.groups.first_base[group] + pack(visited, tables.groups.masks[group])
-        group += 1
-        visited = 0
-    return tables.groups.first_base[groups]
-
-
-@_jit
-def layer_after(tables: Tables, layers: Layers, slot: int, bits: int) -> tuple[int, int]:
-    """Return base layer and entered regions after entering a cell of the regions `bits`."""
-    base = layers.base[slot]
-    group = tables.groups.base_group[base]
-    entered = layers.entered[slot] | bits & tables.first_mask[0]
-    return advance_base(tables, group, tables.groups.base_visited[base], bits), entered
-
-
-@_jit
-def slot_of(tables: Tables, layers: Layers, base: int, entered: int, slots: int) -> int:
-    """Return the slot of a layer: the next one, number `slots`, if it has none yet."""
-    first_mask = tables.first_mask[0]
-    places = 0
-    for region in range(MAX_REGIONS):
-        places += first_mask >> region & 1
-    layer = base << places | pack(entered, first_mask)
-    if layers.slots[layer] >= 0:
-        return int(layers.slots[layer])
-    layers.slots[layer] = slots
-    group = tables.groups.base_group[base]
-    pending = first_mask & ~entered
-    if group < tables.groups.masks.size:
-        pending |= tables.groups.masks[group] & ~tables.groups.base_visited[base]
-    layers.base[slots] = base
-    layers.entered[slots] = entered
-    layers.pending[slots] = pending
-    return slots
-
-
-@_jit
-def price_of(tables: Tables, cell: int, entered: int) -> float:
-    """Return the price of a cell while the regions `entered` were entered; inf if forbidden."""
-    price = np.float64(tables.price[cell]) if tables.price.size else 0.0
-    if tables.seconds.size:
-        clauses = tables.seconds[cell]
-        for index in range(tables.before_first.size):
-            if clauses >> index & 1 and not entered >> tables.before_first[index] & 1:
-                price += tables.before_price[index]
-    return price
-
-
-@_jit
-def fill_offsets(tables: Tables, boxes: NDArray[np.float64]) -> None:
-    """Fill `tables.offsets` from the bounding boxes [regions + goal, 4] of the regions.
-
-    The octile length of the shortest chain through boxes is a linear program. Its dual variables,
-    one slope for each stretch, have coordinates of a few values only (those of `slopes`), so the
-    maximum over these is exact for boxes on an empty plane; walls only make paths longer.
-    """
-    slopes = tables.slopes
-    count = len(slopes)
-    for base in range(tables.groups.base_group.size - 1, -1, -1):
-        for row in range(
-            tables.groups.candidate_begin[base], tables.groups.candidate_begin[base + 1]
-        ):
-            region = tables.groups.candidates[row]
-            x0, x1, y0, y1 = boxes[region]
-            if region == MAX_REGIONS:
-                for one in range(count):
-                    a_x, a_y = -slopes[one, 0], -slopes[one, 1]
-                    tables.offsets[row, one] = min(a_x * x0, a_x * x1) + min(a_y * y0, a_y * y1)
-                continue
-            group = tables.groups.base_group[base]
-            after = advance_base(tables, group, tables.groups.base_visited[base], 1 << region)
-            tables.offsets[row, :] = np.inf
-            for next_row in range(
-                tables.groups.candidate_begin[after], tables.groups.candidate_begin[after + 1]
-            ):
-                for one in range(count):
-                    highest = -np.inf
-                    for other in range(count):
-                        a_x = slopes[other, 0] - slopes[one, 0]
-                        a_y = slopes[other, 1] - slopes[one, 1]
-                        inside = min(a_x * x0, a_x * x1) + min(a_y * y0, a_y * y1)
-                        highest = max(highest, inside + tables.offsets[next_row, other])
-                    tables.offsets[row, one] = min(tables.offsets[row, one], highest)
-
-
-@_jit
-def estimate(tables: Tables, base: int, x: int, y: int) -> float:
-    """Return a lower bound on the cost from a cell in a base layer to the goal."""
-    least = np.inf
-    for row in range(tables.groups.candidate_begin[base], tables.groups.candidate_begin[base + 1]):
-        most = 0.0
-        for one in range(len(tables.slopes)):
-            bound = (
-                tables.slopes[one, 0] * x + tables.slopes[one, 1] * y + tables.offsets[row, one]
-            )
-            most = max(most, bound)
-        least = min(least, most)
-    return least
+    entries: NDArray[np.int64]  # state << 32 | next entry + 1
 
 
 @_jit
 def bucket_of(key: int, last: int) -> int:
     """Return the bucket of a key, not below `last`, the last key taken."""
-    level = 0
-    while (key ^ last) >> (DIGIT_BITS * (level + 1)):
+    difference = (key ^ last) >> DIGIT_BITS
+    if difference == 0:
+        return key & ((1 << DIGIT_BITS) - 1)
+    level = 1
+    while difference >> DIGIT_BITS:
+        difference >>= DIGIT_BITS
         level += 1
     digit = key >> (DIGIT_BITS * level) & ((1 << DIGIT_BITS) - 1)
     return level << DIGIT_BITS | digit
@@ -293,11 +98,11 @@ def refill(queue: Queue, last: int) -> int:
                 queue.heads[level * size + digit] = 0
                 last = last >> (shift + DIGIT_BITS) << (shift + DIGIT_BITS) | digit << shift
                 while entry:
-                    following = np.int64(queue.following[entry - 1])
+                    item = queue.entries[entry - 1]
                     bucket = bucket_of(queue.keys[entry - 1], last)
-                    queue.following[entry - 1] = queue.heads[bucket]
+                    queue.entries[entry - 1] = item >> 32 << 32 | queue.heads[bucket]
                     queue.heads[bucket] = entry
-                    entry = following
+                    entry = item & 0xFFFFFFFF
                 return last
     return last
 
@@ -317,9 +122,9 @@ def begin(
     """Put the start on the queue. `best[0]` is the cost of the best path, inf without one."""
     control[:] = 0
     best[0] = np.inf
-    bits = tables.cell_bits[start]
-    entered = np.int64(bits) & tables.first_mask[0]
-    base = advance_base(tables, 0, 0, np.int64(bits))
+    bits = np.int64(tables.cell_bits[start])
+    entered = bits & tables.rules.first_mask[0]
+    base = advance_base(tables.groups, 0, 0, bits)
     slot_of(tables, layers, base, entered, 0)
     control[C_SLOTS] = 1
     if price_of(tables, start, entered) == np.inf:
@@ -327,18 +132,34 @@ def begin(
     costs[start] = 0.0
     tags[start] = SEEN | ENTERED
     control[C_STORAGE] = 1
-    if bits & GOAL_BIT and tables.groups.base_group[base] == tables.groups.masks.size:
+    if bits & GOAL_BIT and base == tables.groups.base_group.size - 1:
         best[0] = 0.0
         control[C_GOAL] = start
         return
-    key = np.int64(estimate(tables, base, start % width, start // width)) >> BUCKET_BITS
+    rows = tables.groups.candidate_begin[base], tables.groups.candidate_begin[base + 1]
+    x, y = start % width, start // width
+    key = np.int64(estimate(tables.slopes, tables.offsets, *rows, x, y)) >> BUCKET_BITS
     control[C_LAST] = key
-    queue.states[0] = start
+    queue.entries[0] = np.int64(start) << 32
     queue.keys[0] = key
-    queue.following[0] = 0
     queue.heads[bucket_of(key, key)] = 1
     control[C_TOP] = 1
     control[C_LIVE] = 1
+
+
+@_jit
+def allowed_moves(tables: Tables, entered: int, width: int, cell: int, mask: int) -> int:
+    """Return the moves of `mask` that no rule forbids."""
+    allowed = 0
+    while mask:
+        move = LOWEST[mask]
+        mask &= mask - 1
+        other = cell + STEP_Y[move] * width + STEP_X[move]
+        bits = np.int64(tables.cell_bits[other])
+        now_entered = entered | bits & tables.rules.first_mask[0]
+        if not bits & tables.rules.second_mask[0] or price_of(tables, other, now_entered) < np.inf:
+            allowed |= 1 << move
+    return allowed
 
 
 @_jit
@@ -349,8 +170,7 @@ def advance(
     costs: NDArray[np.float64],
     tags: NDArray[np.uint8],
     width: int,
-    straight: int,
-    diagonal: int,
+    units: tuple[int, int],
     every_move: bool,
     control: NDArray[np.int64],
     best: NDArray[np.float64],
@@ -359,18 +179,27 @@ def advance(
 ) -> int:
     """Expand up to `quota` states; return how the call ended.
 
-    `costs` and `tags` are [slots * cells]. `every_move` also tries the moves that uniform costs
-    make pointless; graded costs and prices need it. NEED_SPACE: call again with a longer pool of
-    entries, NEED_SLOT: with room for more layers; all must begin as before.
+    `costs` and `tags` are [slots * cells], `units` the lengths of a straight and a diagonal move.
+    `every_move` also tries the moves that uniform costs make pointless; graded costs and prices
+    need it. NEED_SPACE: call again with a longer pool of entries, NEED_SLOT: with room for more
+    layers; all must begin as before.
     """
-    cells = tables.moves.size
-    graded = tables.cell_surcharge.size > 0
-    ruled = tables.seconds.size > 0
-    priced = tables.price.size > 0 or ruled
-    groups = tables.groups.masks.size
-    capacity = costs.size // cells
+    # Taken out of the tuples once: numba counts references at each access.
+    moves, cell_surcharge, price = tables.moves, tables.cell_surcharge, tables.price
+    cell_bits, slopes, offsets = tables.cell_bits, tables.slopes, tables.offsets
+    candidate_begin = tables.groups.candidate_begin
+    slot_base, slot_entered, slot_pending = layers.base, layers.entered, layers.pending
+    slot_expansions, slot_measured = layers.expansions, layers.measured
+    heads, keys, entries = queue.heads, queue.keys, queue.entries
+    second_mask = tables.rules.second_mask[0]
+    cells = moves.size
+    graded = cell_surcharge.size > 0
+    priced = price.size > 0
+    capacity = min(tags.size // cells, layers.base.size)
+    final = tables.groups.base_group.size - 1
     digits = (1 << DIGIT_BITS) - 1
     per_width = 1.0 / width
+    per_cells = 1.0 / cells
     last = control[C_LAST]
     top = control[C_TOP]
     free: Any = control[C_FREE]
@@ -382,57 +211,67 @@ def advance(
     least: Any = best[0]
     status = RUNNING
     while status == RUNNING:
-        while live > 0 and queue.heads[last & digits] == 0:
+        while live > 0 and heads[last & digits] == 0:
             digit = last & digits
-            while digit < digits and queue.heads[digit] == 0:
+            while digit < digits and heads[digit] == 0:
                 digit += 1
-            last = refill(queue, last) if queue.heads[digit] == 0 else last & ~digits | digit
+            last = refill(queue, last) if heads[digit] == 0 else last & ~digits | digit
         if live == 0 or last << BUCKET_BITS >= least:
             status = FOUND if least < np.inf else EXHAUSTED
             break
         if expansions >= limit:
             break
-        if top + 8 > queue.keys.size:
+        if top + 8 > keys.size:
             status = NEED_SPACE
             break
         if slots + 8 > capacity and capacity < layers.slots.size:
             status = NEED_SLOT
             break
         bucket = last & digits
-        entry: Any = np.int64(queue.heads[bucket])
-        queue.heads[bucket] = queue.following[entry - 1]
-        queue.following[entry - 1] = free
+        entry: Any = np.int64(heads[bucket])
+        item = entries[entry - 1]
+        heads[bucket] = item & 0xFFFFFFFF
+        entries[entry - 1] = free
         free = entry
         live -= 1
-        slot = queue.states[entry - 1] >> 32
-        cell = queue.states[entry - 1] & 0xFFFFFFFF
-        state = slot * cells + cell
+        state = item >> 32
         tag = tags[state]
         if tag & CLOSED:
             continue
         tags[state] = tag | CLOSED
-        expansions += 1
-        if expansions & POLL_MASK == 0 and stop[0] != 0:
-            status = STOPPED
         cost = costs[state]
-        base = layers.base[slot]
-        entered = layers.entered[slot]
-        pending = layers.pending[slot]
+        slot = np.int64((state + 0.5) * per_cells)
+        cell = state - slot * cells
         y = np.int64((cell + 0.5) * per_width)
         x = cell - y * width
-        price = price_of(tables, cell, entered) if priced else 0.0
-        mask = np.int64(tables.moves[cell])
-        if ruled:
-            allowed = 0
-            while mask:
-                move = LOWEST[mask]
-                mask &= mask - 1
-                other = cell + STEP_Y[move] * width + STEP_X[move]
-                bits = np.int64(tables.cell_bits[other])
-                now = entered | bits & tables.first_mask[0]
-                if not bits & SECOND_BIT or price_of(tables, other, now) < np.inf:
-                    allowed |= 1 << move
-            mask = np.int64(allowed)
+        base = slot_base[slot]
+        pending = slot_pending[slot]
+        if base != final and slot_measured[slot]:
+            f = cost + estimate_below_caps(tables, layers, slot, cost, x, y, units)
+            if f >= least:
+                continue
+            key = np.int64(f) >> BUCKET_BITS
+            if key > last:
+                tags[state] = tag
+                bucket = bucket_of(key, last)
+                entry = free
+                free = entries[entry - 1]
+                entries[entry - 1] = state << 32 | heads[bucket]
+                keys[entry - 1] = key
+                heads[bucket] = entry
+                live += 1
+                continue
+        tags[state] = tag | CLOSED | EXPANDED
+        expansions += 1
+        slot_expansions[slot] += 1
+        if expansions & POLL_MASK == 0 and stop[0] != 0:
+            status = STOPPED
+        entered = slot_entered[slot]
+        mask = np.int64(moves[cell])
+        cell_price = np.float64(price[cell]) if priced else 0.0
+        if second_mask:
+            cell_price += rule_price(tables.rules, np.int64(cell_bits[cell]), entered)
+            mask = np.int64(allowed_moves(tables, entered, width, cell, mask))
         row = EVERY_MOVE if every_move or tag & ENTERED else np.int64(tag & 7) << 8
         mask = np.int64(CANONICAL_SUCCESSORS[row | mask])
         while mask:
@@ -441,31 +280,39 @@ def advance(
             other_x = x + STEP_X[move]
             other_y = y + STEP_Y[move]
             other = other_y * width + other_x
-            bits = np.int64(tables.cell_bits[other])
+            length = units[0] if move < 4 else units[1]
+            other_units = length
+            if graded:
+                surcharge = np.int64(cell_surcharge[cell]) + cell_surcharge[other]
+                other_units += length * surcharge >> 9
+            other_cost = cost + other_units
+            bits = np.int64(cell_bits[other])
             other_slot = slot
             other_base = base
             if bits & pending:
-                other_base, now_entered = layer_after(tables, layers, slot, bits)
-                other_slot = slot_of(tables, layers, other_base, now_entered, slots)
+                other_base, other_entered = layer_after(tables, layers, slot, bits)
+                other_slot = slot_of(tables, layers, other_base, other_entered, slots)
                 slots = max(slots, other_slot + 1)
-            length = straight if move < 4 else diagonal
-            units = length
-            if graded:
-                surcharge = np.int64(tables.cell_surcharge[cell]) + tables.cell_surcharge[other]
-                units += length * surcharge >> 9
-            other_cost = cost + units
+                layers.reached[slot] |= bits & pending
             if priced:
-                other_price = price_of(tables, other, layers.entered[other_slot])
-                other_cost += length * 0.5 * (price + other_price)
-            other_state = other_slot * cells + other
-            new = tags[other_state] == 0
-            if new or other_cost < costs[other_state]:
-                f = other_cost + estimate(tables, other_base, other_x, other_y)
+                other_cost += 0.5 * length * (cell_price + price[other])
+            elif second_mask:
+                other_cost += 0.5 * length * cell_price
+            if bits & second_mask:
+                rate = rule_price(tables.rules, bits, slot_entered[other_slot])
+                other_cost += 0.5 * length * rate
+            other_state = state - cell + other
+            if other_slot != slot:
+                other_state = other_slot * cells + other
+            other_tag = tags[other_state]
+            if other_tag == 0 or other_cost < costs[other_state]:
+                first_row, last_row = candidate_begin[other_base], candidate_begin[other_base + 1]
+                f = other_cost + estimate(slopes, offsets, first_row, last_row, other_x, other_y)
                 if f < least:
-                    storage += new
+                    storage += other_tag == 0
                     costs[other_state] = other_cost
                     tags[other_state] = SEEN | move | (ENTERED if other_slot != slot else 0)
-                    if bits & GOAL_BIT and tables.groups.base_group[other_base] == groups:
+                    if bits & GOAL_BIT and other_base == final:
                         least = other_cost
                         control[C_GOAL] = other
                         control[C_GOAL_SLOT] = other_slot
@@ -474,14 +321,13 @@ def advance(
                     bucket = bucket_of(key, last)
                     if free:
                         entry = free
-                        free = np.int64(queue.following[entry - 1])
+                        free = entries[entry - 1]
                     else:
                         top += 1
                         entry = top
-                    queue.states[entry - 1] = other_slot << 32 | other
-                    queue.keys[entry - 1] = key
-                    queue.following[entry - 1] = queue.heads[bucket]
-                    queue.heads[bucket] = entry
+                    entries[entry - 1] = other_state << 32 | heads[bucket]
+                    keys[entry - 1] = key
+                    heads[bucket] = entry
                     live += 1
     control[C_LAST] = last
     control[C_TOP] = top
@@ -492,19 +338,6 @@ def advance(
     control[C_SLOTS] = slots
     best[0] = least
     return status
-
-
-@_jit
-def move_cost(
-    tables: Tables, cell: int, other: int, length: int, entered: int, now_entered: int
-) -> float:
-    """Return the cost of a move between the layers of two sets of entered regions."""
-    units = length
-    if tables.cell_surcharge.size:
-        surcharge = np.int64(tables.cell_surcharge[cell]) + tables.cell_surcharge[other]
-        units += length * surcharge >> 9
-    prices = price_of(tables, cell, entered) + price_of(tables, other, now_entered)
-    return units + length * 0.5 * prices
 
 
 @_jit
@@ -544,8 +377,7 @@ def trace(
     costs: NDArray[np.float64],
     tags: NDArray[np.uint8],
     width: int,
-    straight: int,
-    diagonal: int,
+    units: tuple[int, int],
     start: int,
     control: NDArray[np.int64],
     path: NDArray[np.int32],
@@ -572,18 +404,8 @@ def trace(
         move = np.int64(tag & 7)
         parent = (y - STEP_Y[move]) * width + x - STEP_X[move]
         if tag & ENTERED:
-            length = straight if move < 4 else diagonal
+            length = units[0] if move < 4 else units[1]
             slot = parent_slot(
                 tables, layers, costs, tags, control[C_SLOTS], slot, cell, parent, length
             )
         cell = parent
-
-
-@_jit
-def add_expanded(tags: NDArray[np.uint8], slots: int, expanded: NDArray[np.bool_]) -> None:
-    """Set `expanded` [height, width] where a state of any layer was expanded."""
-    flat = expanded.reshape(-1)
-    for slot in range(slots):
-        for cell in range(flat.size):
-            if tags[slot * flat.size + cell] & CLOSED:
-                flat[cell] = True
