@@ -25,7 +25,7 @@ REGION_ENDS = word_set(
 ) | {POINT, RANGE, LENGTH}
 VERBS = word_set(
     'AVOID AROUND_VERB SKIP MISS VISIT ENTER PASSBY MOVE STAY USE CLOSE END PASS LEAVE '
-    'WITHIN CLOSER APPROACH ALONG'
+    'WITHIN CLOSER APPROACH ALONG GIVE FETCH'
 )
 # Words that are left out where nothing is negated: 'slowly', 'you have to'.
 AFFIRMATIVE = frozenset({'SPEED', 'NEED'})
@@ -256,6 +256,8 @@ class Splitter:
             piece.is_first = True
         elif lexeme.kind in (ANYORDER, INORDER):
             piece.order = lexeme.kind
+        elif lexeme.kind == 'UNTIL' and not piece.lexemes:
+            self.separate(at, replace(lexeme, kind=CONDITION))
         elif lexeme.other == 'WITHOUT' and NEG in piece.kinds:
             self.extend(replace(lexeme, kind='UNTIL'))
         elif self.begins_clause(at, lexeme):
