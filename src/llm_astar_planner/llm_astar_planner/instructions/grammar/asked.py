@@ -78,7 +78,14 @@ def distance_of(things: Things, metres: float) -> tuple[Clause, ...]:
 
 def befores(firsts: Things, seconds: Things) -> tuple[Clause, ...]:
     """Return that each of the second things is entered after each of the first ones."""
-    return tuple(Before(first=one.one, second=two.one) for two in seconds for one in firsts)
+    if any(two.is_all for two in seconds):
+        raise Unclear('some of them or none')
+    each = [
+        region
+        for one in firsts
+        for region in ((one.one,) if one.any_one or not one.is_group else one.regions)
+    ]
+    return tuple(Before(first=first, second=two.one) for two in seconds for first in each)
 
 
 def with_radius(thing: Selection, metres: float) -> Disc:

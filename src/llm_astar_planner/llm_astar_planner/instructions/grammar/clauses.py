@@ -5,6 +5,9 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.grammar.asked import Reading, visit_of
 from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN
@@ -13,7 +16,6 @@ from llm_astar_planner.instructions.grammar.parser import parse_clause
 from llm_astar_planner.instructions.grammar.pieces import (
     ANYORDER,
     BUT,
-    COLON,
     GOVERNING,
     HARD,
     INORDER,
@@ -35,10 +37,14 @@ from llm_astar_planner.instructions.specification import (
     MAX_NAME_CHARS,
     MAX_VISITS,
     SHOULD,
+    Avoid,
     Before,
     Clause,
     EndAt,
+    NamedPlace,
     Specification,
+    StayIn,
+    Tagged,
     Unknown,
     Visit,
 )
@@ -61,6 +67,24 @@ class Understood:
 
 
 @dataclass(eq=False)
+class Part:
+    """A piece with the clauses that were read of it; none where it was not understood."""
+
+    piece: Piece
+    clauses: tuple[Clause, ...]
+    segment: int
+
+    @property
+    def is_read(self) -> bool:
+        """Whether it was understood."""
+        return bool(self.clauses)
+
+    def drop(self) -> None:
+        """Take it as not understood."""
+        self.clauses = ()
+
+
+@dataclass(eq=False)
 class Assembler:
     """Puts the readings of the pieces of one instruction together."""
 
@@ -71,11 +95,10 @@ class Assembler:
 
     def __post_init__(self) -> None:
         """Begin with nothing read."""
-        self.clauses: list[tuple[int, Clause]] = []
-        self.unknown: list[tuple[int, int]] = []
+        self.parts: list[Part] = []
+        self.segments = 0
         self.previous: Clause | None = None
         self.is_wish_open = False
-        self.is_last_unknown = False
 
     def take(self, segment: Sequence[Piece]) -> None:
         """Take the pieces between two full stops; a condition makes all of them unclear."""
@@ -84,28 +107,43 @@ class Assembler:
             for piece in segment
         )
         self.previous, self.is_wish_open = None, False
-        for number, piece in enumerate(segment):
-            if self.is_irrelevant(piece):
-                self.is_last_unknown = False
-                continue
-            clauses = () if is_broken else self.read(piece)
-            if clauses:
-                self.clauses += [(piece.start, clause) for clause in clauses]
-                self.previous = clauses[-1]
-            else:
-                self.add_unknown(piece, number > 0)
-            self.is_last_unknown = not clauses
+        for piece in segment:
+            if not self.is_irrelevant(piece):
+                clauses = () if is_broken else self.read(piece)
+                self.previous = clauses[-1] if clauses else None
+                self.parts.append(Part(piece, clauses, self.segments))
+        self.segments += 1
 
-    def add_unknown(self, piece: Piece, goes_on: bool) -> None:
-        """Remember a part that was not read; it joins one just before it."""
-        if goes_on and self.is_last_unknown and self.unknown:
-            self.unknown[-1] = (self.unknown[-1][0], piece.end)
-        else:
-            self.unknown.append((piece.start, piece.end))
-        self.previous = None
+    def settle(self) -> None:
+        """Drop what was read only because another part was not. Then name the unknown words."""
+        drop_exceptions(self.parts, self.lexer.lexicon.places)
+        drop_withdrawn(self.parts)
+        drop_timed(self.parts)
+        drop_beside_unread(self.parts)
         self.notes += [
-            f'"{lexeme.value}" is not known' for lexeme in piece.lexemes if lexeme.kind == UNKNOWN
+            f'"{lexeme.value}" is not known'
+            for part in self.parts
+            for lexeme in part.piece.lexemes
+            if lexeme.kind == UNKNOWN and not part.is_read
         ]
+
+    @property
+    def clauses(self) -> list[tuple[int, Clause]]:
+        """The clauses, each with where it stands."""
+        return [(part.piece.start, clause) for part in self.parts for clause in part.clauses]
+
+    @property
+    def unknown(self) -> list[tuple[int, int]]:
+        """Where the parts stand that were not understood; neighbours are one."""
+        found: list[tuple[int, int]] = []
+        last: Part | None = None
+        for part in self.parts:
+            if not part.is_read:
+                is_same = last and not last.is_read and last.segment == part.segment
+                start = found.pop()[0] if is_same else part.piece.start
+                found.append((start, part.piece.end))
+            last = part
+        return found
 
     def is_irrelevant(self, piece: Piece) -> bool:
         """Whether all words of a piece are of phrases that say nothing about the route."""
@@ -117,7 +155,7 @@ class Assembler:
             found = found or count > 0
             if not count:
                 count, meanings = vocabulary.phrases.longest(words, at)
-                count = count if meanings and meanings[0][0][0] == 'MUST' else 0
+                count = count if meanings and meanings[0][0][0] in ('MUST', 'ENROUTE') else 0
             if not count:
                 return False
             at += count
@@ -125,9 +163,7 @@ class Assembler:
 
     def read(self, piece: Piece) -> tuple[Clause, ...]:
         """Return the clauses of a piece, none where it was not read wholly."""
-        if piece.link == COLON and self.is_last_unknown:
-            return ()
-        if piece.is_paced and NEG in piece.kinds:
+        if (piece.is_paced or piece.is_question) and NEG in piece.kinds:
             return ()
         try:
             clauses = self.in_flow(piece, parse_clause(piece.lexemes))
@@ -155,9 +191,12 @@ class Assembler:
         ):
             raise Unclear('a place without a verb')
         is_visit = all(isinstance(clause, (Visit, Before)) for clause in clauses)
-        if piece.is_later and not (is_visit and len(clauses) == 1):
+        if piece.order != ANYORDER and any(map(has_repetition, clauses)):
+            raise Unclear('the same place twice')
+        is_after_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
+        if piece.is_later and not (is_visit and len(clauses) == 1 and is_after_visit):
             raise Unclear('which of them afterwards')
-        if piece.is_first and isinstance(self.previous, Visit):
+        if piece.is_first and is_after_visit:
             raise Unclear('first, after another visit')
         is_end = piece.link == THEN and all(isinstance(clause, EndAt) for clause in clauses)
         if (in_turn or piece.order) and not (is_visit or is_end):
@@ -175,6 +214,11 @@ class Assembler:
         return False
 
 
+def has_repetition(clause: Clause) -> bool:
+    """Whether it is a visit of the same region twice."""
+    return isinstance(clause, Visit) and len(set(clause.regions)) < len(clause.regions)
+
+
 def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
     """Return visits 'in this order' as one clause each. Raises Unclear for one in any order."""
     if order == INORDER:
@@ -189,6 +233,66 @@ def ordered(clauses: tuple[Clause, ...], order: str) -> tuple[Clause, ...]:
     return clauses
 
 
+def drop_exceptions(parts: Sequence[Part], places: Places) -> None:
+    """Drop 'visit all rooms, not the lab': a set, and one of it that is treated otherwise."""
+    for kind, other in ((Visit, Avoid), (Avoid, Visit)):
+        singles = {
+            name: part
+            for part in parts
+            if 'NOUN' not in part.piece.kinds
+            for name in place_names(part, other, places)
+        }
+        for part in parts:
+            if 'NOUN' in part.piece.kinds:
+                for name in place_names(part, kind, places) & set(singles):
+                    singles[name].drop()
+                    part.drop()
+
+
+def place_names(part: Part, kind: type[Clause], places: Places) -> set[str]:
+    """Return the places that clauses of a kind, avoid or visit, name."""
+    found: set[str] = set()
+    for clause in part.clauses:
+        if isinstance(clause, Visit) and kind is Visit:
+            found |= {region.place for region in clause.regions if isinstance(region, NamedPlace)}
+        elif isinstance(clause, Avoid) and kind is Avoid:
+            if isinstance(clause.region, NamedPlace):
+                found.add(clause.region.place)
+            elif isinstance(clause.region, Tagged):
+                found |= {place.name for place in places.with_tag(clause.region.tag)}
+    return found
+
+
+def drop_withdrawn(parts: Sequence[Part]) -> None:
+    """Drop the sentence before 'no, wait', and before 'Not the lab', which is an exception."""
+    for part in parts:
+        if not part.is_read and part.piece.withdraws:
+            for other in parts:
+                if other.segment == part.segment - 1:
+                    other.drop()
+
+
+def drop_timed(parts: Sequence[Part]) -> None:
+    """Drop what a 'then' ends: in 'stay in the hall, then visit the lab' the stay."""
+    for part, after in pairwise(parts):
+        ended = (StayIn, EndAt)
+        is_ended = any(
+            isinstance(clause, ended) if after.piece.ends_route else not isinstance(clause, Visit)
+            for clause in part.clauses
+        )
+        if after.piece.link == THEN and is_ended:
+            part.drop()
+
+
+def drop_beside_unread(parts: Sequence[Part]) -> None:
+    """Drop the parts that no strong boundary parts from one that was not understood."""
+    for ordered_parts in (parts, parts[::-1]):
+        for part, other in pairwise(ordered_parts):
+            later = other if ordered_parts is parts else part
+            if not part.is_read and part.segment == other.segment and not later.piece.is_apart:
+                other.drop()
+
+
 QUOTED = 'not understood: "'
 
 
@@ -196,7 +300,7 @@ def understand(text: str, lexer: Lexer) -> Understood:
     """Return what a clean text says in the words of one lexer."""
     plain, quoted = without_quoted(text)
     words, notes = lexer.corrected(read_words(plain))
-    pieces = Splitter(lexer.lexemes(words)).split()
+    pieces = Splitter(lexer.lexemes(words), lexer.vocabulary.language).split()
     assembler = Assembler(text, lexer, words, notes)
     segment: list[Piece] = []
     for piece in [*pieces, Piece(HARD)]:
@@ -204,6 +308,7 @@ def understand(text: str, lexer: Lexer) -> Understood:
             assembler.take(segment)
             segment = []
         segment.append(piece)
+    assembler.settle()
     return result_of(assembler, quoted)
 
 

@@ -90,18 +90,18 @@ Combined = tuple[int, Lexeme]
 
 
 def length(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
-    """'3 m', and '2,5 m' with a decimal comma."""
+    """'3 m', and '2,5 m' with a decimal comma; '1,500 m' may be thousands and is not known."""
     if kinds_match(lexemes, at, 'NUMBER UNIT'):
         metres = lexemes[at].number * lexemes[at + 1].number
         return 2, joined(lexemes[at : at + 2], LENGTH, metres)
     whole = lexemes[at : at + 4]
     if not kinds_match(lexemes, at, 'NUMBER COMMA NUMBER UNIT') or has_gap(whole[:3]):
         return None
-    decimal = f'{whole[0].value}.{whole[2].value}'
-    try:
-        return 4, joined(whole, LENGTH, float(decimal) * whole[3].number)
-    except ValueError:
-        return None
+    units, decimals = str(whole[0].value), str(whole[2].value)
+    is_thousand = len(decimals) == 3 and units.lstrip('-') != '0'
+    if is_thousand or not (decimals.isdigit() and units.lstrip('-').isdigit()):
+        return 4, joined(whole, UNKNOWN, f'{units},{decimals}')
+    return 4, joined(whole, LENGTH, float(f'{units}.{decimals}') * whole[3].number)
 
 
 def has_gap(lexemes: Sequence[Lexeme]) -> bool:
@@ -256,12 +256,17 @@ def told_apart(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
         before = result[-1].kind if result else ''
         is_other = (
             (lexeme.other == AXIS and is_sign(lexemes, at + 1, '='))
-            or (lexeme.other == 'ABOVE' and before == AXIS)
+            or (lexeme.other in ('ABOVE', 'BELOW') and AXIS in (before, after_kind(lexemes, at)))
             or (lexeme.other == 'SIDE' and before in BEFORE_SIDES)
             or (lexeme.other == 'AROUND' and not kinds_match(lexemes, at + 1, 'NUMBER|LENGTH'))
         )
         result.append(lexeme.as_other() if is_other else lexeme)
     return result
+
+
+def after_kind(lexemes: Sequence[Lexeme], at: int) -> str:
+    """Return the kind of the lexeme after one, '' at the end."""
+    return lexemes[at + 1].kind if at + 1 < len(lexemes) else ''
 
 
 def settled(lexemes: Sequence[Lexeme]) -> list[Lexeme]:

@@ -26,14 +26,17 @@ from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Vocabular
 from llm_astar_planner.instructions.grammar.words import Word
 
 PLACE, NOUN, TAG, ANY, ALL, FILLER = 'PLACE', 'NOUN', 'TAG', 'ANY', 'ALL', 'MUST'
-ARTICLE, ANY_ARTICLE = 'ARTICLE', 'ANY_ARTICLE'
+ARTICLE, ANY_ARTICLE, THIS = 'ARTICLE', 'ANY_ARTICLE', 'THIS'
+# 'on your way', which tells a stop on it from its end.
+ENROUTE = 'ENROUTE'
 SIGNS = {',': COMMA, ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', ':': 'COLON'}
 SIGNS |= {'&': 'AND', '<': 'BELOW', '>': 'ABOVE', '\u2014': COMMA, '\u2013': COMMA, '-': COMMA}
 # What may stand between an article and its noun.
 ADJECTIVES = frozenset({'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL', TAG, ANY, ALL})
 # Misspelt words that are looked up in one sentence, so that none takes long.
 MOST_CORRECTIONS = 6
-WALL = 'wall'
+WALL, ANY_PLACE = 'wall', 'place'
+OFMAP = 'OFMAP'
 # How many words a phrase takes, and what it may mean: kinds and values.
 Phrase = tuple[int, list[tuple[str, object]]]
 NO_PHRASE: Phrase = (0, [])
@@ -56,19 +59,31 @@ class Lexer:
             count, found = self.scan(words, at)
             scanned += found
             at += count
-        kept = [lexeme for lexeme in scanned if lexeme.kind not in (ARTICLE, FILLER)]
-        return resolved(settled(in_context(combined(told_apart(kept)))))
+        left_out = (ARTICLE, FILLER, ENROUTE)
+        kept = [lexeme for lexeme in scanned if lexeme.kind not in left_out]
+        found = resolved(settled(in_context(combined(told_apart(kept)))))
+        return [*found, *[lexeme for lexeme in scanned if lexeme.kind == ENROUTE][:1]]
 
     def scan(self, words: Sequence[Word], at: int) -> tuple[int, list[Lexeme]]:
         """Return how many words the longest phrase at a word takes, and its lexemes."""
         count, values = max(self.place_phrases(words, at), key=lambda one: one[0])
         taken, meanings = self.vocabulary.phrases.longest(words, at)
+        if taken > 1 and meanings[0][0][0] == OFMAP and self.ends_with_place(words, at, taken):
+            taken, meanings = self.vocabulary.phrases.longest(words[at : at + 1], 0)
         if taken > count:
             return taken, phrase_lexemes(words[at : at + taken], meanings)
         if count:
             place = place_lexeme(words[at : at + count], values, self.lexicon.places)
             return count, [*self.preposition(words, at, count), place]
         return 1, self.compound(words[at]) or [self.single(words[at])]
+
+    def ends_with_place(self, words: Sequence[Word], at: int, count: int) -> bool:
+        """Whether a phrase for the map, 'of the hall', ends with a place of this map."""
+        for first in range(at + 1, at + count):
+            taken, values = max(self.place_phrases(words, first), key=lambda one: one[0])
+            if taken >= at + count - first and not is_any_place(values):
+                return True
+        return False
 
     def place_phrases(self, words: Sequence[Word], at: int) -> list[Phrase]:
         """Return what a word may begin of names and nouns: the first of equal length counts."""
@@ -130,16 +145,24 @@ class Lexer:
         """Return the lexeme of a word that is in no table of phrases."""
         kind, value = UNKNOWN, word.text
         if word.is_number:
-            kind = NUMBER if abs(float(word.text)) <= MOST else UNKNOWN
+            is_number = abs(float(word.text)) <= MOST and not self.may_be_thousands(word.text)
+            kind = NUMBER if is_number else UNKNOWN
         elif word.text in SIGNS:
             kind = SIGNS[word.text]
         elif not word.is_letters:
             kind = SIGN
+        elif word.text in self.vocabulary.demonstratives:
+            kind = THIS
         elif word.text in self.vocabulary.any_articles:
             kind = ANY_ARTICLE
         elif word.text in self.vocabulary.articles:
             kind = ARTICLE
         return Lexeme(kind, value, word.start, word.end)
+
+    def may_be_thousands(self, number: str) -> bool:
+        """Whether a point in a number may part thousands: '1.500', but not in English."""
+        units, _, decimals = number.lstrip('-').partition('.')
+        return self.vocabulary.language != 'en' and len(decimals) == 3 and units != '0'
 
     def knows(self, word: str) -> bool:
         """Whether a word is in any of the tables."""
@@ -180,6 +203,12 @@ class Lexer:
         found = corrections(word, spellings) or corrections(word, self.vocabulary.phrases.words)
         stems = {other.removesuffix('s').removesuffix('e') for other in found}
         return found[:1] if len(stems) == 1 else found
+
+
+def is_any_place(values: Sequence[tuple[str, object]]) -> bool:
+    """Whether a phrase is the noun 'place', which every place is."""
+    _, value = values[0]
+    return isinstance(value, Group) and value.noun == ANY_PLACE
 
 
 def merged(groups: Sequence[Group], meant: Sequence[Noun]) -> Group | None:
@@ -224,6 +253,11 @@ def in_context(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
         if lexeme.kind == ANY_ARTICLE:
             if following == NOUN or following in ADJECTIVES:
                 result.append(replace(lexeme, kind=ANY, value='any'))
+            continue
+        if lexeme.kind == THIS:
+            is_group = after is not None and following != 'PLACE' and as_place(after) is after
+            if is_group and (following == NOUN or following in ADJECTIVES):
+                result.append(replace(lexeme, kind=UNKNOWN))
             continue
         before = result[-1].kind if result else ''
         result.append(lexeme if before in ADJECTIVES else as_place(lexeme))

@@ -46,6 +46,9 @@ from llm_astar_planner.instructions.specification import (
 )
 
 DOOR = 'door'
+STOPBY = 'STOPBY'
+# Verbs of which an object, which nobody enters, is as far as the robot comes near it.
+NEARBY = frozenset({'VISIT', 'PASSBY', 'ALONG'})
 
 
 def visits(*in_turn: Things) -> Reading:
@@ -67,6 +70,25 @@ class Meaning(RegionMeaning):
         """'avoid A and B'; a verb of entering may stand before the things."""
         return Reading(avoid_of(parts[-1]))
 
+    def avoid_use(self, how: str, things: Things) -> Reading:
+        """'avoid visiting A'; what is no more than to come near it cannot be refused so."""
+        if how == STOPBY or (how in NEARBY and any(map(all_objects, things))):
+            raise Unclear('it may be passed')
+        return Reading(avoid_of(things))
+
+    def refuse(self, *parts: Any) -> Reading:
+        """'do not enter A', but 'do not enter all of them' allows some."""
+        *how, things = parts
+        if any(thing.is_all for thing in things):
+            raise Unclear('some of them or none')
+        return self.avoid_use(how[0] if how else '', things)
+
+    def closed(self, things: Things) -> Reading:
+        """'A is closed'."""
+        if any(thing.any_one for thing in things):
+            raise Unclear('which one is closed')
+        return Reading(avoid_of(things))
+
     def avoid_around(self, things: Things) -> Reading:
         """'go around A'; in 'go around the racks on the north side' the side is the way's."""
         if any(thing.is_positioned for thing in things):
@@ -85,6 +107,8 @@ class Meaning(RegionMeaning):
 
     def not_bare(self, things: Things) -> Reading:
         """'not A', which means something only after a visit."""
+        if len(things) > 1 or any(thing.is_all for thing in things):
+            raise Unclear('not what')
         return Reading(avoid_of(things), is_negative=True)
 
     def by(self, metres: Token) -> float:
@@ -122,8 +146,9 @@ class Meaning(RegionMeaning):
         """'go through'; says whether it is 'pass by'."""
         return tokens[0].type if tokens else ''
 
-    def use(self, *_: Any) -> None:
-        """'take', 'drive along'."""
+    def use(self, *tokens: Token) -> str:
+        """'take', 'drive along'; says whether it is 'along'."""
+        return tokens[0].type if tokens else ''
 
     def visit_by_way_of(self, *parts: Any) -> Reading:
         """'go to B via A', 'before B visit A', 'visit B after A'."""
@@ -215,8 +240,9 @@ class Meaning(RegionMeaning):
             raise Unclear('to go through it or to stay in it')
         return self.keep_to(thing)
 
-    def follow(self, things: Things) -> Reading:
+    def follow(self, *parts: Any) -> Reading:
         """'drive along the corridor', 'follow the wall'."""
+        things: Things = parts[-1]
         thing = single(things)
         if thing.is_walls or (thing.places and thing.place.is_object):
             return self.stay_close(things)
@@ -256,6 +282,8 @@ class Meaning(RegionMeaning):
 
     def go_past(self, things: Things) -> Reading:
         """'drive past A' is to come near it, if it is an object or a point."""
+        if len(things) == 1 and all_objects(things[0]) and isinstance(things[0].one, Half):
+            return self.pass_half(things[0])
         if all(isinstance(region, Between) for thing in things for region in thing.regions):
             return visits(things)
         if any(thing.is_positioned for thing in things) or not all(
@@ -306,6 +334,8 @@ class Meaning(RegionMeaning):
 
     def end_at(self, thing: Selection) -> Reading:
         """'end in A'."""
+        if thing.is_group and not thing.any_one:
+            raise Unclear('in which of them')
         return Reading((EndAt(region=thing.one),))
 
     def bare(self, things: Things) -> Reading:

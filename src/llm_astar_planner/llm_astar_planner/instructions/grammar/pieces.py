@@ -15,6 +15,14 @@ from llm_astar_planner.instructions.grammar.words import word_set
 NEG, SHOULD_WORD, FIRST, THEN, BUT, OR = 'NEG', 'SHOULD', 'FIRST', 'THEN', 'BUT', 'OR'
 HARD, COLON, CONDITION, POISON = 'HARD', 'COLON', 'CONDITION', 'POISON'
 ANYORDER, INORDER = 'ANYORDER', 'INORDER'
+# No kind of the grammar: the piece is not understood.
+UNREAD = 'UNREAD'
+# 'you may', which asks nothing unless it is negated or a question.
+MAY = 'MAY'
+# Values: of verbs as in 'visited', and of words that take back what stands before.
+PAST, BACK = 'past', 'back'
+# 'stop at A': the end or a visit; 'stop off at A': a visit, but 'do not stop at A' is none.
+STOP, STOPBY, END = 'STOP', 'STOPBY', 'END'
 
 REGION_STARTS = word_set(
     'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
@@ -25,12 +33,15 @@ REGION_ENDS = word_set(
 ) | {POINT, RANGE, LENGTH}
 VERBS = word_set(
     'AVOID AROUND_VERB SKIP MISS VISIT ENTER PASSBY MOVE STAY USE CLOSE END PASS LEAVE '
-    'WITHIN CLOSER APPROACH ALONG GIVE FETCH'
+    'WITHIN CLOSER APPROACH ALONG GIVE FETCH STOP STOPBY'
 )
 # Words that are left out where nothing is negated: 'slowly', 'you have to'.
 AFFIRMATIVE = frozenset({'SPEED', 'NEED'})
 # Verbs of which a comma does not part the infinitive: 'vergiss nicht, A zu besuchen'.
 GOVERNING = frozenset({NEG, 'AVOID', 'SKIP', 'MISS'})
+# After these the route goes on; `ENROUTE` is 'on your way'.
+ENROUTE = 'ENROUTE'
+GOES_ON = word_set('VISIT STOP STOPBY THEN BEFORE END MOVE USE PASS PASSBY THROUGH ENTER')
 PREPOSITIONS = word_set('THROUGH TO FROM OF IN UPON BY')
 # A verb after one of these belongs to it: 'before you enter A'.
 ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER'})
@@ -50,6 +61,7 @@ class Piece:
     - `is_paced`: it holds words that change their meaning beside a negation.
     - `is_later`: it ends with 'afterwards'.
     - `is_broken`: it holds a condition or words that make it no instruction.
+    - `is_question`: a question mark ends it. `takes_back`: it holds 'no, wait' or the like.
     """
 
     link: str = ''
@@ -63,6 +75,8 @@ class Piece:
     is_broken: bool = False
     is_paced: bool = False
     is_later: bool = False
+    is_question: bool = False
+    takes_back: bool = False
 
     @property
     def kinds(self) -> set[str]:
@@ -78,6 +92,27 @@ class Piece:
     def is_complete(self) -> bool:
         """Whether it could end here: its last word is a region."""
         return self.last in REGION_ENDS
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether it can be read although the one before it was not: 'and avoid A'."""
+        first = self.lexemes[0] if self.lexemes else None
+        if first is None or first.other == 'WITHOUT' or self.link not in (AND, BUT, THEN):
+            return False
+        if first.kind == NEG:
+            return bool(self.kinds & (VERBS - GOVERNING))
+        return first.kind in VERBS
+
+    @property
+    def withdraws(self) -> bool:
+        """Whether it takes back or limits what was said before: 'no, wait', 'Not the lab'."""
+        is_bare_not = NEG in self.kinds and not self.kinds & VERBS
+        return self.takes_back or is_bare_not
+
+    @property
+    def ends_route(self) -> bool:
+        """Whether it says where to end."""
+        return 'END' in self.kinds
 
     @property
     def awaits_verb(self) -> bool:
@@ -100,9 +135,10 @@ class Piece:
 class Splitter:
     """Splits lexemes into pieces; one instance splits one instruction."""
 
-    def __init__(self, lexemes: Sequence[Lexeme]) -> None:
-        """Take the lexemes of an instruction."""
-        self.lexemes = lexemes
+    def __init__(self, lexemes: Sequence[Lexeme], language: str) -> None:
+        """Take the lexemes of an instruction, and its language."""
+        self.lexemes = with_stops(lexemes)
+        self.language = language
         self.pieces: list[Piece] = [Piece()]
         self.skipped = 0
 
@@ -121,8 +157,22 @@ class Splitter:
             self.pieces[-2].is_later = True
         filled = [piece for piece in self.pieces if piece.lexemes or piece.is_broken]
         for piece in filled:
+            if self.is_unclear(piece):
+                piece.lexemes = [*piece.lexemes, Lexeme(UNREAD, '', piece.end, piece.end)]
+            elif NEG in piece.kinds or piece.is_question:
+                piece.lexemes = [lexeme for lexeme in piece.lexemes if lexeme.kind != MAY]
             piece.lexemes = in_reading_order(piece.lexemes)
         return filled
+
+    def is_unclear(self, piece: Piece) -> bool:
+        """Whether the order of its words leaves open what a 'not' or a 'first' belongs to."""
+        kinds = [lexeme.kind for lexeme in piece.lexemes]
+        lists = [lexeme.value for lexeme in piece.lexemes if lexeme.kind == AND]
+        ends_negated = bool(kinds) and kinds[-1] == NEG
+        if ends_negated and (self.language != 'de' or COMMA in lists[-1:]):
+            return True
+        has_past = any(lexeme.value == PAST and lexeme.kind in VERBS for lexeme in piece.lexemes)
+        return has_past and not piece.kinds & ORDER_WORDS and 'HAVING' not in piece.kinds
 
     def takes_back(self, at: int, lexeme: Lexeme) -> bool:
         """Whether it is the 'no' of 'avoid A, no, B'."""
@@ -159,10 +209,13 @@ class Splitter:
     def separate(self, at: int, lexeme: Lexeme) -> None:
         """Take a separator: go on with a list, leave it out, or begin a new piece."""
         kind = CONDITION if lexeme.other == CONDITION else lexeme.kind
+        if lexeme.value == '?':
+            self.piece.is_question = True
         if kind == CONDITION:
             self.begin(kind)
             self.piece.link = CONDITION
             self.piece.is_broken = True
+            self.piece.takes_back = BACK in (lexeme.value, lexeme.other_value)
             self.piece.start, self.piece.end = lexeme.start, lexeme.end
         elif kind not in (AND, COMMA) or not self.is_left_out(at, kind):
             self.begin(kind)
@@ -174,6 +227,8 @@ class Splitter:
             return True
         if kind == COMMA:
             kinds = self.piece.kinds
+            if following == 'ONLYAFTER' and piece_visits(kinds):
+                self.extend(Lexeme(UNREAD, '', self.piece.end, self.piece.end))
             is_governing = bool(kinds) and kinds <= GOVERNING
             if is_governing or (kinds and following in TRAILERS) or self.leads_an_order():
                 return True
@@ -192,16 +247,26 @@ class Splitter:
         if not piece.is_complete:
             return False
         if following in REGION_STARTS and not self.names_a_subject(at):
+            nearest = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
+            is_comma = lexeme.kind == COMMA and nearest != AND
+            kind = UNREAD if is_comma and self.is_between() else AND
             if piece.last != AND:
-                self.extend(Lexeme(AND, '', lexeme.start, lexeme.end))
+                self.extend(Lexeme(kind, COMMA if is_comma else '', lexeme.start, lexeme.end))
             return True
         nearest = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
         repeated = nearest in PREPOSITIONS and self.kind_after(at + 1) in REGION_STARTS
         if repeated and nearest in ('THROUGH', 'TO', 'FROM', 'OF') and self.repeats(nearest):
-            kind = 'UNKNOWN' if NEG in piece.kinds and 'AVOID' not in piece.kinds else AND
+            kind = UNREAD if NEG in piece.kinds and 'AVOID' not in piece.kinds else AND
             self.extend(Lexeme(kind, '', lexeme.start, lexeme.end))
             self.skipped = 1
             return True
+        return False
+
+    def is_between(self) -> bool:
+        """Whether the list is of what something lies between: of three nobody knows."""
+        for lexeme in reversed(self.piece.lexemes):
+            if lexeme.kind in ('BETWEEN', AND):
+                return lexeme.kind != AND
         return False
 
     def repeats(self, preposition: str) -> bool:
@@ -235,7 +300,7 @@ class Splitter:
         """Take an 'or': after a negation it is an 'and', elsewhere nobody knows which."""
         following = self.kind_after(at)
         if NEG in self.piece.kinds and self.piece.is_complete:
-            if following in REGION_STARTS:
+            if following in REGION_STARTS and not self.piece.kinds & ORDER_WORDS:
                 self.extend(Lexeme(AND, '', lexeme.start, lexeme.end))
                 return
             if following in VERBS or following == 'THROUGH':
@@ -254,6 +319,8 @@ class Splitter:
             piece.is_paced = piece.is_paced or lexeme.kind in AFFIRMATIVE
         elif lexeme.kind == FIRST:
             piece.is_first = True
+            if AND in piece.kinds:
+                self.extend(Lexeme(UNREAD, '', lexeme.start, lexeme.end))
         elif lexeme.kind in (ANYORDER, INORDER):
             piece.order = lexeme.kind
         elif lexeme.kind == 'UNTIL' and not piece.lexemes:
@@ -265,6 +332,7 @@ class Splitter:
             self.extend(lexeme)
         else:
             self.extend(lexeme)
+        self.piece.takes_back = self.piece.takes_back or lexeme.value == BACK
         if lexeme.kind in (SHOULD_WORD, FIRST, ANYORDER, INORDER):
             if not self.piece.lexemes and not self.piece.end:
                 self.piece.start = lexeme.start
@@ -287,6 +355,33 @@ class Splitter:
         if lexeme.kind == 'ALONG' and piece.last == LENGTH:
             return False
         return lexeme.kind in VERBS and not piece.awaits_verb
+
+
+def piece_visits(kinds: set[str]) -> bool:
+    """Whether a piece asks for a visit."""
+    return bool(kinds & {'VISIT', 'THROUGH', STOPBY}) and not kinds & {NEG, 'ONLY'}
+
+
+def with_stops(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return lexemes with 'stop at' as the end of the route, or as a visit where it goes on.
+
+    Where only conditions of the way follow ('stop at A and avoid B') nobody knows which.
+    """
+    result: list[Lexeme] = []
+    goes_on = any(lexeme.kind == ENROUTE for lexeme in lexemes)
+    is_limited = False
+    for at in range(len(lexemes) - 1, -1, -1):
+        lexeme = lexemes[at]
+        if lexeme.kind == STOP and (at == 0 or lexemes[at - 1].kind != FIRST):
+            kind = STOPBY if goes_on else STOP if is_limited else END
+            lexeme = replace(lexeme, kind=kind)
+        elif lexeme.kind == STOP:
+            lexeme = replace(lexeme, kind=STOPBY)
+        goes_on = goes_on or lexeme.kind in GOES_ON
+        is_limited = is_limited or lexeme.kind in VERBS or lexeme.kind == NEG
+        if lexeme.kind != ENROUTE:
+            result.append(lexeme)
+    return result[::-1]
 
 
 def waiting(piece: Piece) -> Iterable[str]:

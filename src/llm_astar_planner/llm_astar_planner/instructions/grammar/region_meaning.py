@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from lark import Token, Transformer, v_args
@@ -20,6 +21,7 @@ from llm_astar_planner.instructions.grammar.regions import (
     axis_half,
     common_box,
     half_of,
+    joint_limits,
     select_group,
     select_place,
 )
@@ -44,7 +46,10 @@ class RegionMeaning(Callbacks):  # type: ignore[misc]
     """Called by the parser for the rules of regions in `clauses.lark`."""
 
     def things(self, *things: Selection) -> Things:
-        """'A, B and C'."""
+        """'A, B and C'; 'x above 2 and x below 5' is one area."""
+        limits = [thing for thing in things if thing.is_limit]
+        if len(limits) > 1:
+            return (*(thing for thing in things if not thing.is_limit), *joint_limits(limits))
         return things
 
     def place(self, token: Token) -> Selection:
@@ -53,7 +58,7 @@ class RegionMeaning(Callbacks):  # type: ignore[misc]
 
     def all_of(self, _: Token, place: Selection) -> Selection:
         """'all of A'."""
-        return place
+        return replace(place, is_all=True)
 
     def point(self, token: Token) -> Selection:
         """'20, 12'."""
@@ -116,19 +121,23 @@ class RegionMeaning(Callbacks):  # type: ignore[misc]
 
     def field(self, side: Token, line: Token) -> Selection:
         """'north of y = 10'."""
-        return Selection((axis_half(str(value(side)), *value(line)),))
+        return Selection((axis_half(str(value(side)), *value(line)),), is_limit=True)
 
     def above(self, line: Token) -> Selection:
         """'above y = 10'."""
-        return Selection((axis_half('north', *value(line)),))
+        return Selection((axis_half('north', *value(line)),), is_limit=True)
 
     def below(self, line: Token) -> Selection:
         """'below y = 10'."""
-        return Selection((axis_half('south', *value(line)),))
+        return Selection((axis_half('south', *value(line)),), is_limit=True)
 
     def same(self, thing: Selection) -> Selection:
         """'everything north of y = 10'."""
         return thing
+
+    def limits(self, box: Token) -> Selection:
+        """'x below 10', 'between y = 5 and y = 20'."""
+        return Selection((common_box(value(box)),), is_limit=True)
 
     def ranges(self, box: Token) -> Selection:
         """'the area with x from 1 to 2 and y above 3'."""
@@ -156,6 +165,6 @@ class RegionMeaning(Callbacks):  # type: ignore[misc]
             raise Unclear('an empty area')
         return Selection((Box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),))
 
-    def strip(self, metres: Token, thing: Selection) -> Selection:
+    def strip(self, metres: Token, _: Token, thing: Selection) -> Selection:
         """'the 1 m along the lab'."""
         return Selection((strip_along(thing, value(metres)),))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.places import Place
 
 from llm_astar_planner.instructions.grammar.lexicon import Group, common_tag, sides_in
@@ -33,7 +34,7 @@ DRAWN = {'left': WEST, 'right': EAST}
 WALL = 'wall'
 
 
-class Unclear(Exception):  # noqa: N818 (no error of the program: the sentence is unclear)
+class Unclear(LlmAstarError):  # noqa: N818 (no error of the program: the sentence is unclear)
     """Words that may mean several things, or nothing that a clause can say."""
 
 
@@ -46,6 +47,8 @@ class Selection:
     - `any_one`: one of them is meant: 'a blue room'.
     - `is_point`: a point without a radius. `is_walls`: the walls, all of them.
     - `is_positioned`: words for a position followed the noun: 'the room on the north side'.
+    - `is_group`: a noun for several places; `is_all`: with 'all' or 'each'.
+    - `is_limit`: one side of a line, 'x below 5', which goes with other limits.
     """
 
     regions: tuple[Region, ...] = ()
@@ -55,6 +58,9 @@ class Selection:
     is_point: bool = False
     is_walls: bool = False
     is_positioned: bool = False
+    is_group: bool = False
+    is_all: bool = False
+    is_limit: bool = False
 
     @property
     def one(self) -> Region:
@@ -89,6 +95,8 @@ def select_place(place: Place) -> Selection:
 def select_group(group: Group, parts: Sequence[Part], where: Sequence[Part]) -> Selection:
     """Return what a noun with its adjectives and the words after it means. Raises Unclear."""
     quantity = next((part for part in parts if part.kind in ('ALL', 'ANY')), Part('', ''))
+    if quantity.kind == 'ALL' and any(part.kind == 'ORDINAL' for part in parts):
+        raise Unclear('every second one')
     tags = [str(part.value) for part in parts if part.kind == 'TAG']
     narrowing = [part for part in parts if part.kind not in ('ALL', 'ANY', 'TAG')]
     found = [place for place in group.places if all(has_tag(place, tag) for tag in tags)]
@@ -109,6 +117,8 @@ def select_group(group: Group, parts: Sequence[Part], where: Sequence[Part]) -> 
         str(quantity.value) if quantity.kind == 'ANY' and not is_one else '',
         tuple(found),
         is_positioned=bool(where),
+        is_group=not is_one,
+        is_all=quantity.kind == 'ALL',
     )
 
 
@@ -203,6 +213,18 @@ def common_box(boxes: Sequence[Box]) -> Box:
     if not (box.x0 < box.x1 and box.y0 < box.y1):
         raise Unclear('an empty area')
     return box
+
+
+def joint_limits(limits: Sequence[Selection]) -> list[Selection]:
+    """Return the area where several limits hold, 'x above 2 and x below 5'. Raises Unclear.
+
+    Limits of one axis that exclude each other are two areas: 'x below 2 and x above 5'.
+    """
+    boxes = [box for limit in limits for box in limit.regions if isinstance(box, Box)]
+    try:
+        return [Selection((common_box(boxes),))]
+    except Unclear:
+        return list(limits)
 
 
 def outside(box: Box) -> Box | None:

@@ -12,6 +12,10 @@ OPPOSITE = {NORTH: SOUTH, SOUTH: NORTH, EAST: WEST, WEST: EAST, 'left': 'right',
 # How much farther to the wanted side the meant place must lie than any other, as a share of the
 # extent of all that could be meant.
 CLEARLY = 0.08
+# Metres. Places that differ by less lie side by side.
+LEAST_SPAN = 0.25
+# Places lie in a row that is so many times longer than wide, as a share.
+ROW = 0.2
 # A wall is vertical or horizontal if it is so many times longer than wide.
 ELONGATED = 1.5
 
@@ -29,7 +33,7 @@ def extreme(places: Sequence[Place], sides: Sequence[str]) -> tuple[Place, ...]:
     For a corner, ('north', 'west'), the distances are in shares of the extent.
     """
     spans = {side: span(places, side) for side in sides}
-    sides = [side for side in sides if spans[side] > 0.0]
+    sides = [side for side in sides if spans[side] > LEAST_SPAN]
     if not sides:
         return tuple(places)
 
@@ -62,7 +66,14 @@ def clearly_first(places: Sequence[Place], score: Callable[[Place], float]) -> t
 
 def central(places: Sequence[Place]) -> tuple[Place, ...]:
     """Return the place in the middle of all, or those that may be meant."""
-    sides = [side for side in (NORTH, EAST) if span(places, side) > 0.0]
+    spans = {side: span(places, side) for side in (NORTH, EAST)}
+    # Of places in a row the middle one has as many on one side as on the other.
+    least = max(LEAST_SPAN, ROW * max(spans.values()))
+    sides = [side for side in spans if spans[side] > least]
+    if len(sides) == 1 and len(places) > 2:
+        return (
+            counted(places, len(places) // 2 + 1, sides[0]) if len(places) % 2 else tuple(places)
+        )
     if len(places) < 3 or not sides:
         return tuple(places)
     middles = {side: sum(extremes(places, side)) / 2 for side in sides}

@@ -16,7 +16,8 @@ from llm_astar_planner.instructions.grammar.words import comparable, phrase_word
 
 FOLDER = Path(__file__).with_name('vocabulary')
 LANGUAGES = ('en', 'de', 'fr', 'es')
-ARTICLES, ANY_ARTICLE, IRRELEVANT = 'ARTICLES', 'ANY_ARTICLE', 'IRRELEVANT'
+ARTICLES, ANY_ARTICLE, DEMONSTRATIVES = 'ARTICLES', 'ANY_ARTICLE', 'DEMONSTRATIVES'
+IRRELEVANT = 'IRRELEVANT'
 
 # One or more lexemes: the kind and the value of each.
 Meaning = tuple[tuple[str, str], ...]
@@ -28,6 +29,7 @@ class Vocabulary:
 
     - `phrases`: what each phrase means, in the order of the table where it means several things.
     - `articles`: words that are left out; `any_articles`: those that mean any one ('a').
+    - `demonstratives`: articles of what was named before ('those').
     - `irrelevant`: phrases that say nothing about the route.
     """
 
@@ -35,6 +37,7 @@ class Vocabulary:
     phrases: Phrases[Meaning]
     articles: frozenset[str]
     any_articles: frozenset[str]
+    demonstratives: frozenset[str]
     irrelevant: Phrases[str]
 
     def knows(self, word: str) -> bool:
@@ -73,7 +76,8 @@ def vocabulary(language: str) -> Vocabulary:
         for key, text in read_table(language).items()
     }
     any_articles = frozenset(comparable(word.strip()) for word in table.pop(ANY_ARTICLE))
-    articles = frozenset(comparable(word.strip()) for word in table.pop(ARTICLES))
+    demonstratives = frozenset(comparable(word.strip()) for word in table.pop(DEMONSTRATIVES))
+    articles = frozenset(comparable(word.strip()) for word in table.pop(ARTICLES)) | demonstratives
     phrases: Phrases[Meaning] = Phrases(articles | any_articles)
     irrelevant: Phrases[str] = Phrases(articles | any_articles)
     for phrase in table.pop(IRRELEVANT):
@@ -81,4 +85,4 @@ def vocabulary(language: str) -> Vocabulary:
     for key, texts in table.items():
         for words in itertools.chain.from_iterable(map(expand, texts)):
             phrases.add(words, meaning_of(key))
-    return Vocabulary(language, phrases, articles, any_articles, irrelevant)
+    return Vocabulary(language, phrases, articles, any_articles, demonstratives, irrelevant)

@@ -14,6 +14,10 @@ WORD = re.compile(r'(?<![\w.])[-\u2212]?[0-9]+(?:\.[0-9]+)?|[0-9]+(?:\.[0-9]+)?|
 QUOTES = frozenset('\'"`*_\u00ab\u00b4\u00bb\u2018\u2019\u201a\u201c\u201d\u201e\u00a1\u00bf')
 HYPHENS = frozenset('-\u2010\u2011')
 MINUS = '\u2212'
+NUMBER = re.compile(r'-?[0-9]+(?:\.[0-9]+)?')
+# Between two numbers they make a range or something else that is no number: '2-3', '2 - 3'.
+DASHES = HYPHENS | frozenset('\u2013\u2014\u2212~')
+NUMBER_SIGNS = DASHES | frozenset('.,+/*')
 
 
 @dataclass(frozen=True)
@@ -26,8 +30,8 @@ class Word:
 
     @property
     def is_number(self) -> bool:
-        """Whether it is written in digits."""
-        return self.text.isascii() and self.text[-1].isdigit()
+        """Whether it is one number, written in digits; '2-3' is none."""
+        return self.text[-1].isdigit() and NUMBER.fullmatch(self.text) is not None
 
     @property
     def is_letters(self) -> bool:
@@ -48,11 +52,46 @@ def comparable(text: str) -> str:
 
 def read_words(text: str) -> list[Word]:
     """Return the words of a text in order, without quotes and hyphens within words."""
-    return [
-        Word(comparable(match[0]), match.start(), match.end())
-        for match in WORD.finditer(text)
-        if match[0] not in QUOTES and not is_joint(text, match.start())
-    ]
+    return with_whole_numbers(
+        [
+            Word(comparable(match[0]), match.start(), match.end())
+            for match in WORD.finditer(text)
+            if match[0] not in QUOTES and not is_joint(text, match.start())
+        ]
+    )
+
+
+def with_whole_numbers(words: list[Word]) -> list[Word]:
+    """Return words with '2-3', '1.5.2' and '.5' as one word each, which is no number.
+
+    Two numbers with a comma between them stay: a point, a list, or a decimal comma.
+    """
+    result: list[Word] = []
+    at = 0
+    while at < len(words):
+        end = number_end(words, at)
+        run = words[at:end]
+        if len(run) > 1 and [word.text for word in run[1::2]] != [',']:
+            text = ''.join(word.text for word in run)
+            run = [Word(text, run[0].start, run[-1].end)]
+        result += run
+        at = max(end, at + 1)
+    return result
+
+
+def number_end(words: list[Word], at: int) -> int:
+    """Return where the numbers and signs end that are written together from a word on."""
+    if not words[at].is_number and words[at].text not in '.,':
+        return at + 1
+    end = at + 1
+    last = end if words[at].is_number else at
+    while end < len(words) and (words[end].is_number or words[end].text in NUMBER_SIGNS):
+        is_dash = words[end].text in DASHES or words[end - 1].text in DASHES
+        if words[end].start != words[end - 1].end and not is_dash:
+            break
+        end += 1
+        last = end if words[end - 1].is_number else last
+    return max(last, at + 1)
 
 
 def is_joint(text: str, at: int) -> bool:
