@@ -26,6 +26,7 @@ from llm_astar_planner.instructions.grammar.pieces import (
     Splitter,
 )
 from llm_astar_planner.instructions.grammar.regions import Unclear
+from llm_astar_planner.instructions.grammar.remarks import without_remarks
 from llm_astar_planner.instructions.grammar.words import Word, read_words
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,
@@ -194,7 +195,8 @@ class Assembler:
         if piece.order != ANYORDER and any(map(has_repetition, clauses)):
             raise Unclear('the same place twice')
         is_after_visit = any(isinstance(clause, Visit) for _, clause in self.clauses)
-        if piece.is_later and not (is_visit and len(clauses) == 1 and is_after_visit):
+        is_one = len(clauses) == 1 and (is_visit or isinstance(clauses[0], EndAt))
+        if piece.is_later and not (is_one and is_after_visit):
             raise Unclear('which of them afterwards')
         if piece.is_first and is_after_visit:
             raise Unclear('first, after another visit')
@@ -300,7 +302,8 @@ def understand(text: str, lexer: Lexer) -> Understood:
     """Return what a clean text says in the words of one lexer."""
     plain, quoted = without_quoted(text)
     words, notes = lexer.corrected(read_words(plain))
-    pieces = Splitter(lexer.lexemes(words), lexer.vocabulary.language).split()
+    language = lexer.vocabulary.language
+    pieces = without_remarks(Splitter(lexer.lexemes(words), language).split())
     assembler = Assembler(text, lexer, words, notes)
     segment: list[Piece] = []
     for piece in [*pieces, Piece(HARD)]:

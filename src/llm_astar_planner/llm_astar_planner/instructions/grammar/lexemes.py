@@ -150,7 +150,7 @@ def axis_line(lexemes: Sequence[Lexeme], at: int) -> Combined | None:
     if not kinds_match(lexemes, at, AXIS):
         return None
     number = at + 1
-    if is_sign(lexemes, number, '=') or kinds_match(lexemes, number, 'OF'):
+    if is_sign(lexemes, number, '=') or kinds_match(lexemes, number, 'OF|SIGNEQ'):
         number += 1
     if not kinds_match(lexemes, number, NUMBER):
         return None
@@ -281,4 +281,28 @@ def settled(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             continue
         is_counted = lexeme.other == 'ORDINAL' and following == 'NOUN'
         result.append(lexeme.as_other() if is_counted else lexeme)
+    return result
+
+
+# After these 'it' stands for a place; elsewhere it says nothing: 'it is important that'.
+BEFORE_IT = frozenset(
+    {'AVOID', 'SKIP', 'VISIT', 'ENTER', 'THROUGH', 'AROUND_VERB', 'LEAVE', 'GIVE', 'FROM', 'PASS'}
+    | {'PASSBY', 'AROUND', 'CLOSE', 'APPROACH', 'BETWEEN', 'USE'}
+)
+# Before these a pronoun is an article: 'those rooms'.
+AFTER_ARTICLES = frozenset({'PLACE', 'NOUN', 'TAG', 'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL'})
+
+
+def with_pronouns(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
+    """Return lexemes without the pronouns that stand for no place."""
+    result: list[Lexeme] = []
+    for lexeme, after in zip(lexemes, [*lexemes[1:], None]):
+        if lexeme.kind != 'PRONOUN':
+            result.append(lexeme)
+        elif after is not None and after.kind in AFTER_ARTICLES:
+            continue
+        elif lexeme.value != 'it':
+            result.append(lexeme)
+        elif result and result[-1].kind in BEFORE_IT:
+            result.append(replace(lexeme, value='one'))
     return result

@@ -17,6 +17,7 @@ from llm_astar_planner.instructions.grammar.lexemes import (
     combined,
     settled,
     told_apart,
+    with_pronouns,
 )
 from llm_astar_planner.instructions.grammar.lexicon import Group, Lexicon
 from llm_astar_planner.instructions.grammar.nouns import Noun, nouns
@@ -61,7 +62,7 @@ class Lexer:
             at += count
         left_out = (ARTICLE, FILLER, ENROUTE)
         kept = [lexeme for lexeme in scanned if lexeme.kind not in left_out]
-        found = resolved(settled(in_context(combined(told_apart(kept)))))
+        found = resolved(settled(in_context(combined(told_apart(with_pronouns(kept))))))
         return [*found, *[lexeme for lexeme in scanned if lexeme.kind == ENROUTE][:1]]
 
     def scan(self, words: Sequence[Word], at: int) -> tuple[int, list[Lexeme]]:

@@ -14,6 +14,7 @@ from llm_astar_planner.instructions.grammar.words import word_set
 
 NEG, SHOULD_WORD, FIRST, THEN, BUT, OR = 'NEG', 'SHOULD', 'FIRST', 'THEN', 'BUT', 'OR'
 HARD, COLON, CONDITION, POISON = 'HARD', 'COLON', 'CONDITION', 'POISON'
+BECAUSE, PRONOUN = 'BECAUSE', 'PRONOUN'
 ANYORDER, INORDER = 'ANYORDER', 'INORDER'
 # No kind of the grammar: the piece is not understood.
 UNREAD = 'UNREAD'
@@ -26,11 +27,11 @@ STOP, STOPBY, END = 'STOP', 'STOPBY', 'END'
 
 REGION_STARTS = word_set(
     'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
-    'RADIUS RECTANGLE WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW'
-) | {POINT, RANGE, LENGTH}
+    'NONE RADIUS RECTANGLE WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW'
+) | {POINT, RANGE, LENGTH, PRONOUN}
 REGION_ENDS = word_set(
     'PLACE NOUN SIDE SIDENOUN HALFNOUN CORNER CENTER OFMAP OFWAY AXISLINE WHOLEMAP'
-) | {POINT, RANGE, LENGTH}
+) | {POINT, RANGE, LENGTH, PRONOUN}
 VERBS = word_set(
     'AVOID AROUND_VERB SKIP MISS VISIT ENTER PASSBY MOVE STAY USE CLOSE END PASS LEAVE '
     'WITHIN CLOSER APPROACH ALONG GIVE FETCH STOP STOPBY'
@@ -47,7 +48,7 @@ PREPOSITIONS = word_set('THROUGH TO FROM OF IN UPON BY')
 ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER'})
 # A comma before one of these ends nothing.
 TRAILERS = ORDER_WORDS - {'AFTER'} | {ANYORDER, INORDER, 'BY', 'REQUIRED', 'FORBIDDEN'}
-SEPARATORS = frozenset({HARD, COLON, THEN, BUT, AND, COMMA, CONDITION})
+SEPARATORS = frozenset({HARD, COLON, THEN, BUT, AND, COMMA, CONDITION, BECAUSE})
 
 
 @dataclass(eq=False)
@@ -323,6 +324,8 @@ class Splitter:
                 self.extend(Lexeme(UNREAD, '', lexeme.start, lexeme.end))
         elif lexeme.kind in (ANYORDER, INORDER):
             piece.order = lexeme.kind
+        elif lexeme.kind == 'NONE':
+            self.add_none(lexeme)
         elif lexeme.kind == 'UNTIL' and not piece.lexemes:
             self.separate(at, replace(lexeme, kind=CONDITION))
         elif lexeme.other == 'WITHOUT' and NEG in piece.kinds:
@@ -337,6 +340,12 @@ class Splitter:
             if not self.piece.lexemes and not self.piece.end:
                 self.piece.start = lexeme.start
             self.piece.end = lexeme.end
+
+    def add_none(self, lexeme: Lexeme) -> None:
+        """Take 'none of': after a 'not', as in Spanish, it is 'any of'."""
+        if NEG not in self.piece.kinds:
+            self.extend(replace(lexeme, kind=NEG))
+        self.extend(replace(lexeme, kind='ANY', value='any'))
 
     def begins_clause(self, at: int, lexeme: Lexeme) -> bool:
         """Whether a verb or a 'not' begins a clause although no separator stands before it."""
@@ -439,6 +448,8 @@ def with_visits(lexemes: list[Lexeme]) -> list[Lexeme]:
         after = [one.kind for one in lexemes[at + 1 : at + 3]]
         if before == 'MOVE' and lexeme.kind in ('THROUGH', 'TO') and after != ['SIDE', 'OF']:
             result[-1] = replace(result[-1], kind='VISIT')
+        elif before == 'MOVE' and lexeme.kind == PRONOUN:
+            result[-1:] = [replace(result[-1], kind='VISIT'), lexeme]
         else:
             result.append(lexeme)
     return result

@@ -1,0 +1,172 @@
+"""What an instruction says beside its clauses: reasons, remarks, and what pronouns stand for.
+
+'They are mopping the ward, so not through there': the first part is a reason, 'there' is the
+ward. A reason or remark is left out only where nothing in it could be a wish about the route.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN, Lexeme
+from llm_astar_planner.instructions.grammar.nouns import nouns
+from llm_astar_planner.instructions.grammar.pieces import (
+    BECAUSE,
+    HARD,
+    NEG,
+    PRONOUN,
+    REGION_ENDS,
+    REGION_STARTS,
+    VERBS,
+    Piece,
+)
+from llm_astar_planner.instructions.grammar.words import word_set
+
+STATE, REMARK = 'STATE', 'REMARK'
+# Pronouns: 'it' stands for one place, 'there' and 'them' for all that were named together.
+ONE = 'one'
+NAMING = (REGION_STARTS | REGION_ENDS) - {PRONOUN, *word_set('ALL ANY ABOVE BELOW AREA NONE')}
+# What no statement about a place holds: it may be a wish, or the opposite of one.
+TELLING = word_set('NEG CONDITION POISON OR BEFORE UNTIL ONLYAFTER ONLY AVOID END REQUIRED')
+HARMLESS = frozenset({UNKNOWN, STATE, REMARK})
+# What is fetched or done at a place, and the words before that place.
+OBJECTS = HARMLESS | {PRONOUN}
+TOWARDS = word_set('FROM TO IN UPON AT OF')
+# After 'because' a position may follow, too: 'because it is at work'.
+OF_REASONS = HARMLESS | {'FORBIDDEN', 'IN', 'UPON', 'AT', 'OF', 'ALL'}
+
+
+def without_remarks(pieces: Sequence[Piece]) -> list[Piece]:
+    """Return the pieces with places for pronouns and without reasons and remarks.
+
+    A reason with a place that nothing refers to makes its piece broken: who can tell what it asks.
+    """
+    for piece in pieces:
+        shorten(piece)
+    forbid_first(pieces)
+    spoken = [piece for piece in pieces if not is_remark(piece)] or list(pieces)
+    kept: list[Piece] = []
+    for piece in spoken:
+        if PRONOUN in piece.kinds:
+            kept = with_antecedent(kept, piece)
+        else:
+            kept.append(piece)
+    for piece in kept:
+        piece.is_broken = piece.is_broken or piece.link == BECAUSE
+    return kept
+
+
+def shorten(piece: Piece) -> None:
+    """Leave out of a piece what is fetched from a place, and for what a place is closed."""
+    kinds = [lexeme.kind for lexeme in piece.lexemes]
+    first = next((n for n, kind in enumerate(kinds) if kind in ('FETCH', 'FORBIDDEN')), None)
+    if first is None or NEG in kinds:
+        return
+    if kinds[first] == 'FETCH':
+        to = next((n for n, kind in enumerate(kinds) if n > first and kind in TOWARDS), 0)
+        if to and set(kinds[first + 1 : to]) <= OBJECTS and kinds[to + 1 : to + 2]:
+            del piece.lexemes[first + 1 : to + 1]
+    ends = [n for n, lexeme in enumerate(piece.lexemes) if is_purpose(lexeme)]
+    after = piece.lexemes[ends[-1] + 1 :] if ends else []
+    if after and {lexeme.kind for lexeme in after} <= OBJECTS and not names_place(after):
+        del piece.lexemes[ends[-1] :]
+
+
+def forbid_first(pieces: Sequence[Piece]) -> None:
+    """Read 'not A, not B' at the beginning as to avoid them, unless 'but C' corrects it."""
+    for piece, after in zip(pieces, [*pieces[1:], None]):
+        if piece.is_broken or piece.order or piece.link not in ('', COMMA, AND, HARD):
+            return
+        if NEG not in piece.kinds or not piece.kinds <= NAMING | {NEG, AND}:
+            return
+        is_alone = after is None or after.link == HARD
+        if not is_alone and not (after.kinds & (VERBS | {NEG, 'REQUIRED', STATE})):
+            return
+        piece.lexemes = [
+            replace(one, kind='AVOID') if one.kind == NEG else one for one in piece.lexemes
+        ]
+
+
+def is_purpose(lexeme: Lexeme) -> bool:
+    """Whether a word leads to a purpose or cause: 'closed for cleaning', 'blocked by boxes'."""
+    return lexeme.kind in ('PURPOSE', 'BY')
+
+
+def with_antecedent(before: list[Piece], piece: Piece) -> list[Piece]:
+    """Return the pieces before and one with a pronoun as the place that it stands for.
+
+    The statement that named the place is left out; where it is not clear which place is meant,
+    the pronoun stays, and nobody can read its piece.
+    """
+    number = named_in(before)
+    said = before[len(before) - number :]
+    runs = [run for one in said for run in runs_of(one)]
+    pronoun = next(lexeme for lexeme in piece.lexemes if lexeme.kind == PRONOUN)
+    is_clear = len(runs) == number and not any(
+        one.is_broken or 'POISON' in one.kinds for one in said
+    )
+    is_clear = is_clear and all(one.link in (AND, COMMA) for one in said[1:])
+    lexemes = [lexeme for run in runs for lexeme in (*run, Lexeme(AND, '', 0, 0))][:-1]
+    is_single = sum(lexeme.kind in REGION_ENDS for lexeme in lexemes) == 1
+    if not lexemes or not is_clear or (pronoun.value == ONE and not is_single):
+        return [*before, piece]
+    at = piece.lexemes.index(pronoun)
+    piece.lexemes[at : at + 1] = [
+        replace(lexeme, start=pronoun.start, end=pronoun.end) for lexeme in lexemes
+    ]
+    if piece.kinds <= NAMING | {NEG, AND}:
+        piece.lexemes = [
+            replace(one, kind='AVOID') if one.kind == NEG else one for one in piece.lexemes
+        ]
+    if not {NEG, 'AVOID'} & piece.kinds and any('FORBIDDEN' in one.kinds for one in said):
+        # 'It is closed, but go through it': nobody knows which of the two holds.
+        for one in (*said, piece):
+            one.is_broken = True
+    return [*before[: len(before) - number], *(one for one in said if not is_reason(one)), piece]
+
+
+def named_in(before: Sequence[Piece]) -> int:
+    """Return how many of the last pieces name what a pronoun after them stands for."""
+    number = min(1, len(before))
+    while 0 < number < len(before) and before[-number].link not in ('', HARD):
+        if STATE not in before[-number - 1].kinds:
+            break
+        number += 1
+    return number
+
+
+def runs_of(piece: Piece) -> list[list[Lexeme]]:
+    """Return the phrases of a piece that name places, each with its adjectives."""
+    runs: list[list[Lexeme]] = [[]]
+    for lexeme in piece.lexemes:
+        if lexeme.kind in NAMING or (lexeme.kind == AND and runs[-1]):
+            runs[-1].append(lexeme)
+        elif runs[-1]:
+            runs.append([])
+    return [run for run in runs if any(lexeme.kind in REGION_ENDS for lexeme in run)]
+
+
+def is_reason(piece: Piece) -> bool:
+    """Whether a piece only says how things are, so that its answer with a pronoun says it all."""
+    kinds = [lexeme.kind for lexeme in piece.lexemes]
+    if piece.is_broken or TELLING & set(kinds):
+        return False
+    verb = next((n for n, kind in enumerate(kinds) if kind in VERBS), len(kinds))
+    is_part = piece.link == AND and verb == len(kinds)
+    return STATE in kinds[:verb] or 'FORBIDDEN' in kinds or is_part
+
+
+def is_remark(piece: Piece) -> bool:
+    """Whether a piece says nothing about the route: 'because it is wet', 'the battery is low'."""
+    if piece.is_broken or piece.order or not piece.lexemes or names_place(piece.lexemes):
+        return False
+    if piece.link == BECAUSE:
+        return piece.kinds <= OF_REASONS
+    return piece.kinds <= HARMLESS and {STATE, REMARK} <= piece.kinds
+
+
+def names_place(lexemes: Collection[Lexeme]) -> bool:
+    """Whether an unknown word is one for places, of which the map has none."""
+    known = nouns().everywhere.words
+    return any(lexeme.kind == UNKNOWN and lexeme.value in known for lexeme in lexemes)
