@@ -80,8 +80,8 @@ def forbid_first(pieces: Sequence[Piece]) -> None:
             return
         if NEG not in piece.kinds or not piece.kinds <= NAMING | {NEG, AND}:
             return
-        is_alone = after is None or after.link == HARD
-        if not is_alone and not (after.kinds & (VERBS | {NEG, 'REQUIRED', STATE})):
+        follows = after is not None and after.link != HARD
+        if after and follows and not after.kinds & (VERBS | {NEG, 'REQUIRED', STATE}):
             return
         piece.lexemes = [
             replace(one, kind='AVOID') if one.kind == NEG else one for one in piece.lexemes
