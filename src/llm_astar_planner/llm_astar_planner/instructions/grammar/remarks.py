@@ -13,6 +13,7 @@ from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN, 
 from llm_astar_planner.instructions.grammar.nouns import nouns
 from llm_astar_planner.instructions.grammar.pieces import (
     BECAUSE,
+    COLON,
     HARD,
     NEG,
     PRONOUN,
@@ -30,6 +31,14 @@ NAMING = (REGION_STARTS | REGION_ENDS) - {PRONOUN, *word_set('ALL ANY ABOVE BELO
 # What no statement about a place holds: it may be a wish, or the opposite of one.
 TELLING = word_set('NEG CONDITION POISON OR BEFORE UNTIL ONLYAFTER ONLY AVOID END REQUIRED')
 HARMLESS = frozenset({UNKNOWN, STATE, REMARK})
+# A remark with one of these after a refusal may take it back: 'avoid A, it is fine'.
+TAKING_BACK = word_set(
+    'fine wrong joke joking kidding free open again allowed false changed mistake finished over '
+    'cancelled possible safe clear better preferable permitted passable ok okay usable available '
+    'accessible good great nice perfect welcome right correct opposite enough necessary optional '
+    'unnecessary shorter shortest needed required done gone frei offen wieder erlaubt falsch '
+    'libre ouvert ouverte permis faux encore libres abierto abierta otra permitido broma mentira'
+)
 # What is fetched or done at a place, and the words before that place.
 OBJECTS = HARMLESS | {PRONOUN}
 TOWARDS = word_set('FROM TO IN UPON AT OF')
@@ -45,7 +54,11 @@ def without_remarks(pieces: Sequence[Piece]) -> list[Piece]:
     for piece in pieces:
         shorten(piece)
     forbid_first(pieces)
-    spoken = [piece for piece in pieces if not is_remark(piece)] or list(pieces)
+    spoken = [
+        piece
+        for piece, before in zip(pieces, [Piece(), *pieces])
+        if not (is_remark(piece) or gives_reason(piece, before))
+    ] or list(pieces)
     kept: list[Piece] = []
     for piece in spoken:
         if PRONOUN in piece.kinds:
@@ -164,6 +177,17 @@ def is_remark(piece: Piece) -> bool:
     if piece.link == BECAUSE:
         return piece.kinds <= OF_REASONS
     return piece.kinds <= HARMLESS and {STATE, REMARK} <= piece.kinds
+
+
+def gives_reason(piece: Piece, before: Piece) -> bool:
+    """Whether it says why a place is to be avoided: 'keep out of A, they are working there'."""
+    is_asked = bool({NEG, 'AVOID'} & before.kinds and before.kinds & REGION_ENDS - {PRONOUN})
+    if not is_asked or before.is_broken or piece.is_broken or piece.link not in (COMMA, COLON):
+        return False
+    if STATE not in piece.kinds or not piece.kinds <= OF_REASONS | {PRONOUN}:
+        return False
+    is_taken_back = any(lexeme.value in TAKING_BACK for lexeme in piece.lexemes)
+    return not is_taken_back and not names_place(piece.lexemes)
 
 
 def names_place(lexemes: Collection[Lexeme]) -> bool:

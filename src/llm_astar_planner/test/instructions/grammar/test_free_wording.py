@@ -44,6 +44,9 @@ READ = {
     'no uses ninguno de los baños': 'avoid all bathroom places',
     'visit a bathroom, either will do': 'visit one of the bathroom places',
     'do not drive above y equals ten': 'avoid the area with y above 10',
+    'under no circumstances enter ward 1, it is infectious': 'avoid the ward 1',
+    'visit ward 1 and ward 2 in whichever order you like': 'visit the ward 1 and the ward 2 '
+    'in any order',
     'if you can manage it, pop into ward 2': 'if possible, visit the ward 2',
 }
 NOT_READ = [
@@ -72,6 +75,10 @@ NOT_READ = [
     'not ward 1 but ward 2',
     'not all wards',
     'find another way',
+    'avoid ward 1, it is free again',
+    'avoid ward 1, it is not true',
+    'avoid ward 1, I am only joking',
+    'avoid ward 1, they are in the ballroom or not',
     'unless you are late, leave the pharmacy alone',
 ]
 
