@@ -16,15 +16,14 @@ from llm_astar_planner.instructions.grammar.parser import parse_clause
 from llm_astar_planner.instructions.grammar.pieces import (
     ANYORDER,
     BUT,
-    GOVERNING,
     HARD,
     INORDER,
-    NEG,
     REGION_ENDS,
     THEN,
     Piece,
     Splitter,
 )
+from llm_astar_planner.instructions.grammar.reading_order import GOVERNING, NEG
 from llm_astar_planner.instructions.grammar.regions import Unclear
 from llm_astar_planner.instructions.grammar.remarks import without_remarks
 from llm_astar_planner.instructions.grammar.words import Word, read_words
@@ -183,6 +182,8 @@ class Assembler:
         """
         clauses = reading.clauses
         in_turn = piece.link == THEN or piece.is_first
+        if self.is_through_after_other(piece):
+            raise Unclear('not through it, or through it')
         if reading.things:
             if not (piece.is_first or (in_turn and isinstance(self.previous, Visit))):
                 raise Unclear('a place without a verb')
@@ -204,6 +205,12 @@ class Assembler:
         if (in_turn or piece.order) and not (is_visit or is_end):
             raise Unclear('only visits have an order')
         return ordered(clauses, piece.order)
+
+    def is_through_after_other(self, piece: Piece) -> bool:
+        """Whether it is the end of 'avoid A and through B'."""
+        is_bare = piece.first is not None and piece.first.kind == 'THROUGH'
+        is_other = self.previous is not None and not isinstance(self.previous, Visit)
+        return is_bare and is_other and piece.link in (AND, COMMA)
 
     def has_room_for(self, clauses: Sequence[Clause]) -> bool:
         """Whether a specification may hold so many clauses and visits."""

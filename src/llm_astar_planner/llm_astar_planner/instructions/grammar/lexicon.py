@@ -107,7 +107,8 @@ def lexicon(places: Places) -> Lexicon:
                 near.add(variant, place)
     for tag in places.tags:
         add_tag(tag, tags, groups)
-    nouns_of = {place.name: place_nouns(place) for place in places}
+    languages = name_languages(places)
+    nouns_of = {place.name: place_nouns(place, languages) for place in places}
     starts = frozenset().union(*(phrases.starts for phrases in (names, near, tags, groups)))
     letters = frozenset(word for word in names.words | near.words | tags.words if word.isalpha())
     return Lexicon(
@@ -153,13 +154,19 @@ def head_of(words: tuple[str, ...]) -> tuple[str, ...]:
     return words[:end]
 
 
-def head_nouns(words: tuple[str, ...]) -> frozenset[str]:
-    """Return the nouns that the head of a name ends with: the longest phrase decides."""
+def head_nouns(words: tuple[str, ...], languages: Collection[str] = LANGUAGES) -> frozenset[str]:
+    """Return the nouns that the head of a name ends with: the longest phrase decides.
+
+    The last word of a longer name is read in the languages of the map's names alone: 'fuel
+    station' is no ward, which is 'Station' in German.
+    """
     head = [Word(word, 0, 0) for word in head_of(words)]
     for start in range(len(head)):
         count, found = nouns().everywhere.longest(head, start)
         if count == len(head) - start:
-            return frozenset(noun.name for noun in found)
+            return frozenset(
+                noun.name for noun in found if start == 0 or noun.language in languages
+            )
     return frozenset()
 
 
@@ -171,11 +178,23 @@ def generic_of(place: Place, called: Collection[str]) -> str:
     return known[0] if known else UNNAMED
 
 
-def place_nouns(place: Place) -> frozenset[str]:
+def name_languages(places: Places) -> tuple[str, ...]:
+    """Return the languages that most names of a map are in."""
+    counts = dict.fromkeys(LANGUAGES, 0)
+    for place in places:
+        head = [Word(word, 0, 0) for word in head_of(phrase_words(place.name))]
+        for language, phrases in nouns().by_language.items():
+            ends = (phrases.longest(head, at)[0] == len(head) - at for at in range(len(head)))
+            # A noun that is the whole name tells more than one that ends it.
+            counts[language] += next((1 if at else 2 for at, ended in enumerate(ends) if ended), 0)
+    return tuple(language for language in LANGUAGES if counts[language] == max(counts.values()))
+
+
+def place_nouns(place: Place, languages: Collection[str] = LANGUAGES) -> frozenset[str]:
     """Return the nouns that a place is called by: of its names, kind and tags."""
     kinds = [kind for kind in (place.kind, *place.tags) if kind not in (AREA, PLACE)]
     texts = (place.name, *place.aliases, *kinds)
-    return frozenset().union(*(head_nouns(phrase_words(text)) for text in texts))
+    return frozenset().union(*(head_nouns(phrase_words(text), languages) for text in texts))
 
 
 @lru_cache(maxsize=1024)

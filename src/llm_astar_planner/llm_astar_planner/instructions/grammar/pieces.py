@@ -10,11 +10,22 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, LENGTH, POINT, RANGE, Lexeme
+from llm_astar_planner.instructions.grammar.reading_order import (
+    FIRST,
+    GOVERNING,
+    NEG,
+    ORDER_WORDS,
+    PRONOUN,
+    STOPBY,
+    VERBS,
+    in_reading_order,
+    with_stops,
+)
 from llm_astar_planner.instructions.grammar.words import word_set
 
-NEG, SHOULD_WORD, FIRST, THEN, BUT, OR = 'NEG', 'SHOULD', 'FIRST', 'THEN', 'BUT', 'OR'
+SHOULD_WORD, THEN, BUT, OR = 'SHOULD', 'THEN', 'BUT', 'OR'
 HARD, COLON, CONDITION, POISON = 'HARD', 'COLON', 'CONDITION', 'POISON'
-BECAUSE, PRONOUN = 'BECAUSE', 'PRONOUN'
+BECAUSE = 'BECAUSE'
 ANYORDER, INORDER = 'ANYORDER', 'INORDER'
 # No kind of the grammar: the piece is not understood.
 UNREAD = 'UNREAD'
@@ -22,8 +33,6 @@ UNREAD = 'UNREAD'
 MAY = 'MAY'
 # Values: of verbs as in 'visited', and of words that take back what stands before.
 PAST, BACK = 'past', 'back'
-# 'stop at A': the end or a visit; 'stop off at A': a visit, but 'do not stop at A' is none.
-STOP, STOPBY, END = 'STOP', 'STOPBY', 'END'
 
 REGION_STARTS = word_set(
     'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
@@ -32,20 +41,9 @@ REGION_STARTS = word_set(
 REGION_ENDS = word_set(
     'PLACE NOUN SIDE SIDENOUN HALFNOUN CORNER CENTER OFMAP OFWAY AXISLINE WHOLEMAP'
 ) | {POINT, RANGE, LENGTH, PRONOUN}
-VERBS = word_set(
-    'AVOID AROUND_VERB SKIP MISS VISIT ENTER PASSBY MOVE STAY USE CLOSE END PASS LEAVE '
-    'WITHIN CLOSER APPROACH ALONG GIVE FETCH STOP STOPBY'
-)
 # Words that are left out where nothing is negated: 'slowly', 'you have to'.
 AFFIRMATIVE = frozenset({'SPEED', 'NEED'})
-# Verbs of which a comma does not part the infinitive: 'vergiss nicht, A zu besuchen'.
-GOVERNING = frozenset({NEG, 'AVOID', 'SKIP', 'MISS'})
-# After these the route goes on; `ENROUTE` is 'on your way'.
-ENROUTE = 'ENROUTE'
-GOES_ON = word_set('VISIT STOP STOPBY THEN BEFORE END MOVE USE PASS PASSBY THROUGH ENTER')
 PREPOSITIONS = word_set('THROUGH TO FROM OF IN UPON BY')
-# A verb after one of these belongs to it: 'before you enter A'.
-ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER'})
 # A comma before one of these ends nothing.
 TRAILERS = ORDER_WORDS - {'AFTER'} | {ANYORDER, INORDER, 'BY', 'REQUIRED', 'FORBIDDEN'}
 SEPARATORS = frozenset({HARD, COLON, THEN, BUT, AND, COMMA, CONDITION, BECAUSE})
@@ -62,6 +60,7 @@ class Piece:
     - `is_paced`: it holds words that change their meaning beside a negation.
     - `is_later`: it ends with 'afterwards'.
     - `is_broken`: it holds a condition or words that make it no instruction.
+    - `first`: its first lexeme as it was said.
     - `is_question`: a question mark ends it. `takes_back`: it holds 'no, wait' or the like.
     """
 
@@ -76,6 +75,7 @@ class Piece:
     is_broken: bool = False
     is_paced: bool = False
     is_later: bool = False
+    first: Lexeme | None = None
     is_question: bool = False
     takes_back: bool = False
 
@@ -97,7 +97,7 @@ class Piece:
     @property
     def is_apart(self) -> bool:
         """Whether it can be read although the one before it was not: 'and avoid A'."""
-        first = self.lexemes[0] if self.lexemes else None
+        first = self.first
         if first is None or first.other == 'WITHOUT' or self.link not in (AND, BUT, THEN):
             return False
         if first.kind == NEG:
@@ -158,6 +158,7 @@ class Splitter:
             self.pieces[-2].is_later = True
         filled = [piece for piece in self.pieces if piece.lexemes or piece.is_broken]
         for piece in filled:
+            piece.first = piece.lexemes[0] if piece.lexemes else None
             if self.is_unclear(piece):
                 piece.lexemes = [*piece.lexemes, Lexeme(UNREAD, '', piece.end, piece.end)]
             elif NEG in piece.kinds or piece.is_question:
@@ -371,28 +372,6 @@ def piece_visits(kinds: set[str]) -> bool:
     return bool(kinds & {'VISIT', 'THROUGH', STOPBY}) and not kinds & {NEG, 'ONLY'}
 
 
-def with_stops(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
-    """Return lexemes with 'stop at' as the end of the route, or as a visit where it goes on.
-
-    Where only conditions of the way follow ('stop at A and avoid B') nobody knows which.
-    """
-    result: list[Lexeme] = []
-    goes_on = any(lexeme.kind == ENROUTE for lexeme in lexemes)
-    is_limited = False
-    for at in range(len(lexemes) - 1, -1, -1):
-        lexeme = lexemes[at]
-        if lexeme.kind == STOP and (at == 0 or lexemes[at - 1].kind != FIRST):
-            kind = STOPBY if goes_on else STOP if is_limited else END
-            lexeme = replace(lexeme, kind=kind)
-        elif lexeme.kind == STOP:
-            lexeme = replace(lexeme, kind=STOPBY)
-        goes_on = goes_on or lexeme.kind in GOES_ON
-        is_limited = is_limited or lexeme.kind in VERBS or lexeme.kind == NEG
-        if lexeme.kind != ENROUTE:
-            result.append(lexeme)
-    return result[::-1]
-
-
 def waiting(piece: Piece) -> Iterable[str]:
     """Yield the order words of a piece that no region follows yet, and one that leads it."""
     if piece.lexemes and piece.lexemes[0].kind in ORDER_WORDS:
@@ -401,55 +380,3 @@ def waiting(piece: Piece) -> Iterable[str]:
         if lexeme.kind in REGION_ENDS:
             return
         yield lexeme.kind
-
-
-def in_reading_order(lexemes: list[Lexeme]) -> list[Lexeme]:
-    """Return a piece with its negation first and a verb at its end before what it governs."""
-    lexemes = with_only_after(lexemes)
-    negations = [lexeme for lexeme in lexemes if lexeme.kind == NEG]
-    rest = [lexeme for lexeme in lexemes if lexeme.kind != NEG]
-    order = next((n for n, one in enumerate(rest) if n and one.kind in ORDER_WORDS), None)
-    if order is not None:
-        head, tail = verb_first(rest[:order]), verb_first(rest[order + 1 :])
-        return with_visits([*negations, *head, rest[order], *tail])
-    return with_visits(negations + verb_first(rest))
-
-
-def with_only_after(lexemes: list[Lexeme]) -> list[Lexeme]:
-    """Return 'only enter A after B' as 'enter A only after B'."""
-    kinds = [lexeme.kind for lexeme in lexemes]
-    if kinds.count('ONLY') != 1 or 'AFTER' not in kinds:
-        return lexemes
-    return [
-        replace(lexeme, kind='ONLYAFTER') if lexeme.kind == 'AFTER' else lexeme
-        for lexeme in lexemes
-        if lexeme.kind != 'ONLY'
-    ]
-
-
-def verb_first(lexemes: list[Lexeme]) -> list[Lexeme]:
-    """Return lexemes with a verb at their end before them: 'die Küche meiden'.
-
-    After another verb if that governs it: 'vergiss die Küche nicht zu besuchen'.
-    """
-    kinds = [lexeme.kind for lexeme in lexemes]
-    others = [n for n, kind in enumerate(kinds[:-1]) if kind in VERBS]
-    if not kinds or kinds[-1] not in VERBS or any(kinds[n] not in GOVERNING for n in others):
-        return lexemes
-    at = others[-1] + 1 if others else 0
-    return [*lexemes[:at], lexemes[-1], *lexemes[at:-1]]
-
-
-def with_visits(lexemes: list[Lexeme]) -> list[Lexeme]:
-    """Return lexemes with 'drive' and 'to' as one, but not in 'drive to the north of A'."""
-    result: list[Lexeme] = []
-    for at, lexeme in enumerate(lexemes):
-        before = result[-1].kind if result else ''
-        after = [one.kind for one in lexemes[at + 1 : at + 3]]
-        if before == 'MOVE' and lexeme.kind in ('THROUGH', 'TO') and after != ['SIDE', 'OF']:
-            result[-1] = replace(result[-1], kind='VISIT')
-        elif before == 'MOVE' and lexeme.kind == PRONOUN:
-            result[-1:] = [replace(result[-1], kind='VISIT'), lexeme]
-        else:
-            result.append(lexeme)
-    return result
