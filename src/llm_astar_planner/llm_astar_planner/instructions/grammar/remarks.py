@@ -15,13 +15,11 @@ from llm_astar_planner.instructions.grammar.pieces import (
     BECAUSE,
     COLON,
     HARD,
-    NEG,
-    PRONOUN,
     REGION_ENDS,
     REGION_STARTS,
-    VERBS,
     Piece,
 )
+from llm_astar_planner.instructions.grammar.reading_order import NEG, PRONOUN, VERBS
 from llm_astar_planner.instructions.grammar.words import word_set
 
 STATE, REMARK = 'STATE', 'REMARK'
