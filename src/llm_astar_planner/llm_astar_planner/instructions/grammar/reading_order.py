@@ -39,7 +39,8 @@ def with_stops(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
             lexeme = replace(lexeme, kind=kind)
         elif lexeme.kind == STOP:
             lexeme = replace(lexeme, kind=STOPBY)
-        goes_on = goes_on or lexeme.kind in GOES_ON
+        is_refused = at > 0 and lexemes[at - 1].kind in GOVERNING
+        goes_on = goes_on or (lexeme.kind in GOES_ON and not is_refused)
         is_limited = is_limited or lexeme.kind in VERBS or lexeme.kind == NEG
         if lexeme.kind != ENROUTE:
             result.append(lexeme)
