@@ -45,7 +45,7 @@ def room(tmp_path_factory):
 # Name of the call: tool and arguments.
 CALLS = {
     'places': ('list_places', {}),
-    'interpret': ('interpret', {'text': 'avoid the north door, then sing'}),
+    'interpret': ('interpret', {'text': 'avoid the north door; sing'}),
     'too long': ('interpret', {'text': 'x' * 501}),
     'no text': ('interpret', {}),
     'direct': ('plan_route', {'start': [1, 3.5], 'goal': 'lab'}),

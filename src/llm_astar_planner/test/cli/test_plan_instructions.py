@@ -118,7 +118,7 @@ def test_an_instruction_bends_the_path_and_each_clause_is_reported(capsys, room)
 
 
 def test_a_person_reads_what_was_understood_and_what_became_of_it(capsys, room):
-    text = 'avoid the north door, visit the south door, and whistle'
+    text = 'avoid the north door; visit the south door; whistle'
     assert main(['plan', '--map', room, *WAY, '--instruction', text]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert f'instruction "{text}"' in lines
