@@ -99,7 +99,7 @@ class GuidedSearch:
         self._grid = as_grid(blocked, corner_cutting=corner_cutting)
         self._grid.index(start)
         self._grid.index(goal)
-        if landmarks is not None and len(landmarks.distances) != self._grid.moves.size:
+        if landmarks is not None and landmarks.distances.shape[1] != self._grid.moves.size:
             raise ValueError('landmarks: are of a map of another size')
         self._landmarks = landmarks
         stop = no_stop() if stop is None else stop

@@ -11,7 +11,8 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search._kernels import astar as kernels
+from llm_astar_planner.search._kernels import astar as search_kernels
+from llm_astar_planner.search._kernels import distances as kernels
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.stop import StopFlag, no_stop
@@ -31,7 +32,7 @@ NONE_ACTIVE = np.zeros((0, 2), dtype=np.int64)
 
 
 class Landmarks:
-    """Distances from a few landmarks to every cell of a grid: int32 [cells, landmarks], units.
+    """Distances from a few landmarks to every cell of a grid: int32 [count, cells], units.
 
     Made by `Landmarks.build`. They prove lower bounds on that grid and on every grid that only
     blocks more cells or raises costs.
@@ -66,23 +67,22 @@ class Landmarks:
         free = np.flatnonzero(grid.moves)
         if count < 1 or free.size == 0:
             return None
-        distances = np.empty((grid.moves.size, count), dtype=np.int32)
+        distances = np.empty((count, grid.moves.size), dtype=np.int32)
         dijkstra = _Dijkstra(grid, distances, no_stop() if stop is None else stop)
         nearest = dijkstra.largest_area(free)
         if nearest is None:
             return None
-        for column in range(count):
+        for row in range(count):
             source = int(nearest.argmax())
-            if not dijkstra.fill(column, source):
+            if not dijkstra.fill(row, source):
                 return None
-            reached = distances[:, column]
-            nearest = reached.copy() if column == 0 else np.minimum(nearest, reached)
+            nearest = distances[0].copy() if row == 0 else np.minimum(nearest, distances[row])
         return cls(grid, distances)
 
     @property
     def count(self) -> int:
         """The number of landmarks."""
-        return int(self.distances.shape[1])
+        return len(self.distances)
 
     @property
     def nbytes(self) -> int:
@@ -92,11 +92,11 @@ class Landmarks:
     def active(self, grid: GridGraph, start: Cell, goal: Cell) -> NDArray[np.int64] | None:
         """Choose the landmarks that prove most for a query.
 
-        Returns int64 [k, 2]: a landmark's column and its distance to the goal, in units.
+        Returns int64 [k, 2]: a landmark's row and its distance to the goal, in units.
         None if they prove that no path joins the cells.
         """
-        first = self.distances[grid.index(start)].astype(np.int64)
-        last = self.distances[grid.index(goal)].astype(np.int64)
+        first = self.distances[:, grid.index(start)].astype(np.int64)
+        last = self.distances[:, grid.index(goal)].astype(np.int64)
         if ((first < 0) != (last < 0)).any():
             return None
         gaps = np.where(last < 0, 0, np.abs(first - last))
@@ -109,7 +109,7 @@ class Landmarks:
         active = self.active(grid, start, goal)
         if active is None:
             return float('inf')
-        gaps = np.abs(self.distances[grid.index(start), active[:, 0]] - active[:, 1])
+        gaps = np.abs(self.distances[active[:, 0], grid.index(start)] - active[:, 1])
         return float(gaps.max(initial=0)) / self._units[0]
 
     def is_admissible_on(self, grid: GridGraph) -> bool:
@@ -199,7 +199,7 @@ class LandmarkManager:
 
 
 class _Dijkstra:
-    """Repeated runs of Dijkstra's algorithm on one grid into the columns of one array."""
+    """Repeated runs of Dijkstra's algorithm on one grid into the rows of one array."""
 
     def __init__(self, grid: GridGraph, distances: NDArray[np.int32], stop: StopFlag) -> None:
         self._grid = grid
@@ -208,17 +208,23 @@ class _Dijkstra:
         self._pool = np.empty(1 << 14, dtype=np.int64)
         self._heads = np.zeros(grid.ring, dtype=np.int32)
 
-    def fill(self, column: int, source: int) -> bool:
-        """Fill a column with the distances from the cell `source`; False if it was stopped."""
-        grid = self._grid
+    def fill(self, row: int, source: int) -> bool:
+        """Fill a row with the distances from the cell `source`; False if it was stopped."""
+        grid, distances = self._grid, self._distances[row]
+        distances[:] = -1
+        distances[source] = 0
+        seeds = np.array([source], dtype=np.int64)
+        control = np.zeros(kernels.D_SIZE, dtype=np.int64)
+        self._heads[:] = 0
         while True:
-            status = kernels.dijkstra(
+            status = kernels.propagate(
                 grid.moves, grid.cell_surcharge, grid.width, grid.straight, grid.diagonal,
-                source, column, self._distances, self._pool, self._heads, self._stop,
+                grid.cell_surcharge.size == 0, seeds, distances, self._pool, self._heads,
+                control, search_kernels.NO_PATH, self._stop,
             )  # fmt: skip
-            if status != kernels.NEED_SPACE:
-                return bool(status == kernels.FOUND)
-            self._pool = np.empty(2 * self._pool.size, dtype=np.int64)
+            if status != search_kernels.NEED_SPACE:
+                return bool(status == search_kernels.FOUND)
+            self._pool = np.concatenate((self._pool, np.empty_like(self._pool)))
 
     def largest_area(self, free: NDArray[np.int64]) -> NDArray[np.int32] | None:
         """Return the distances from a cell in the largest connected area that a few tries find.
@@ -230,9 +236,9 @@ class _Dijkstra:
         for source in free[:: max(1, free.size // _SEEDS)]:
             if not self.fill(0, int(source)):
                 return None
-            reached = int(np.count_nonzero(self._distances[:, 0] >= 0))
+            reached = int(np.count_nonzero(self._distances[0] >= 0))
             if reached > most:
-                most, best = reached, self._distances[:, 0].copy()
+                most, best = reached, self._distances[0].copy()
             if 2 * most > free.size:
                 break
         return best

@@ -72,7 +72,7 @@ def estimate_to_goal(
     """Return a lower bound on a cell's cost to the goal: the octile one or a landmark's."""
     best = octile
     for row in range(active.shape[0]):
-        best = max(best, abs(np.int64(landmark_distances[cell, active[row, 0]]) - active[row, 1]))
+        best = max(best, abs(np.int64(landmark_distances[active[row, 0], cell]) - active[row, 1]))
     return best
 
 
