@@ -9,12 +9,12 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.inflation import inflate
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.search.visibility import LineOfSightChecker
 
 
@@ -60,16 +60,9 @@ class Costmap:
         return self._inflated[1]
 
     @cached_property
-    def components(self) -> NDArray[np.int32]:
-        """Connected free cells, numbered from 1; 0 is blocked: int32 [height, width].
-
-        A diagonal step that cuts no corner can be walked as two straight ones, so without corner
-        cutting four neighbours decide, and with it eight.
-        """
-        neighbours = np.ones((3, 3)) if self.config.corner_cutting else None
-        labels, _ = ndimage.label(~self.blocked, structure=neighbours)
-        components: NDArray[np.int32] = labels.astype(np.int32, copy=False)
-        return components
+    def components(self) -> Tiles:
+        """Connected free cells: `components[y, x]` is a number, 0 where blocked."""
+        return Tiles.build(self.blocked, corner_cutting=self.config.corner_cutting)
 
     @cached_property
     def rejected_cells(self) -> NDArray[np.bool_]:

@@ -23,7 +23,7 @@ def goal_cell(place: Place, costmap: Costmap) -> Cell:
     cells = visit_cells(NamedPlace(place.name), route)
     if not cells.any():
         raise PlaceGoalError(f'no cell of {place.name!r} is free on this map')
-    components = costmap.components
+    components = costmap.components[:, :]
     sizes = np.bincount(components.ravel())
     sizes[0] = 0
     cells &= components == max(np.unique(components[cells]), key=lambda number: sizes[number])

@@ -20,6 +20,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.inflation import squared_cells
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
 from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.tiles import Tiles
 
 # Half the side, in cells, of the square that is searched first; it doubles until a cell is found.
 FIRST_REACH = 8
@@ -118,7 +119,7 @@ def check_via(costmap: Costmap, via: Iterable[Cell], start: Cell) -> None:
 
 
 def nearest_labelled(
-    labels: NDArray[np.int32], label: int, centre: Cell, squared_reach: int
+    labels: Tiles | NDArray[np.int32], label: int, centre: Cell, squared_reach: int
 ) -> Cell | None:
     """Return the cell with `label` that is nearest to `centre`, which may lie off the map.
 

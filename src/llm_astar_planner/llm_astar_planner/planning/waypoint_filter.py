@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.waypoints.source import Waypoint
 
 # The published filter keeps 1 < x < width - 2, and likewise y.
@@ -50,7 +51,7 @@ class CheckedWaypoint:
 def check_waypoints(
     waypoints: Sequence[Waypoint],
     occupied: NDArray[np.bool_],
-    components: NDArray[np.int32],
+    components: Tiles | NDArray[np.int32],
     start: Cell,
     edge: int = PAPER_EDGE,
 ) -> tuple[CheckedWaypoint, ...]:

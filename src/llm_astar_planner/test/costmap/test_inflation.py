@@ -179,8 +179,9 @@ def test_a_robot_gets_about_a_real_depot_without_touching_it():
     grid_map = load_map(Path(os.environ['LLM_ASTAR_REFERENCE']) / 'grids' / 'depot.yaml')
     rules = CostmapConfig(robot_radius=0.2, inflation_radius=0.55, cost_scaling_factor=3.0)
     planner = Planner(grid_map, rules)
-    whole = np.bincount(planner.costmap.components[planner.costmap.components > 0]).argmax()
-    places = np.argwhere(planner.costmap.components == whole)[:, ::-1]
+    components = planner.costmap.components[:, :]
+    whole = np.bincount(components[components > 0]).argmax()
+    places = np.argwhere(components == whole)[:, ::-1]
     random = np.random.default_rng(0)
     for start, goal in random.choice(places, (20, 2)).tolist():
         request = PlanRequest(tuple(start), tuple(goal), max_suboptimality=1.1, time_limit=60.0)

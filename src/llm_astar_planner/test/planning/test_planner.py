@@ -207,7 +207,7 @@ def test_a_search_past_its_time_is_a_timeout_not_no_path():
 
 def test_another_thread_cancels_a_search():
     planner = Planner(GridMap(np.zeros((3000, 3000), dtype=np.int8)))
-    assert planner.costmap.components.all()  # once a map: it is the search that shall be cancelled
+    planner.prepare()  # once a map: it is the search that shall be cancelled
     stop = no_stop()
     plans = []
     request = PlanRequest((1, 1), (2998, 1200), 'dynamic_weighted_astar', time_limit=300.0)

@@ -1,0 +1,272 @@
+"""Compiled loops over square tiles of a grid: connected cells in a tile, and between tiles.
+
+A tile has 2^shift cells a side, fewer at the right and lower edge of the grid; tiles are numbered
+row by row. Its connected free cells form local components, numbered from 1 in the order of their
+first cells. A contact says that a component of a tile touches one of a neighbouring tile: a
+uint32 of both numbers, which neighbour it is, and where on the border of the tile.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+# The neighbours that a tile keeps its contacts with: +x, +y, +x+y, -x+y.
+EAST, SOUTH, SOUTH_EAST, SOUTH_WEST = range(4)
+# A contact: the number in the tile, that in the neighbour, the neighbour, the place on the border.
+NUMBER_BITS = 10
+SIDE_SHIFT = 2 * NUMBER_BITS
+PLACE_SHIFT = SIDE_SHIFT + 2
+NUMBER_MASK = (1 << NUMBER_BITS) - 1
+
+_jit: Any = njit(cache=True, nogil=True)
+
+
+@_jit
+def label_tiles(
+    blocked: NDArray[np.bool_],
+    corner_cutting: bool,
+    shift: int,
+    changed: NDArray[np.bool_],
+    labels: NDArray[Any],
+    counts: NDArray[np.int32],
+) -> None:
+    """Give numbers to the local components of the tiles marked in `changed` [rows, columns].
+
+    Fills `labels` [height, width], 0 where blocked, and `counts` [rows, columns], how many each
+    tile has. Cells that share a side are connected, with corner cutting also diagonal ones.
+    """
+    height, width = blocked.shape
+    side = 1 << shift
+    parents = np.empty(side * side // 2 + 2, dtype=np.int32)
+    for row in range(changed.shape[0]):
+        for column in range(changed.shape[1]):
+            if changed[row, column]:
+                top = row << shift
+                left = column << shift
+                counts[row, column] = label_tile(
+                    blocked, corner_cutting, labels, parents,
+                    top, min(top + side, height), left, min(left + side, width),
+                )  # fmt: skip
+
+
+@_jit
+def label_tile(
+    blocked: NDArray[np.bool_],
+    corner_cutting: bool,
+    labels: NDArray[Any],
+    parents: NDArray[np.int32],
+    top: int,
+    bottom: int,
+    left: int,
+    right: int,
+) -> int:
+    """Label the components of one tile, whose rows and columns are half open; return how many."""
+    taken = 0
+    for y in range(top, bottom):
+        for x in range(left, right):
+            taken += blocked[y, x]
+            labels[y, x] = not blocked[y, x]
+    if taken == 0 or taken == (bottom - top) * (right - left):
+        return 1 if taken == 0 else 0
+    found = 0
+    roots = 0
+    for y in range(top, bottom):
+        for x in range(left, right):
+            if blocked[y, x]:
+                continue
+            label = np.int64(labels[y, x - 1]) if x > left else 0
+            if y > top:
+                first = x - 1 if corner_cutting and x > left else x
+                last = x + 1 if corner_cutting and x + 1 < right else x
+                for other_x in range(first, last + 1):
+                    other = np.int64(labels[y - 1, other_x])
+                    if label == 0:
+                        label = other
+                    elif other != 0 and other != label:
+                        roots -= join(parents, label, other)
+            if label == 0:
+                found += 1
+                roots += 1
+                label = found
+                parents[label] = label
+            labels[y, x] = label
+    if roots == found:
+        return found
+    # Number the roots in order; a parent is never larger than its child.
+    roots = 0
+    for label in range(1, found + 1):
+        if parents[label] == label:
+            roots += 1
+            parents[label] = roots
+        else:
+            parents[label] = parents[parents[label]]
+    for y in range(top, bottom):
+        for x in range(left, right):
+            if labels[y, x]:
+                labels[y, x] = parents[labels[y, x]]
+    return roots
+
+
+@_jit
+def join(parents: NDArray[np.int32], one: int, other: int) -> int:
+    """Join two sets; the smaller root becomes that of both. Return 1 if they were two, else 0."""
+    while parents[one] != one:
+        parents[one] = parents[parents[one]]
+        one = parents[one]
+    while parents[other] != other:
+        parents[other] = parents[parents[other]]
+        other = parents[other]
+    if one == other:
+        return 0
+    parents[max(one, other)] = min(one, other)
+    return 1
+
+
+@_jit
+def find_contacts(
+    labels: NDArray[Any],
+    corner_cutting: bool,
+    shift: int,
+    stale: NDArray[np.bool_],
+    old_starts: NDArray[np.int32],
+    old_contacts: NDArray[np.uint32],
+    starts: NDArray[np.int32],
+    contacts: NDArray[np.uint32],
+) -> None:
+    """List the contacts of all tiles, tile after tile, those of tile t from `starts[t]` on.
+
+    Tiles that are not marked in `stale` [rows, columns] have those of the old list.
+    """
+    rows, columns = stale.shape
+    count = 0
+    for row in range(rows):
+        for column in range(columns):
+            tile = row * columns + column
+            starts[tile] = count
+            if stale[row, column]:
+                count = tile_contacts(labels, corner_cutting, shift, row, column, contacts, count)
+            else:
+                for old in range(old_starts[tile], old_starts[tile + 1]):
+                    contacts[count] = old_contacts[old]
+                    count += 1
+    starts[rows * columns] = count
+
+
+@_jit
+def tile_contacts(
+    labels: NDArray[Any],
+    corner_cutting: bool,
+    shift: int,
+    row: int,
+    column: int,
+    contacts: NDArray[np.uint32],
+    count: int,
+) -> int:
+    """Append the contacts of one tile to `contacts`, of which there are `count`; return how many.
+
+    Each run of cells that are free on both sides of the border is one contact, at its middle.
+    With corner cutting the diagonal neighbours across the border count too.
+    """
+    height, width = labels.shape
+    side = 1 << shift
+    top = row << shift
+    left = column << shift
+    bottom = min(top + side, height)
+    right = min(left + side, width)
+    if right < width:
+        begin = -1
+        for y in range(top, bottom + 1):
+            is_open = y < bottom and labels[y, right - 1] != 0 and labels[y, right] != 0
+            if is_open and begin < 0:
+                begin = y
+            elif not is_open and begin >= 0:
+                middle = (begin + y - 1) >> 1
+                contacts[count] = pack(
+                    labels[middle, right - 1], labels[middle, right], EAST, middle - top
+                )
+                count += 1
+                begin = -1
+            if corner_cutting and y < bottom:
+                for other in (y - 1, y + 1):
+                    if top <= other < bottom and labels[y, right - 1] and labels[other, right]:
+                        contacts[count] = pack(
+                            labels[y, right - 1], labels[other, right], EAST, y - top
+                        )
+                        count += 1
+    if bottom < height:
+        begin = -1
+        for x in range(left, right + 1):
+            is_open = x < right and labels[bottom - 1, x] != 0 and labels[bottom, x] != 0
+            if is_open and begin < 0:
+                begin = x
+            elif not is_open and begin >= 0:
+                middle = (begin + x - 1) >> 1
+                contacts[count] = pack(
+                    labels[bottom - 1, middle], labels[bottom, middle], SOUTH, middle - left
+                )
+                count += 1
+                begin = -1
+            if corner_cutting and x < right:
+                for other in (x - 1, x + 1):
+                    if left <= other < right and labels[bottom - 1, x] and labels[bottom, other]:
+                        contacts[count] = pack(
+                            labels[bottom - 1, x], labels[bottom, other], SOUTH, x - left
+                        )
+                        count += 1
+    if corner_cutting and bottom < height:
+        if right < width and labels[bottom - 1, right - 1] and labels[bottom, right]:
+            contacts[count] = pack(
+                labels[bottom - 1, right - 1], labels[bottom, right], SOUTH_EAST, 0
+            )
+            count += 1
+        if left > 0 and labels[bottom - 1, left] and labels[bottom, left - 1]:
+            contacts[count] = pack(
+                labels[bottom - 1, left], labels[bottom, left - 1], SOUTH_WEST, 0
+            )
+            count += 1
+    return count
+
+
+@_jit
+def pack(number: Any, other: Any, neighbour: int, place: Any) -> Any:
+    """Return a contact."""
+    return (
+        np.int64(number)
+        | np.int64(other) << NUMBER_BITS
+        | neighbour << SIDE_SHIFT
+        | place << PLACE_SHIFT
+    )
+
+
+@_jit
+def join_tiles(
+    nodes: NDArray[np.int32],
+    columns: int,
+    starts: NDArray[np.int32],
+    contacts: NDArray[np.uint32],
+    components: NDArray[np.int32],
+) -> None:
+    """Fill `components` with the number of the component of the whole grid of each node.
+
+    Node `nodes[t] + n` is the local component n of tile t; n = 0 stands for the tile's blocked
+    cells and gets 0. The others get the number of the first node that they are connected to.
+    """
+    for node in range(components.size):
+        components[node] = node
+    steps = np.array([1, columns, columns + 1, columns - 1])
+    for tile in range(nodes.size - 1):
+        for index in range(starts[tile], starts[tile + 1]):
+            contact = np.int64(contacts[index])
+            other_tile = tile + steps[(contact >> SIDE_SHIFT) & 3]
+            one = nodes[tile] + (contact & NUMBER_MASK)
+            other = nodes[other_tile] + ((contact >> NUMBER_BITS) & NUMBER_MASK)
+            if components[one] != components[other]:
+                join(components, one, other)
+    for node in range(components.size):
+        components[node] = components[components[node]]
+    for tile in range(nodes.size - 1):
+        components[nodes[tile]] = 0

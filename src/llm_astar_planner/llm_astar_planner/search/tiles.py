@@ -1,0 +1,163 @@
+"""Connected free cells of a grid, by tiles: cheap to update where few cells change.
+
+The grid is divided into square tiles. The connected free cells of a tile form a local component,
+a node; nodes of neighbouring tiles that touch are joined (union-find), which numbers the
+components of the whole grid. After a change only the tiles that it touches are labelled again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from llm_astar_planner.search._kernels import tiles as kernels
+
+# About how many tiles a map has along its longer side.
+TILES_A_SIDE = 256
+SMALLEST_SHIFT, LARGEST_SHIFT = 2, 5
+# The smallest shift whose tiles may have more than 255 components.
+LARGE_SHIFT = 5
+
+Index = int | slice | NDArray[np.integer[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Tiles:
+    """The components of a grid: indexed like an array [height, width] of their numbers.
+
+    Numbers are int32, 0 where blocked, equal where connected, not consecutive. An index is a row
+    and a column: two whole numbers from 0 up, two arrays of them, or two slices. Without corner
+    cutting cells that share a side are connected (a diagonal step that cuts no corner can be
+    walked as two straight ones), with it also those that share a corner. Immutable.
+
+    `labels` [height, width] (uint8, uint16 for large tiles) holds the numbers of the local
+    components; node `nodes[t] + n` is number n of tile t, and `components` [nodes] are the
+    numbers of their components. `contacts` of tile t begin at `starts[t]`, see `_kernels.tiles`.
+    """
+
+    labels: NDArray[Any]
+    shift: int
+    corner_cutting: bool
+    counts: NDArray[np.int32]
+    nodes: NDArray[np.int32]
+    starts: NDArray[np.int32]
+    contacts: NDArray[np.uint32]
+    components: NDArray[np.int32]
+
+    @classmethod
+    def build(
+        cls, blocked: ArrayLike, shift: int | None = None, *, corner_cutting: bool = False
+    ) -> Tiles:
+        """Divide `blocked`, bool [height, width], into tiles of 2^shift cells a side: O(cells).
+
+        By default the side is such that there are up to 256 tiles along the longer side of the
+        grid, but at least 4 and at most 32 cells. Raises ValueError on a wrong shape.
+        """
+        grid = np.ascontiguousarray(blocked, dtype=np.bool_)
+        if grid.ndim != 2 or grid.size == 0:
+            raise ValueError(f'blocked: shape {grid.shape} is not [height, width]')
+        if shift is None:
+            wanted = ((max(grid.shape) - 1) // TILES_A_SIDE).bit_length()
+            shift = min(max(wanted, SMALLEST_SHIFT), LARGEST_SHIFT)
+        rows, columns = (((size - 1) >> shift) + 1 for size in grid.shape)
+        labels = np.empty(grid.shape, np.uint8 if shift < LARGE_SHIFT else np.uint16)
+        changed = np.ones((rows, columns), dtype=np.bool_)
+        counts = np.empty((rows, columns), dtype=np.int32)
+        kernels.label_tiles(grid, corner_cutting, shift, changed, labels, counts)
+        old = np.zeros(rows * columns + 1, dtype=np.int32), np.empty(0, dtype=np.uint32)
+        return joined(labels, counts, changed, old, shift=shift, corner_cutting=corner_cutting)
+
+    def updated(self, blocked: NDArray[np.bool_], windows: ArrayLike) -> Tiles:
+        """Return the tiles of a grid that differs only inside of `windows`.
+
+        They are int [n, 4], (top, bottom, left, right), half open, on the grid. The result is
+        equal to one built from nothing. Raises ValueError if the grid has another shape.
+        """
+        if blocked.shape != self.shape:
+            raise ValueError(f'blocked: shape {blocked.shape} is not {self.shape}')
+        changed = np.zeros(self.counts.shape, dtype=np.bool_)
+        last = (1 << self.shift) - 1
+        for top, bottom, left, right in np.asarray(windows, dtype=np.int64).reshape(-1, 4):
+            rows = slice(top >> self.shift, (bottom + last) >> self.shift)
+            changed[rows, left >> self.shift : (right + last) >> self.shift] = True
+        labels, counts = self.labels.copy(), self.counts.copy()
+        grid = np.ascontiguousarray(blocked)
+        kernels.label_tiles(grid, self.corner_cutting, self.shift, changed, labels, counts)
+        old = self.starts, self.contacts
+        return joined(
+            labels, counts, changed, old, shift=self.shift, corner_cutting=self.corner_cutting
+        )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the grid in cells."""
+        height, width = self.labels.shape
+        return height, width
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held."""
+        arrays = self.counts, self.nodes, self.starts, self.contacts, self.components
+        return self.labels.nbytes + sum(array.nbytes for array in arrays)
+
+    @overload
+    def __getitem__(self, index: tuple[int, int]) -> int: ...
+
+    @overload
+    def __getitem__(self, index: tuple[slice, slice]) -> NDArray[np.int32]: ...
+
+    @overload
+    def __getitem__(
+        self, index: tuple[NDArray[np.integer[Any]], NDArray[np.integer[Any]]]
+    ) -> NDArray[np.int32]: ...
+
+    def __getitem__(self, index: tuple[Index, Index]) -> int | NDArray[np.int32]:
+        """Return the number of the component of a cell, or of an array of cells."""
+        rows, columns = index
+        label = self.labels[rows, columns]
+        if isinstance(rows, slice):
+            rows = np.arange(self.labels.shape[0])[rows, None]
+        if isinstance(columns, slice):
+            columns = np.arange(self.labels.shape[1])[columns]
+        tile = (rows >> self.shift) * self.counts.shape[1] + (columns >> self.shift)
+        number: int | NDArray[np.int32] = self.components[self.nodes[tile] + label]
+        return number
+
+
+def joined(
+    labels: NDArray[Any],
+    counts: NDArray[np.int32],
+    changed: NDArray[np.bool_],
+    old: tuple[NDArray[np.int32], NDArray[np.uint32]],
+    *,
+    shift: int,
+    corner_cutting: bool,
+) -> Tiles:
+    """Return labelled tiles, joined by their contacts.
+
+    Those between tiles that are not marked in `changed` [rows, columns] are taken from the `old`
+    starts and contacts.
+    """
+    old_starts, old_contacts = old
+    nodes = np.zeros(counts.size + 1, dtype=np.int32)
+    np.cumsum(counts.ravel() + 1, out=nodes[1:])
+    starts = np.empty(counts.size + 1, dtype=np.int32)
+    stale = changed.copy()  # the tiles whose own cells or neighbours have changed
+    stale[:, :-1] |= changed[:, 1:]
+    stale[:-1] |= changed[1:]
+    if corner_cutting:
+        stale[:-1, :-1] |= changed[1:, 1:]
+        stale[:-1, 1:] |= changed[1:, :-1]
+    # At most every second cell of a border begins a run; corners may connect any cell to three.
+    most = (6 << shift) + 2 if corner_cutting else 1 << shift
+    contacts = np.empty(old_contacts.size + int(stale.sum()) * most, dtype=np.uint32)
+    kernels.find_contacts(
+        labels, corner_cutting, shift, stale, old_starts, old_contacts, starts, contacts
+    )
+    contacts = contacts[: starts[-1]].copy()
+    components = np.empty(nodes[-1], dtype=np.int32)
+    kernels.join_tiles(nodes, counts.shape[1], starts, contacts, components)
+    return Tiles(labels, shift, corner_cutting, counts, nodes, starts, contacts, components)
