@@ -55,13 +55,16 @@ class Planner:
         config: CostmapConfig | None = None,
         barrier_map: BarrierMap | None = None,
         landmarks: LandmarkManager | None = None,
+        previous: Planner | None = None,
     ) -> None:
         """Take a map.
 
         `barrier_map`, if the grid was made from one, makes LLM-A* exact on it. `landmarks` keeps
-        them from map to map.
+        them from map to map. Of `previous`, the planner for the map before, what the two maps
+        share is taken over; it stays as it is.
         """
-        self.costmap = Costmap(grid_map, config, barrier_map)
+        before: Costmap | None = None if previous is None else previous.costmap
+        self.costmap: Costmap = Costmap(grid_map, config, barrier_map, before)
         self.grid_map = grid_map
         self.config = self.costmap.config
         self.checker = CollisionChecker(grid_map, self.config)
