@@ -30,7 +30,7 @@ from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import BoundedResult, Cell
 from numpy.typing import NDArray
 
-from benchmarks.speed import Problem, SpeedCase, scenario_cases
+from benchmarks.cases import Problem, SpeedCase, scenario_cases
 
 SETS = ('none', 'oracle', 'noisy', 'reversed', 'random 1', 'random 4', 'random 8')
 ENVIRONMENT = 'LLM_ASTAR_REFERENCE'

@@ -97,10 +97,11 @@ class SegmentPlanner:
             yield from self.search_guided(query)
             return
         begin = time.monotonic()
-        if self.request.method == EXACT:
-            self.result = self.search_exact()
-        else:
-            self.result = self.search_as_published()
+        with deadline_guard(self.stop, self.deadline) as stop:
+            if self.request.method == EXACT:
+                self.result = self.search_exact(stop)
+            else:
+                self.result = self.search_as_published(stop)
         self.seconds_search = time.monotonic() - begin
 
     def search_visits(self, problem: VisitProblem) -> None:
@@ -164,30 +165,23 @@ class SegmentPlanner:
         rejected = costmap.rejected_cells
         return check_waypoints(reply.waypoints, rejected, costmap.components, start)
 
-    def search_exact(self) -> SearchResult:
+    def search_exact(self, stop: NDArray[np.uint8]) -> SearchResult:
         """Search by our exact A*."""
         request = self.request
-        with deadline_guard(self.stop, self.deadline) as stop:
-            return exact_astar(
-                self.costmap.grid_graph,
-                request.start,
-                request.goal,
-                stop=stop,
-                want_expanded=request.want_expanded,
-            )
+        return exact_astar(
+            self.costmap.grid_graph,
+            request.start,
+            request.goal,
+            stop=stop,
+            want_expanded=request.want_expanded,
+        )
 
-    def search_as_published(self) -> SearchResult:
+    def search_as_published(self, stop: NDArray[np.uint8]) -> SearchResult:
         """Search by one of the paper's methods."""
         request, costmap = self.request, self.costmap
         targets = target_list(self.checked_waypoints, request.start, request.goal)[1:]
-        options = SearchOptions(
-            request.heuristic,
-            request.weight,
-            costmap.config.corner_cutting,
-            self.stop,
-            self.deadline,
-            request.want_expanded,
-        )
+        corner_cutting = costmap.config.corner_cutting
+        options = SearchOptions(request.heuristic, request.weight, corner_cutting, stop)
         method = PAPER_METHODS[request.method]
         return method(costmap.blocked, request.start, request.goal, targets, options)
 

@@ -1,0 +1,98 @@
+"""Families of maps drawn from a generator: bool [size, size], True where blocked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import minimum_spanning_tree
+
+Blocked = NDArray[np.bool_]
+
+
+def boxes(size: int, random: np.random.Generator) -> Blocked:
+    """Return an open area with boxes of 5 to 60 cells a side, one per 4000 cells."""
+    blocked = np.zeros((size, size), dtype=np.bool_)
+    for _ in range(size * size // 4000):
+        x, y = random.integers(0, size, 2)
+        width, height = random.integers(5, 60, 2)
+        blocked[y : y + height, x : x + width] = True
+    return blocked
+
+
+def city(size: int, random: np.random.Generator) -> Blocked:
+    """Return blocks of houses with courtyards between streets of 6 to 14 cells, and parks."""
+    blocked = np.zeros((size, size), dtype=np.bool_)
+    rows, columns = (np.cumsum(random.integers(28, 90, size // 28)).tolist() for _ in range(2))
+    blocks = [(*y, *x) for y in pairwise([0, *rows]) for x in pairwise([0, *columns])]
+    for top, bottom, left, right in blocks:
+        street = int(random.integers(6, 15))
+        house = blocked[top : bottom - street, left : right - street]
+        if house.size == 0 or random.random() < 0.1:
+            continue
+        house[:] = True
+        for _ in range(int(random.integers(0, 4))):
+            y, x = random.integers(0, house.shape)
+            house[y : y + random.integers(6, 30), x : x + random.integers(6, 30)] = False
+    return blocked
+
+
+def rooms(size: int, random: np.random.Generator, room: int = 16) -> Blocked:
+    """Return square rooms with thin walls, and a door in four of five walls."""
+    blocked = np.zeros((size, size), dtype=np.bool_)
+    blocked[::room] = blocked[:, ::room] = True
+    for top in range(0, size - room, room):
+        for left in range(0, size - room, room):
+            y, x = random.integers(1, room - 1, 2)
+            if random.random() < 0.8 and top:
+                blocked[top, left + x : left + x + 2] = False
+            if random.random() < 0.8 and left:
+                blocked[top + y : top + y + 2, left] = False
+    return blocked
+
+
+def random_40(size: int, random: np.random.Generator) -> Blocked:
+    """Return cells that are blocked at random, 40 % of them."""
+    return random.random((size, size)) < 0.4
+
+
+def maze(size: int, random: np.random.Generator) -> Blocked:
+    """Return a maze without loops, its ways and walls one cell wide."""
+    count = (size - 1) // 2
+    cells = np.arange(count * count).reshape(count, count)
+    first = np.concatenate([cells[:, :-1].ravel(), cells[:-1].ravel()])
+    second = np.concatenate([cells[:, 1:].ravel(), cells[1:].ravel()])
+    weights = 1.0 + random.random(len(first))
+    tree = minimum_spanning_tree(
+        coo_array((weights, (first, second)), shape=(count * count,) * 2)
+    ).tocoo()
+    blocked = np.ones((size, size), dtype=np.bool_)
+    blocked[1 : 2 * count : 2, 1 : 2 * count : 2] = False
+    (y, x), (to_y, to_x) = np.divmod(tree.row, count), np.divmod(tree.col, count)
+    blocked[1 + y + to_y, 1 + x + to_x] = False
+    return blocked
+
+
+def warehouse(size: int, random: np.random.Generator) -> Blocked:
+    """Return rows of racks with aisles of 10 cells, cross aisles, and pallets left in the way."""
+    blocked = np.zeros((size, size), dtype=np.bool_)
+    for top in range(30, size - 40, 26):
+        for left in range(20, size - 20, 112):
+            if random.random() < 0.95:
+                blocked[top : top + 16, left : left + 100] = True
+    for y, x in random.integers(0, size, (size * size // 8000, 2)):
+        blocked[y : y + 6, x : x + 6] = True
+    return blocked
+
+
+FAMILIES: dict[str, Callable[[int, np.random.Generator], Blocked]] = {
+    'rooms': rooms,
+    'random 40 %': random_40,
+    'maze': maze,
+    'city': city,
+    'warehouse': warehouse,
+    'boxes': boxes,
+}

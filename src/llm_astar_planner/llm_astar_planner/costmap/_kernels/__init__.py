@@ -1,1 +1,0 @@
-"""The compiled loops over the cells of a map (numba)."""
