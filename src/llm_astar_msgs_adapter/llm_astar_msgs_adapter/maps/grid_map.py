@@ -99,6 +99,13 @@ class GridMap:
         header = f'{self.cells.shape} {resolution!r} {tuple(self.origin)!r} {self.frame_id}'
         return hashlib.sha256(header.encode() + self.cells.tobytes()).hexdigest()[:12]
 
+    def is_laid_out_as(self, other: GridMap) -> bool:
+        """Tell whether each cell is at the same place on both maps."""
+        return self.cells.shape == other.cells.shape and (
+            (self.resolution, self.origin, self.frame_id)
+            == (other.resolution, other.origin, other.frame_id)
+        )
+
     def contains(self, cell: tuple[int, int]) -> bool:
         """Tell whether the cell (x, y) lies on the map."""
         return 0 <= cell[0] < self.width and 0 <= cell[1] < self.height

@@ -67,6 +67,11 @@ class CostmapConfig:
             if problem:
                 raise ParameterError(problem)
 
+    @property
+    def has_radius(self) -> bool:
+        """Whether lethal cells affect others; without a radius a map is used unchanged."""
+        return self.robot_radius > 0.0 or self.inflation_radius > 0.0
+
 
 # The parameters, by field name.
 COSTMAP = parameters_of(CostmapConfig)

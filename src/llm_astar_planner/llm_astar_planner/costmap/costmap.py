@@ -10,8 +10,9 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
 from numpy.typing import NDArray
 
+from llm_astar_planner.costmap._kernels import changes as kernels
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.costmap.inflation import inflate
+from llm_astar_planner.costmap.inflation import inflate, inflated_again, inflation_reach
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
@@ -30,15 +31,32 @@ class Costmap:
         grid_map: GridMap,
         config: CostmapConfig | None = None,
         barrier_map: BarrierMap | None = None,
+        previous: Costmap | None = None,
     ) -> None:
-        """Take a map. `barrier_map`, if the grid was made from one, makes LLM-A* exact on it."""
+        """Take a map. `barrier_map`, if the grid was made from one, makes LLM-A* exact on it.
+
+        Of `previous`, the costmap of the map before, the layers that it has computed are taken
+        over and computed again only where the map has changed. `previous` stays as it is.
+        """
         self.grid_map = grid_map
         self.config = config or CostmapConfig()
         self.barrier_map = barrier_map
+        self._changes: NDArray[np.int64] | None = None
+        if previous is not None:
+            self._take_over(previous)
 
     def prepare(self) -> None:
         """Compute the layers that every search needs now instead of at the first plan."""
         _ = self.components, self.rejected_cells, self.grid_graph
+
+    @property
+    def changes(self) -> NDArray[np.int64] | None:
+        """Where `blocked`, `cost` or moves may differ from those of the previous costmap.
+
+        Disjoint windows (top, bottom, left, right) in cells, half open: int64 [n, 4]. None if
+        there was no previous costmap, or nothing of it could be taken over.
+        """
+        return self._changes
 
     @property
     def key(self) -> tuple[str, CostmapConfig]:
@@ -79,15 +97,32 @@ class Costmap:
     @cached_property
     def grid_graph(self) -> GridGraph:
         """The cells as the graph that our own searches work on."""
-        graded = self.config.cost_travel_multiplier > 0 and bool(
-            ((self.cost > 0) & ~self.blocked).any()
-        )
         return GridGraph(
             self.blocked,
             corner_cutting=self.config.corner_cutting,
-            cost=self.cost if graded else None,
+            cost=self._graded_cost(),
             cost_multiplier=self.config.cost_travel_multiplier,
         )
+
+    def _graded_cost(self) -> NDArray[np.int8] | None:
+        """Return `cost` if it matters to any path, else None."""
+        matters = self.config.cost_travel_multiplier > 0
+        return self.cost if matters and kernels.has_graded(self.cost, self.blocked) else None
+
+    def _take_over(self, previous: Costmap) -> None:
+        """Take over the layers that the previous costmap has computed, updated in windows."""
+        before, now, layers = previous.grid_map, self.grid_map, vars(previous)
+        is_alike = before.is_laid_out_as(now)
+        if '_inflated' not in layers or not is_alike or previous.config != self.config:
+            return
+        # One cell more than the inflation reaches: legal moves depend on the neighbours.
+        margin = inflation_reach(now, self.config) + 1
+        windows = kernels.changed_windows(before.cells, now.cells, margin)
+        self._inflated = inflated_again(now, self.config, layers['_inflated'], windows)
+        if 'grid_graph' in layers:
+            graph: GridGraph = layers['grid_graph']
+            self.grid_graph = graph.updated(self.blocked, self._graded_cost(), windows)
+        self._changes = windows
 
     @cached_property
     def line_of_sight(self) -> LineOfSightChecker:

@@ -15,13 +15,12 @@ import math
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from llm_astar_planner.costmap._kernels import inflation as kernels
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.search.grid_graph import whole
 
 HIGHEST_COST = 98
-# Rows handled at a time: the distances of a whole map of 4000 x 4000 would take 0.5 GB.
-BAND_ROWS = 512
 # So that a distance of exactly the radius is within it, whatever radius / resolution rounds to.
 ROUNDING = 1e-6
 
@@ -34,37 +33,62 @@ def inflate(
     The first is bool [height, width]; the second int8 [height, width], 0 to 100 and -1 where
     unknown, as in an occupancy grid. Without a radius these are the map's own. O(cells).
     """
-    blocked = grid_map.blocked(config.occupied_threshold, allow_unknown=config.allow_unknown)
-    radius = max(config.robot_radius, config.inflation_radius)
-    if radius == 0.0:
+    if not config.has_radius:
+        blocked = grid_map.blocked(config.occupied_threshold, allow_unknown=config.allow_unknown)
         return blocked, grid_map.cells
-    cost = grid_map.cells.copy()
-    inscribed = squared_cells(config.robot_radius, grid_map.resolution)
-    costs = costs_by_distance(config, grid_map)
-    halo = math.ceil(radius / grid_map.resolution)
-    for top in range(0, grid_map.height, BAND_ROWS):
-        rows = slice(top, min(top + BAND_ROWS, grid_map.height))
-        first = max(top - halo, 0)
-        lethal = grid_map.cells[first : rows.stop + halo] >= config.occupied_threshold
-        if not lethal.any():
-            continue
-        squared = squared_distances(lethal)[top - first : rows.stop - first]
-        blocked[rows] |= squared <= inscribed
-        graded = costs[np.minimum(squared, len(costs) - 1)]
-        np.maximum(cost[rows], graded, out=cost[rows], where=graded > 0)
+    shape = grid_map.cells.shape
+    blocked, cost = np.empty(shape, dtype=np.bool_), np.empty(shape, dtype=np.int8)
+    inflate_windows(grid_map, config, whole(shape), blocked, cost)
     return blocked, cost
+
+
+def inflated_again(
+    grid_map: GridMap,
+    config: CostmapConfig,
+    before: tuple[NDArray[np.bool_], NDArray[np.int8]],
+    windows: NDArray[np.int64],
+) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
+    """Return what `inflate` does, from what it returned `before` for another map.
+
+    The windows [n, 4] hold all cells that differ and all that the inflation reaches from there.
+    """
+    if not config.has_radius:
+        return inflate(grid_map, config)
+    blocked, cost = before[0].copy(), before[1].copy()
+    inflate_windows(grid_map, config, windows, blocked, cost)
+    return blocked, cost
+
+
+def inflate_windows(
+    grid_map: GridMap,
+    config: CostmapConfig,
+    windows: NDArray[np.int64],
+    blocked: NDArray[np.bool_],
+    cost: NDArray[np.int8],
+) -> None:
+    """Fill `blocked` and `cost` [height, width] in windows, O(cells in them).
+
+    A window is (top, bottom, left, right) in cells, half open: int64 [n, 4].
+    """
+    across = grid_map.width**2 + grid_map.height**2
+    inscribed = min(squared_cells(config.robot_radius, grid_map.resolution), across)
+    kernels.inflate(
+        grid_map.cells, config.occupied_threshold, config.allow_unknown, inscribed,
+        costs_by_distance(config, grid_map), inflation_reach(grid_map, config), windows,
+        blocked, cost,
+    )  # fmt: skip
+
+
+def inflation_reach(grid_map: GridMap, config: CostmapConfig) -> int:
+    """Return how many cells away a lethal cell can still block or raise a cost."""
+    radius = max(config.robot_radius, config.inflation_radius)
+    reach = math.isqrt(squared_cells(radius, grid_map.resolution))
+    return min(reach, max(grid_map.width, grid_map.height))
 
 
 def squared_cells(radius: float, resolution: float) -> int:
     """Return the greatest squared distance, in cells, that lies within `radius` metres."""
     return math.floor((radius / resolution) ** 2 + ROUNDING)
-
-
-def squared_distances(lethal: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return each cell's squared distance, in cells, to the nearest of the lethal ones."""
-    distances = ndimage.distance_transform_edt(~lethal)
-    squared: NDArray[np.int64] = np.rint(np.square(distances)).astype(np.int64)
-    return squared
 
 
 def costs_by_distance(config: CostmapConfig, grid_map: GridMap) -> NDArray[np.int8]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -69,9 +70,11 @@ class PathPlanner(Protocol):
         endpoints: Endpoints,
         segments: Sequence[SegmentPlanner],
         result: SearchResult | None = None,
+        *,
         failure: PlanningFailure | None = None,
+        deadline: float = math.inf,
     ) -> Plan:
-        """Build a plan."""
+        """Build a plan; what cannot be computed until the deadline is left out."""
 
 
 class InstructedSearch:
@@ -164,6 +167,7 @@ def plan_with_instruction(
     Under the policy `prefer` an instruction never costs the plan: where the search that keeps to
     it ends without a path, the direct one is the answer.
     """
+    deadline = time.monotonic() + request.time_limit
     direct = replace(request, instruction=None)
     try:
         check_request(request)
@@ -171,7 +175,6 @@ def plan_with_instruction(
     except PlanningFailure:
         outcome = InstructionOutcome(instruction.interpretation, note='there is no path')
         return with_outcome(planner.plan(direct, stop), outcome)
-    deadline = time.monotonic() + request.time_limit
     places, visited = instruction.places, instruction.visited
     route = Route(planner.costmap, endpoints.start, endpoints.goal, places, visited)
     landmarks = planner.landmarks.current(planner.costmap.grid_graph)
@@ -220,7 +223,9 @@ def search_plan(
         if problem is not None:
             message = f'the path found was withheld: {problem}'
             raise PlanningFailure(ResultCode.UNKNOWN, message)
-        return planner.build_plan(request, endpoints, [segment], segment.result), ''
+        deadline = search.deadline + spare_time(request)
+        plan = planner.build_plan(request, endpoints, [segment], segment.result, deadline=deadline)
+        return plan, ''
     except (PlanningFailure, PathTooLongError) as error:
         code = error.code if isinstance(error, PlanningFailure) else ResultCode.UNKNOWN
         failure = PlanningFailure(code, str(error))

@@ -42,6 +42,9 @@ from llm_astar_planner.search.paper import GUIDED
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchResult, SearchStatus
 from llm_astar_planner.search.stop import no_stop
 
+# The part of the time for the search where a path at any angle is asked for: it takes time too.
+SEARCH_SHARE = 0.9
+
 
 class Planner:
     """Plans on one costmap. Immutable, so safe to share between threads."""
@@ -52,13 +55,16 @@ class Planner:
         config: CostmapConfig | None = None,
         barrier_map: BarrierMap | None = None,
         landmarks: LandmarkManager | None = None,
+        previous: Planner | None = None,
     ) -> None:
         """Take a map.
 
         `barrier_map`, if the grid was made from one, makes LLM-A* exact on it. `landmarks` keeps
-        them from map to map.
+        them from map to map. Of `previous`, the planner for the map before, what the two maps
+        share is taken over; it stays as it is.
         """
-        self.costmap = Costmap(grid_map, config, barrier_map)
+        before: Costmap | None = None if previous is None else previous.costmap
+        self.costmap: Costmap = Costmap(grid_map, config, barrier_map, before)
         self.grid_map = grid_map
         self.config = self.costmap.config
         self.checker = CollisionChecker(grid_map, self.config)
@@ -112,7 +118,9 @@ class Planner:
         self, request: PlanRequest, stop: NDArray[np.uint8], *, anytime: bool
     ) -> Iterator[Plan]:
         """Yield each better plan of a request without an instruction."""
-        deadline = time.monotonic() + request.time_limit
+        begin = time.monotonic()
+        deadline = begin + request.time_limit
+        search_deadline = begin + (SEARCH_SHARE if request.any_angle else 1.0) * request.time_limit
         endpoints = Endpoints(request.start, request.goal)
         segments: list[SegmentPlanner] = []
         try:
@@ -120,7 +128,7 @@ class Planner:
             check_request(request)
             endpoints = resolve_endpoints(self.costmap, request)
             # 2. Search the segments between the via points, with the source's waypoints.
-            for segment in self.segments(request, endpoints, deadline, stop):
+            for segment in self.segments(request, endpoints, search_deadline, stop):
                 segments.append(segment)
                 for solution in segment.search():
                     if not anytime or request.via:
@@ -135,7 +143,7 @@ class Planner:
             if problem is not None:
                 message = f'the path found was withheld: {problem}'
                 raise PlanningFailure(ResultCode.UNKNOWN, message)
-            plan = self.build_plan(request, endpoints, segments, result)
+            plan = self.build_plan(request, endpoints, segments, result, deadline=deadline)
         except PlanningFailure as failure:
             plan = self.build_plan(request, endpoints, segments, failure=failure)
         except PathTooLongError as error:
@@ -156,15 +164,18 @@ class Planner:
         length. With via points no source is asked: they are the waypoints.
         """
         cells = [endpoints.start, *request.via, endpoints.goal]
-        lengths = list(map(math.dist, cells[:-1], cells[1:]))
-        shares = 1.0 + np.array(lengths) + np.mean(lengths)
+        lengths = [math.dist(*pair) for pair in pairwise(cells)]
+        shares = [1.0 + length + sum(lengths) / len(lengths) for length in lengths]
         source = None if request.via else request.source
+        is_whole = cells == [request.start, request.goal]
         graph = self.costmap.grid_graph
         for number, (start, goal) in enumerate(pairwise(cells)):
             now = time.monotonic()
-            time_left = (deadline - now) * float(shares[number] / shares[number:].sum())
+            time_left = (deadline - now) * shares[number] / sum(shares[number:])
             landmarks = self.landmarks.current(graph) if request.method == GUIDED else None
-            part = replace(request, start=start, goal=goal, source=source)
+            part = request
+            if not is_whole:
+                part = replace(request, start=start, goal=goal, source=source)
             yield SegmentPlanner(self.costmap, part, now + time_left, stop, landmarks)
 
     def problem(
@@ -205,14 +216,16 @@ class Planner:
         endpoints: Endpoints,
         segments: Sequence[SegmentPlanner],
         result: SearchResult | None = None,
+        *,
         failure: PlanningFailure | None = None,
+        deadline: float = math.inf,
     ) -> Plan:
-        """Build every plan: from a valid result, a better path on the way, or a failure."""
+        """Build every plan: from a valid result, a better path on the way, or a failure.
+
+        What cannot be computed until the `deadline` (monotonic seconds) is left out.
+        """
         first = segments[0] if segments else None
-        fields: dict[str, Any] = {
-            'expanded': np.zeros(self.grid_map.cells.shape, dtype=np.bool_),
-            'checked_waypoints': first.checked_waypoints if first else (),
-        }
+        expanded = NOT_SEARCHED.expanded
         expansions = storage = 0
         seconds_source = seconds_search = 0.0
         for segment in segments:
@@ -221,10 +234,23 @@ class Planner:
             expansions += segment.result.expansions
             storage += segment.result.storage
             if segment.result is not NOT_SEARCHED:
-                fields['expanded'] = segment.result.expanded
-        fields |= {'expansions': expansions, 'storage': storage}
+                expanded = segment.result.expanded
+        if request.want_expanded and expanded.size == 0:
+            expanded = np.zeros(self.grid_map.cells.shape, dtype=np.bool_)
+        fields: dict[str, Any] = {
+            'expanded': expanded,
+            'expansions': expansions,
+            'storage': storage,
+            'checked_waypoints': first.checked_waypoints if first else (),
+            'warnings': endpoints.warnings,
+        }
         if result is not None:
-            fields |= self.path_fields(request, segments, result)
+            fields |= self.path_fields(segments, result)
+            if request.any_angle and fields['is_final']:
+                try:
+                    fields['any_angle'] = self.any_angle_path(segments, deadline)
+                except TimeoutError as error:
+                    fields['warnings'] = (*endpoints.warnings, str(error))
         return Plan(
             code=ResultCode.NONE if failure is None else failure.code,
             message=str(failure) if failure else success_message(segments[0], result),
@@ -238,17 +264,15 @@ class Planner:
             seconds_search=seconds_search,
             start_shift=endpoints.start_shift,
             goal_shift=endpoints.goal_shift,
-            warnings=endpoints.warnings,
             via=request.via,
             **fields,
         )
 
     def path_fields(
-        self, request: PlanRequest, segments: Sequence[SegmentPlanner], result: SearchResult
+        self, segments: Sequence[SegmentPlanner], result: SearchResult
     ) -> dict[str, Any]:
         """Return the fields of a plan that has a path, by name."""
         bounded = result if isinstance(result, BoundedResult) else None
-        is_final = segments[-1].result is not NOT_SEARCHED
         metrics = self.checker.measure(result.path)
         return {
             'path': result.path,
@@ -259,18 +283,22 @@ class Planner:
             'first_expansions': bounded.first_expansions if bounded else result.expansions,
             'storage': result.storage,
             'expanded': result.expanded,
-            'any_angle': self.any_angle_path(segments) if request.any_angle and is_final else None,
-            'is_final': is_final,
+            'is_final': segments[-1].result is not NOT_SEARCHED,
             'checked_waypoints': mark_out_of_order(segments[0].checked_waypoints, result.path),
             'clearance': metrics.clearance,
             'unknown_length': metrics.unknown_length,
             'turns': metrics.turns,
         }
 
-    def any_angle_path(self, segments: Sequence[SegmentPlanner]) -> AnyAnglePath | None:
-        """Shorten each segment's path at any angle; None if the check finds a problem."""
+    def any_angle_path(
+        self, segments: Sequence[SegmentPlanner], deadline: float = math.inf
+    ) -> AnyAnglePath | None:
+        """Shorten each segment's path at any angle; None if the check finds a problem.
+
+        Raises TimeoutError at the deadline.
+        """
         parts = [
-            string_pull(segment.costmap.grid_graph, stretch)
+            string_pull(segment.costmap.grid_graph, stretch, deadline=deadline)
             for segment in segments
             for stretch in segment.stretches()
         ]

@@ -97,11 +97,10 @@ class SegmentPlanner:
             yield from self.search_guided(query)
             return
         begin = time.monotonic()
-        with deadline_guard(self.stop, self.deadline) as stop:
-            if self.request.method == EXACT:
-                self.result = self.search_exact(stop)
-            else:
-                self.result = self.search_as_published(stop)
+        if self.request.method == EXACT:
+            self.result = self.search_exact()
+        else:
+            self.result = self.search_as_published()
         self.seconds_search = time.monotonic() - begin
 
     def search_visits(self, problem: VisitProblem) -> None:
@@ -165,23 +164,30 @@ class SegmentPlanner:
         rejected = costmap.rejected_cells
         return check_waypoints(reply.waypoints, rejected, costmap.components, start)
 
-    def search_exact(self, stop: NDArray[np.uint8]) -> SearchResult:
+    def search_exact(self) -> SearchResult:
         """Search by our exact A*."""
         request = self.request
-        return exact_astar(
-            self.costmap.grid_graph,
-            request.start,
-            request.goal,
-            stop=stop,
-            want_expanded=request.want_expanded,
-        )
+        with deadline_guard(self.stop, self.deadline) as stop:
+            return exact_astar(
+                self.costmap.grid_graph,
+                request.start,
+                request.goal,
+                stop=stop,
+                want_expanded=request.want_expanded,
+            )
 
-    def search_as_published(self, stop: NDArray[np.uint8]) -> SearchResult:
+    def search_as_published(self) -> SearchResult:
         """Search by one of the paper's methods."""
         request, costmap = self.request, self.costmap
         targets = target_list(self.checked_waypoints, request.start, request.goal)[1:]
-        corner_cutting = costmap.config.corner_cutting
-        options = SearchOptions(request.heuristic, request.weight, corner_cutting, stop)
+        options = SearchOptions(
+            request.heuristic,
+            request.weight,
+            costmap.config.corner_cutting,
+            self.stop,
+            self.deadline,
+            request.want_expanded,
+        )
         method = PAPER_METHODS[request.method]
         return method(costmap.blocked, request.start, request.goal, targets, options)
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
+from llm_astar_planner.search._kernels import moves as move_kernels
 from llm_astar_planner.search.result import Cell
 
 # Units of length, (straight, diagonal): 3363 / 2378 is sqrt(2) to 6e-8. The coarse pair is for
@@ -28,6 +29,8 @@ COARSE_UNITS = (70, 99)
 COST_MULTIPLIER = 2.0
 # A surcharge of 1, which doubles the cost of a move, as `GridGraph.cell_surcharge` stores it.
 SURCHARGE_ONE = 256
+# Idle workspaces kept, in bytes; two are always kept, which is what one guided search takes.
+IDLE_BYTES = 64 * 1024 * 1024
 MAX_GENERATION = 2 ** (31 - kernels.TAG_BITS) - 1
 
 
@@ -100,17 +103,53 @@ class GridGraph:
         self.corner_cutting = corner_cutting
         # The surcharge of each cell, uint16 [cells], in 1/256; empty without graded costs.
         self.cell_surcharge: NDArray[np.uint16] = np.zeros(0, dtype=np.uint16)
+        self.cost_multiplier = cost_multiplier
         if cost is not None:
             self.cell_surcharge = cell_surcharges(cost, grid.shape, cost_multiplier)
         self.straight, self.diagonal = FINE_UNITS
         self.moves = np.empty(grid.size, dtype=np.uint8)
-        kernels.build_moves(grid, corner_cutting, self.moves)
-        highest = SURCHARGE_ONE + int(self.cell_surcharge.max(initial=0))
-        # A move raises f by at most its own cost and the rise of the estimate, one diagonal.
-        reach = self.diagonal * highest // SURCHARGE_ONE + self.diagonal
-        self.ring = 1 << ((reach >> kernels.BUCKET_BITS) + 2).bit_length()
+        move_kernels.build_moves(grid, corner_cutting, whole(grid.shape), self.moves)
+        self.ring = self._ring()
         self._spare: list[Workspace] = []
         self._coarse: GridGraph | None = None
+
+    def updated(
+        self, blocked: NDArray[np.bool_], cost: NDArray[np.int8] | None, windows: NDArray[np.int64]
+    ) -> GridGraph:
+        """Return the graph of a map of the same size that differs from this one in windows.
+
+        `windows` is int64 [n, 4], (top, bottom, left, right) half open: `blocked`, `cost` and the
+        moves, which depend on neighbours, are as before in all other cells. `blocked` and `cost`
+        are [height, width]; without `cost`, as without it in the constructor, costs are uniform.
+        This graph stays valid. Both share their idle workspaces where these fit both.
+        """
+        grid = copy.copy(self)
+        grid.blocked = blocked
+        grid.moves = self.moves.copy()
+        move_kernels.build_moves(blocked, self.corner_cutting, windows, grid.moves)
+        if cost is None:
+            grid.cell_surcharge = np.zeros(0, dtype=np.uint16)
+        elif self.cell_surcharge.size == 0:
+            grid.cell_surcharge = cell_surcharges(cost, blocked.shape, self.cost_multiplier)
+        else:
+            grid.cell_surcharge = self.cell_surcharge.copy()
+            table = surcharge_table(self.cost_multiplier)
+            move_kernels.fill_surcharges(cost, table, windows, grid.cell_surcharge)
+        grid.ring = grid._ring()
+        if grid.ring != self.ring:
+            grid._spare = []
+        grid._coarse = None
+        return grid
+
+    def _ring(self) -> int:
+        """Return the number of buckets that a search's queue needs, a power of two."""
+        # The same for all maps with graded costs, so that they can share workspaces.
+        highest = SURCHARGE_ONE
+        if self.cell_surcharge.size:
+            highest += round(self.cost_multiplier * SURCHARGE_ONE)
+        # A move raises f by at most its own cost and the rise of the estimate, one diagonal.
+        reach = self.diagonal * highest // SURCHARGE_ONE + self.diagonal
+        return 1 << ((reach >> kernels.BUCKET_BITS) + 2).bit_length()
 
     @property
     def nbytes(self) -> int:
@@ -144,7 +183,8 @@ class GridGraph:
 
     def give_back(self, workspace: Workspace) -> None:
         """Return a workspace that no kernel uses any more."""
-        self._spare.append(workspace)
+        if len(self._spare) < max(2, IDLE_BYTES // workspace.nbytes):
+            self._spare.append(workspace)
 
     def coarse(self) -> GridGraph:
         """Return the same grid in coarser units, for paths too long for the fine ones."""
@@ -195,12 +235,28 @@ def cell_surcharges(
     if not 0.0 <= cost_multiplier <= 255.0:
         raise ValueError(f'cost_multiplier: {cost_multiplier} is not in 0 to 255')
 
-    def surcharges(of: NDArray[Any]) -> NDArray[np.uint16]:
-        shares = np.clip(np.nan_to_num(of.astype(np.float64)), 0.0, 100.0) / 100.0
-        return np.rint(shares * cost_multiplier * SURCHARGE_ONE).astype(np.uint16)
-
     if values.dtype != np.int8:
-        return surcharges(values).reshape(-1)
-    # Occupancy has only 256 values: a table of them saves several float arrays on large maps.
-    table = surcharges(np.arange(256, dtype=np.uint8).view(np.int8))
-    return table[values.view(np.uint8)].reshape(-1)
+        return surcharges_of(values, cost_multiplier).reshape(-1)
+    surcharges = np.empty(values.size, dtype=np.uint16)
+    table = surcharge_table(cost_multiplier)
+    move_kernels.fill_surcharges(values, table, whole(shape), surcharges)
+    return surcharges
+
+
+def surcharge_table(cost_multiplier: float) -> NDArray[np.uint16]:
+    """Return the surcharge of each occupancy, uint16 [256], by its byte.
+
+    Occupancy has only 256 values: a table of them saves several float arrays on large maps.
+    """
+    return surcharges_of(np.arange(256, dtype=np.uint8).view(np.int8), cost_multiplier)
+
+
+def surcharges_of(costs: NDArray[Any], cost_multiplier: float) -> NDArray[np.uint16]:
+    """Turn costs 0 to 100 into surcharges, of the same shape, in 1/256 of a move's length."""
+    shares = np.clip(np.nan_to_num(costs.astype(np.float64)), 0.0, 100.0) / 100.0
+    return np.rint(shares * cost_multiplier * SURCHARGE_ONE).astype(np.uint16)
+
+
+def whole(shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """Return one window over all cells of a grid: int64 [1, 4]."""
+    return np.array([[0, shape[0], 0, shape[1]]], dtype=np.int64)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -26,6 +30,10 @@ HEURISTICS = {
 # Dynamic weighted A* starts at weight 2, which decays by 0.99 per pop (LLM-A* paper, table 1).
 DYNAMIC_WEIGHT = 2.0
 DYNAMIC_DECAY = 0.99
+# Queue entries popped, or given new keys, between two looks at the deadline: a few milliseconds.
+SLICE = 16384
+_FIRST_HEAP = 1024
+_NOT_WANTED = np.zeros((0, 0), dtype=np.bool_)
 
 _STATUS = {
     kernels.FOUND: SearchStatus.FOUND,
@@ -40,13 +48,16 @@ class SearchOptions:
 
     `heuristic` is a key of HEURISTICS; `weight` >= 1 applies to weighted A* alone.
     `corner_cutting` allows a diagonal step between or next to blocked cells, as the paper does.
-    Another thread stops the search by setting `stop[0] = 1`.
+    The search ends at `deadline` (monotonic seconds, looked at between slices) and when another
+    thread sets `stop[0] = 1`. Without `want_expanded` the result has no expanded cells, [0, 0].
     """
 
     heuristic: str = 'euclidean'
     weight: float = 2.0
     corner_cutting: bool = True
     stop: StopFlag = field(default_factory=no_stop)
+    deadline: float = math.inf
+    want_expanded: bool = True
 
 
 class Method(Protocol):
@@ -136,12 +147,6 @@ def compile_kernels() -> None:
         string_pull(grid, result.path)
 
 
-def euclidean_length(path: NDArray[np.int32]) -> float:
-    """Return the sum of the Euclidean lengths of the steps of a path [n, 2], in cells."""
-    steps = np.diff(path, axis=0)
-    return float(np.sum(np.hypot(steps[:, 0], steps[:, 1])))
-
-
 def run_kernel(
     blocked: NDArray[np.bool_],
     start: Cell,
@@ -153,18 +158,38 @@ def run_kernel(
     decay: float = 1.0,
 ) -> SearchResult:
     """Run the loop that all of the paper's methods share, with their weight, decay and targets."""
-    start_cell, goal_cell = np.array(start, dtype=np.int64), np.array(goal, dtype=np.int64)
     height, width = blocked.shape
+    first, last = (x * height + y for x, y in (start, goal))
     # The system provides zeroed pages on first touch: a small search of a large map is cheap.
     seen, closed = (np.zeros(width * height, dtype=np.bool_) for _ in range(2))
-    code, expansions, storage, move_to = kernels.paper_search(
-        np.ascontiguousarray(blocked, dtype=np.bool_), start_cell, goal_cell,
+    g, move_to = np.empty(width * height), np.empty(width * height, dtype=np.int8)
+    counts = np.zeros(kernels.COUNTS, dtype=np.int64)
+    search = partial(
+        kernels.paper_search,
+        np.ascontiguousarray(blocked, dtype=np.bool_), first, last,
         np.asarray(targets, dtype=np.float64).reshape(-1, 2), HEURISTICS[options.heuristic],
-        float(weight), float(decay), bool(options.corner_cutting), options.stop, seen, closed,
+        float(decay), bool(options.corner_cutting), options.stop, SLICE,
+        seen, closed, g, move_to, counts, np.array([max(1.0, weight), weight]),
     )  # fmt: skip
-    expanded = closed.reshape(width, height).T
-    status = _STATUS[code]
-    if status is not SearchStatus.FOUND:
-        return SearchResult(status, expansions, storage, expanded)
-    path = kernels.trace_back(move_to, start_cell, goal_cell, height)
-    return SearchResult(status, expansions, storage, expanded, path, euclidean_length(path))
+    code = run_slices(search, options.deadline)
+    expanded = closed.reshape(width, height).T if options.want_expanded else _NOT_WANTED
+    found = _STATUS[code], int(counts[kernels.EXPANSIONS]), int(counts[kernels.STORAGE]), expanded
+    if code != kernels.FOUND:
+        return SearchResult(*found)
+    path, diagonals = kernels.trace_back(move_to, first, last, height)
+    return SearchResult(*found, path, len(path) - 1 - diagonals + diagonals * math.sqrt(2.0))
+
+
+def run_slices(search: Callable[..., int], deadline: float) -> int:
+    """Call a search with a heap (keys, nodes) until it ends or the deadline comes.
+
+    Returns the kernel's code of how it ended.
+    """
+    keys, nodes = np.empty(_FIRST_HEAP), np.empty(_FIRST_HEAP, dtype=np.int64)
+    while time.monotonic() < deadline:
+        code = search(keys, nodes)
+        if code == kernels.NEED_SPACE:
+            keys, nodes = np.concatenate((keys, keys)), np.concatenate((nodes, nodes))
+        elif code != kernels.RUNNING:
+            return code
+    return kernels.STOPPED

@@ -102,7 +102,7 @@ def test_a_search_that_skips_a_via_cell_is_caught(monkeypatch):
 
 
 def test_a_shortcut_through_the_robots_body_is_caught(monkeypatch):
-    def straight(grid, path):
+    def straight(grid, path, deadline):
         return AnyAnglePath(path[[0, -1]], 20.0, 20.0)
 
     request = replace(REQUEST, any_angle=True)

@@ -2,17 +2,20 @@
 
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.planning import planner as planner_module
 from llm_astar_planner.planning import segment as leg_module
 from llm_astar_planner.planning.path_validator import path_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
+from llm_astar_planner.search.any_angle import string_pull
 from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS
 from llm_astar_planner.search.result import SearchResult, SearchStatus
 from llm_astar_planner.search.stop import no_stop
@@ -198,11 +201,49 @@ def test_a_source_gets_a_part_of_the_time_and_no_more():
     assert source.queries[1].time_limit == 0.05
 
 
-def test_a_search_past_its_time_is_a_timeout_not_no_path():
-    planner = Planner(GridMap(np.zeros((2000, 2000), dtype=np.int8)))
-    plan = planner.plan(PlanRequest((1, 1), (1998, 900), 'astar', time_limit=1e-3))
+@pytest.fixture(scope='module')
+def halved():
+    """Return a planner on a large map whose halves are joined at its lower edge alone."""
+    cells = np.zeros((2000, 2000), dtype=np.int8)
+    cells[1:, 1000] = 100
+    planner = Planner(GridMap(cells))
+    planner.costmap.prepare()
+    return planner
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_a_search_past_its_time_is_a_timeout_not_no_path(halved, method):
+    begin = time.monotonic()
+    plan = halved.plan(PlanRequest((800, 1900), (1200, 1900), method, time_limit=0.005))
     assert plan.code is ResultCode.TIMEOUT
+    assert 'out of time after' in plan.message
     assert len(plan.path) == 0
+    assert time.monotonic() - begin < 2.0
+
+
+@pytest.mark.parametrize('method', sorted(set(METHODS) - {'exact_astar'}))
+def test_no_plan_starts_a_thread(monkeypatch, method):
+    def refuse(thread):
+        raise AssertionError(f'{thread.name} was started')
+
+    monkeypatch.setattr(threading.Thread, 'start', refuse)
+    assert PLANNER.plan(PlanRequest(START, GOAL, method)).code is ResultCode.NONE
+
+
+def test_a_path_at_any_angle_that_does_not_fit_into_the_time_is_left_out(monkeypatch):
+    request = PlanRequest(START, GOAL, 'exact_astar', any_angle=True)
+    assert PLANNER.plan(request).warnings == ()
+    monkeypatch.setattr(planner_module, 'string_pull', slow_pull)
+    plan = PLANNER.plan(replace(request, time_limit=0.2))
+    assert plan.code is ResultCode.NONE
+    assert len(plan.path) > 0
+    assert plan.any_angle is None
+    assert plan.warnings == ('the path at any angle is left out: there was no time for it',)
+
+
+def slow_pull(grid, path, deadline):
+    time.sleep(0.3)
+    return string_pull(grid, path, deadline=deadline)
 
 
 def test_another_thread_cancels_a_search():

@@ -1,9 +1,14 @@
 import math
+import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from grids import queries
 from hypothesis import given, settings
+from hypothesis import strategies as st
+from llm_astar_planner.search import any_angle
+from llm_astar_planner.search._kernels import line_of_sight as kernels
 from llm_astar_planner.search.any_angle import can_see, interpolate, string_pull
 from llm_astar_planner.search.astar import shortest_path
 from llm_astar_planner.search.grid_graph import GridGraph
@@ -47,6 +52,63 @@ def test_a_pulled_path_is_free_and_never_longer(query):
     steps = np.hypot(*np.diff(path, axis=0).T.astype(float)).sum()
     assert pulled.length <= steps + 1e-9
     assert pulled.cost >= pulled.length - 1e-9
+
+
+def line_of(first, last):
+    """Return the cells whose centres the straight line between two cells passes, in order."""
+    parts = max(1, math.gcd(last[0] - first[0], last[1] - first[1]))
+    step = ((last[0] - first[0]) // parts, (last[1] - first[1]) // parts)
+    return [(first[0] + part * step[0], first[1] + part * step[1]) for part in range(1, parts + 1)]
+
+
+def plain_pull(grid, path):
+    """Pull a path taut as `string_pull` does, in plain Python and with every line looked at."""
+
+    def cost(first, last):
+        rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
+        return kernels.line_cost(*rules, *first, *last)
+
+    def pull(points):
+        centres = points[:1]
+        for first, last in pairwise(points):
+            centres = [*centres, *line_of(first, last)]
+        kept, along = centres[:1], 0.0
+        for before, cell in pairwise(centres):
+            segment, direct = cost(before, cell), cost(kept[-1], cell)
+            if direct < 0.0 or direct > along + segment + 1e-9:
+                kept.append(before)
+                direct = segment
+            along = direct
+        return [*kept, centres[-1]]
+
+    points = [tuple(cell) for cell in path.tolist()]
+    total = math.inf
+    for _ in range(8):
+        points = pull(pull(points)[::-1])[::-1]
+        before, total = total, sum(cost(*pair) for pair in pairwise(points))
+        if total > before - 1e-9:
+            break
+    return points
+
+
+@settings(max_examples=100, deadline=None)
+@given(queries(), st.sampled_from([1, 1 << 20]))
+def test_a_path_is_pulled_as_in_plain_python_in_slices_too(query, size):
+    grid, start, goal = query
+    path, _ = shortest_path(grid, start, goal)
+    if len(path) > 1:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(any_angle, 'SLICE', size)
+            pulled = string_pull(grid, path)
+        assert [tuple(point) for point in pulled.points.tolist()] == plain_pull(grid, path)
+
+
+def test_a_pull_ends_at_its_deadline():
+    grid = GridGraph(np.zeros((5, 9), dtype=bool))
+    path, _ = shortest_path(grid, (0, 0), (8, 3))
+    with pytest.raises(TimeoutError, match='left out'):
+        string_pull(grid, path, deadline=time.monotonic())
+    assert len(string_pull(grid, path, deadline=time.monotonic() + 60.0).points) == 2
 
 
 def test_a_path_on_a_free_grid_becomes_one_segment():

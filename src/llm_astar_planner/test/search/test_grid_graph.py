@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from llm_astar_planner.search import grid_graph
-from llm_astar_planner.search._kernels import astar as kernels
 from llm_astar_planner.search.astar import exact_astar, shortest_path
 from llm_astar_planner.search.grid_graph import GridGraph
 
@@ -34,7 +33,6 @@ def test_results_stay_right_when_the_query_numbers_run_out():
 
 
 def test_a_cell_among_free_cells_has_all_eight_moves():
-    moves = np.empty(9, dtype=np.uint8)
-    kernels.build_moves(np.zeros((3, 3), dtype=bool), False, moves)
+    moves = GridGraph(np.zeros((3, 3), dtype=bool)).moves
     assert moves[4] == 0xFF
     assert int(moves[0]).bit_count() == 3

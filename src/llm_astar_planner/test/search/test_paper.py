@@ -3,17 +3,14 @@
 import heapq
 import itertools
 import math
+import time
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from llm_astar_planner.search.paper import (
-    HEURISTICS,
-    PAPER_METHODS,
-    SearchOptions,
-    euclidean_length,
-)
+from llm_astar_planner.search import paper
+from llm_astar_planner.search.paper import HEURISTICS, PAPER_METHODS, SearchOptions
 from llm_astar_planner.search.result import SearchStatus
 from llm_astar_planner.search.stop import no_stop
 
@@ -207,6 +204,42 @@ def test_a_raised_stop_flag_stops_the_search(name):
     assert len(result.path) == 0
 
 
+@settings(max_examples=20)
+@given(problems())
+def test_a_search_in_slices_is_the_same_search(problem):
+    blocked, start, goal, targets = problem
+    for method in PAPER_METHODS.values():
+        whole = method(blocked, start, goal, targets, SearchOptions())
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(paper, 'SLICE', 1)
+            patch.setattr(paper, '_FIRST_HEAP', 9)
+            sliced = method(blocked, start, goal, targets, SearchOptions())
+        assert sliced.status is whole.status
+        assert (sliced.expansions, sliced.storage) == (whole.expansions, whole.storage)
+        np.testing.assert_array_equal(sliced.path, whole.path)
+        np.testing.assert_array_equal(sliced.expanded, whole.expanded)
+
+
+@pytest.mark.parametrize('name', sorted(PAPER_METHODS))
+def test_a_search_ends_at_its_deadline(name):
+    blocked = np.zeros((2000, 2000), dtype=bool)
+    blocked[1:, 1000] = True
+    start, goal, begin = (800, 1900), (1200, 1900), time.monotonic()
+    options = SearchOptions('chebyshev', deadline=begin + 0.1)
+    result = PAPER_METHODS[name](blocked, start, goal, [(900, 1950), goal], options)
+    assert result.status is SearchStatus.STOPPED
+    assert result.expansions > 0
+    assert time.monotonic() - begin < 2.0
+    past = PAPER_METHODS[name](blocked, start, start, [], SearchOptions(deadline=begin))
+    assert (past.status, past.expansions) == (SearchStatus.STOPPED, 0)
+
+
+def test_expanded_cells_are_returned_only_if_wanted():
+    result = PAPER_METHODS['astar'](WALL, (1, 1), (5, 1), [], SearchOptions(want_expanded=False))
+    assert result.expanded.shape == (0, 0)
+    assert result.expansions > 0
+
+
 def test_expanded_cells_are_marked_by_row_and_column():
     blocked = grid('#####', '#...#', '#####')
     result = PAPER_METHODS['astar'](blocked, (1, 1), (3, 1), [], SearchOptions())
@@ -215,9 +248,3 @@ def test_expanded_cells_are_marked_by_row_and_column():
     for x, y in expanded:
         expected[y, x] = True
     np.testing.assert_array_equal(result.expanded, expected)
-
-
-def test_the_length_of_a_path_is_euclidean():
-    path = np.array([[0, 0], [1, 1], [2, 1]], dtype=np.int32)
-    assert euclidean_length(path) == pytest.approx(1 + math.sqrt(2))
-    assert euclidean_length(path[:1]) == 0.0

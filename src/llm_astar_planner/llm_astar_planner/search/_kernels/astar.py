@@ -1,4 +1,4 @@
-"""Compiled loops of the bucket-queue searches: legal moves, exact A*.
+"""Compiled loops of the bucket-queue searches: the tables of moves, exact A*.
 
 Cells are numbered row by row, `index = y * width + x`. A legal move is a bit of `moves[index]`:
 bits 0 to 3 are +x, +y, -x, -y, bits 4 to 7 the diagonals +x+y, -x+y, -x-y, +x-y. Lengths are
@@ -91,37 +91,6 @@ RUNNING, FOUND, EXHAUSTED, STOPPED, NEED_SPACE, OVERFLOW = range(6)
 (A_STARTED, A_BUCKET, A_BEST, A_EXPANSIONS, A_STORAGE, A_FREE, A_TOP, A_LIVE, A_SIZE) = range(9)
 
 _jit: Any = njit(cache=True, nogil=True)
-
-
-@_jit
-def build_moves(
-    blocked: NDArray[np.bool_], corner_cutting: bool, moves: NDArray[np.uint8]
-) -> None:
-    """Fill `moves` [height * width] with the legal moves of each free cell, 0 where blocked.
-
-    A diagonal needs both adjacent cardinal cells free unless `corner_cutting`.
-    """
-    height, width = blocked.shape
-    for y in range(height):
-        for x in range(width):
-            mask = 0
-            if not blocked[y, x]:
-                east = x + 1 < width and not blocked[y, x + 1]
-                west = x > 0 and not blocked[y, x - 1]
-                up = y + 1 < height and not blocked[y + 1, x]
-                down = y > 0 and not blocked[y - 1, x]
-                mask = east | up << 1 | west << 2 | down << 3
-                if y + 1 < height:
-                    if x + 1 < width and not blocked[y + 1, x + 1]:
-                        mask |= (corner_cutting or (east and up)) << 4
-                    if x > 0 and not blocked[y + 1, x - 1]:
-                        mask |= (corner_cutting or (west and up)) << 5
-                if y > 0:
-                    if x > 0 and not blocked[y - 1, x - 1]:
-                        mask |= (corner_cutting or (west and down)) << 6
-                    if x + 1 < width and not blocked[y - 1, x + 1]:
-                        mask |= (corner_cutting or (east and down)) << 7
-            moves[y * width + x] = mask
 
 
 @_jit

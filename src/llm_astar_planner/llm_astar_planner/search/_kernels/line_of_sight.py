@@ -9,6 +9,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+# A path is pulled until it gains less than this, in cells, or this often.
+MIN_GAIN = 1e-9
+MAX_PULLS = 16
+# Slots of the counts that `string_pull` keeps from call to call.
+POINTS, CENTRES, INDEX, ANCHOR, KEPT, PULLS, COUNTS = range(7)
+
 _jit: Any = njit(cache=True, nogil=True)
 
 
@@ -72,40 +78,125 @@ def line_cost(
 
 
 @_jit
+def path_cost(
+    blocked: NDArray[np.bool_],
+    cell_surcharge: NDArray[np.uint16],
+    corner_cutting: bool,
+    points: NDArray[np.int32],
+) -> tuple[float, float, int, int]:
+    """Return what straight segments through `points` [n, 2] cost, and how long they are.
+
+    After cost and length, in cells, comes the number of the first point that is off the grid or
+    that the segment from the point before does not reach, -1 if there is none; last the most
+    points that `string_pull` needs room for.
+    """
+    height, width = blocked.shape
+    cost = 0.0
+    length = 0.0
+    room: Any = 1
+    for index in range(points.shape[0]):
+        x = np.int64(points[index, 0])
+        y = np.int64(points[index, 1])
+        if x < 0 or x >= width or y < 0 or y >= height:
+            return cost, length, index, room
+        if index > 0:
+            from_x = np.int64(points[index - 1, 0])
+            from_y = np.int64(points[index - 1, 1])
+            segment = line_cost(blocked, cell_surcharge, corner_cutting, from_x, from_y, x, y)
+            if segment < 0.0:
+                return cost, length, index, room
+            cost += segment
+            length += math.sqrt((x - from_x) ** 2 + (y - from_y) ** 2)
+            room += max(1, abs(x - from_x), abs(y - from_y))
+    return cost, length, -1, room
+
+
+@_jit
+def add_passed_centres(points: NDArray[np.int32], count: int, centres: NDArray[np.int32]) -> int:
+    """Write `count` points and every cell whose centre a segment between them passes.
+
+    A pull may turn at each of these `centres`. Returns how many there are.
+    """
+    centres[0] = points[0]
+    total = 1
+    for index in range(1, count):
+        x = points[index - 1, 0]
+        y = points[index - 1, 1]
+        delta_x = points[index, 0] - x
+        delta_y = points[index, 1] - y
+        parts = max(1, math.gcd(delta_x, delta_y))
+        for part in range(1, parts + 1):
+            centres[total, 0] = x + part * (delta_x // parts)
+            centres[total, 1] = y + part * (delta_y // parts)
+            total += 1
+    return total
+
+
+@_jit
 def string_pull(
     blocked: NDArray[np.bool_],
     cell_surcharge: NDArray[np.uint16],
     corner_cutting: bool,
     points: NDArray[np.int32],
-    kept: NDArray[np.bool_],
-) -> int:
-    """Mark in `kept` the points at which the path has to turn; return how many.
+    centres: NDArray[np.int32],
+    counts: NDArray[np.int64],
+    costs: NDArray[np.float64],
+    quota: int,
+) -> bool:
+    """Pull the path in `points` taut, or go on with that; return whether it is done.
 
     From each kept point the path goes straight on, as long as the next point is in sight and
-    the straight line to it costs no more than the path does.
+    the straight line to it costs no more than the path does. It is pulled from both ends in turn
+    until nothing changes. `points` and `centres` [room, 2] have as much room as `path_cost` says.
+    `counts` and `costs` are kept from call to call: how many points there are, and the slots
+    below, at first 0; the path's cost, and that along it from the last kept point. A call ends
+    after lines over `quota` cells.
     """
-    count = points.shape[0]
-    kept[:] = False
-    kept[0] = True
-    kept[count - 1] = True
-    turns = 2
-    anchor = 0
-    along = 0.0
-    for index in range(1, count):
-        segment = line_cost(
-            blocked, cell_surcharge, corner_cutting,
-            points[index - 1, 0], points[index - 1, 1], points[index, 0], points[index, 1],
-        )  # fmt: skip
-        direct = line_cost(
-            blocked, cell_surcharge, corner_cutting,
-            points[anchor, 0], points[anchor, 1], points[index, 0], points[index, 1],
-        )  # fmt: skip
-        if direct < 0.0 or direct > along + segment + 1e-9:
-            anchor = index - 1
-            kept[anchor] = True
-            turns += 1
-            along = segment
-        else:
-            # Replaced by the straight line, so that savings do not pay for a detour later.
-            along = direct
-    return turns
+    left: Any = quota
+    index: Any
+    anchor: Any
+    kept: Any
+    while True:
+        index, anchor, kept = counts[INDEX], counts[ANCHOR], counts[KEPT]
+        if index == 0:
+            counts[CENTRES] = add_passed_centres(points, counts[POINTS], centres)
+            index, anchor, kept = 1, 0, 1
+        along = costs[1]
+        while index < counts[CENTRES] and left > 0:
+            turn_x, turn_y = np.int64(centres[index - 1, 0]), np.int64(centres[index - 1, 1])
+            x, y = np.int64(centres[index, 0]), np.int64(centres[index, 1])
+            from_x, from_y = np.int64(centres[anchor, 0]), np.int64(centres[anchor, 1])
+            segment = line_cost(blocked, cell_surcharge, corner_cutting, turn_x, turn_y, x, y)
+            across = (turn_x - from_x) * (y - turn_y) - (turn_y - from_y) * (x - turn_x)
+            ahead = (turn_x - from_x) * (x - turn_x) + (turn_y - from_y) * (y - turn_y)
+            if index == anchor + 1:
+                direct = along = segment
+            elif across == 0 and ahead > 0:
+                direct = along + segment
+            else:
+                direct = line_cost(blocked, cell_surcharge, corner_cutting, from_x, from_y, x, y)
+                left -= max(abs(x - from_x), abs(y - from_y))
+            left -= max(abs(x - turn_x), abs(y - turn_y)) + 1
+            if direct < 0.0 or direct > along + segment + 1e-9:
+                anchor = index - 1
+                points[kept] = centres[anchor]
+                kept += 1
+                along = segment
+            else:
+                # Replaced by the straight line, so that savings do not pay for a detour later.
+                along = direct
+            index += 1
+        counts[INDEX], counts[ANCHOR], counts[KEPT], costs[1] = index, anchor, kept, along
+        if index < counts[CENTRES]:
+            return False
+        points[kept] = centres[index - 1]
+        counts[POINTS] = kept + 1
+        points[: kept + 1] = points[kept::-1].copy()
+        counts[INDEX] = 0
+        counts[PULLS] += 1
+        if counts[PULLS] % 2 == 0:
+            cost = path_cost(blocked, cell_surcharge, corner_cutting, points[: kept + 1])[0]
+            if cost > costs[0] - MIN_GAIN or counts[PULLS] == MAX_PULLS:
+                costs[0] = cost
+                return True
+            costs[0] = cost

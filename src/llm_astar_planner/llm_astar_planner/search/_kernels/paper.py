@@ -15,7 +15,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 EUCLIDEAN, OCTILE, CHEBYSHEV, MANHATTAN = range(4)
-FOUND, EXHAUSTED, STOPPED = range(3)
+# How a call of the search ended. NEED_SPACE: call again with a longer heap that begins the same.
+FOUND, EXHAUSTED, STOPPED, RUNNING, NEED_SPACE = range(5)
+# Slots of the counts that a search keeps from call to call; all 0 before the first.
+SIZE, TARGET, STORAGE, EXPANSIONS, STALE, COUNTS = range(6)
 SQRT2 = math.sqrt(2.0)
 
 # The published order of neighbours; it decides ties among parents.
@@ -111,61 +114,73 @@ def rekey(
 @njit(cache=True, nogil=True)
 def paper_search(
     blocked: NDArray[np.bool_],
-    start: NDArray[np.int64],
-    goal: NDArray[np.int64],
+    start: int,
+    goal: int,
     targets: NDArray[np.float64],
     kind: int,
-    weight: float,
     decay: float,
     corner_cutting: bool,
     stop: NDArray[np.uint8],
+    quota: int,
     seen: NDArray[np.bool_],
     closed: NDArray[np.bool_],
-) -> tuple[int, int, int, NDArray[np.int8]]:
-    """Search from start to goal, cells (x, y), on `blocked` [height, width].
+    g: NDArray[np.float64],
+    move_to: NDArray[np.int8],
+    counts: NDArray[np.int64],
+    weights: NDArray[np.float64],
+    keys: NDArray[np.float64],
+    nodes: NDArray[np.int64],
+) -> int:
+    """Search from the node `start` to `goal` on `blocked` [height, width], or go on with that.
 
     `targets` [n, 2] is the paper's target list without its start: the search heads for each in
-    turn; empty means no target term. The weight of h(goal) at the k-th pop is
-    max(1, weight * decay^k). `seen` and `closed`, [width * height] and all False at first, are
-    filled in. Returns (status, expansions, storage, parent move [width * height], of cells with a
-    parent only).
+    turn; empty means no target term. `weights` is the weight of h(goal) and what it was before it
+    was limited to 1 and more, which is multiplied by `decay` at each pop. `seen` and `closed`, all
+    False at first, `g` and `move_to` (the move from the parent) are [width * height] and filled
+    in: g and move of seen cells only. The heap is in `keys` and `nodes`. A call ends after
+    `quota` queue entries were popped or given new keys.
     """
     height, width = blocked.shape
-    # Left uninitialised: `seen` tells which cells are set. Filling a large map takes too long.
-    g = np.empty(width * height)
-    move_to = np.empty(width * height, dtype=np.int8)
-    keys: NDArray[np.float64] = np.empty(1024)
-    nodes: NDArray[np.int64] = np.empty(1024, dtype=np.int64)
-
     guided = len(targets) > 0
-    index = 0
-    target = targets[0].copy() if guided else np.zeros(2)
-    goal_node = goal[0] * height + goal[1]
-    start_node = start[0] * height + start[1]
+    index = counts[TARGET]
+    target = targets[index].copy() if guided else np.zeros(2)
+    goal_at = np.array([goal // height, goal % height])
+    w = weights[0]
+    raw_weight = weights[1]
+    stale = counts[STALE] != 0
+    size = counts[SIZE]
+    storage = counts[STORAGE]
+    expansions = counts[EXPANSIONS]
+    if storage == 0:
+        g[start] = 0.0
+        seen[start] = True
+        keys[0] = estimate_cost(start, height, kind, w, goal_at, target, guided)
+        nodes[0] = start
+        size = 1
+        storage = 1
 
-    w = max(1.0, weight)
-    raw_weight = weight
-    stale = False
-    g[start_node] = 0.0
-    seen[start_node] = True
-    keys[0] = estimate_cost(start_node, height, kind, w, goal, target, guided)
-    nodes[0] = start_node
-    size = 1
-    storage = 1
-    expansions = 0
-    status = EXHAUSTED
-
-    while size > 0:
+    while True:
+        if size == 0:
+            status = EXHAUSTED
+            break
         if stop[0]:
             status = STOPPED
             break
+        if quota <= 0:
+            status = RUNNING
+            break
+        if size + 8 > len(keys):
+            status = NEED_SPACE
+            break
+        quota -= 1
         if decay != 1.0:
             # All of OPEN gets keys with the current weight before each pop. Once the weight stays
             # at 1, only a g that has shrunk since then can change a key.
             new_w = max(1.0, raw_weight)
             if new_w != w or stale:
                 w = new_w
-                rekey(keys, nodes, size, g, height, kind, w, goal, target, guided)
+                rekey(keys, nodes, size, g, height, kind, w, goal_at, target, guided)
+                quota -= size
                 stale = False
             raw_weight *= decay
 
@@ -175,7 +190,7 @@ def paper_search(
         sift_down(keys, nodes, 0, size)
         expansions += 1
         closed[node] = True
-        if node == goal_node:
+        if node == goal:
             status = FOUND
             break
 
@@ -186,12 +201,13 @@ def paper_search(
                 guided
                 and nx == target[0]
                 and ny == target[1]
-                and not (target[0] == goal[0] and target[1] == goal[1])
+                and not (target[0] == goal_at[0] and target[1] == goal_at[1])
             ):
                 if index + 1 < len(targets):
                     index += 1
                     target[0], target[1] = targets[index, 0], targets[index, 1]
-                rekey(keys, nodes, size, g, height, kind, w, goal, target, guided)
+                rekey(keys, nodes, size, g, height, kind, w, goal_at, target, guided)
+                quota -= size
             if nx < 0 or ny < 0 or nx >= width or ny >= height:
                 continue
             neighbour = nx * height + ny
@@ -212,34 +228,39 @@ def paper_search(
                 stale = stale or g[neighbour] != np.inf
                 g[neighbour] = new_g
                 move_to[neighbour] = move
-                if size == len(keys):
-                    keys = np.concatenate((keys, np.empty(size)))
-                    nodes = np.concatenate((nodes, np.empty(size, dtype=np.int64)))
                 keys[size] = new_g + estimate_cost(
-                    neighbour, height, kind, w, goal, target, guided
+                    neighbour, height, kind, w, goal_at, target, guided
                 )
                 nodes[size] = neighbour
                 sift_up(keys, nodes, size)
                 size += 1
-    return status, expansions, storage, move_to
+    counts[SIZE], counts[TARGET], counts[STALE] = size, index, stale
+    counts[STORAGE], counts[EXPANSIONS] = storage, expansions
+    weights[0], weights[1] = w, raw_weight
+    return status
 
 
 @njit(cache=True, nogil=True)
 def trace_back(
-    move_to: NDArray[np.int8], start: NDArray[np.int64], goal: NDArray[np.int64], height: int
-) -> NDArray[np.int32]:
-    """Follow the parent moves from goal to start; return the cells [n, 2] from start to goal."""
-    length = 1
-    x, y = goal[0], goal[1]
-    while x != start[0] or y != start[1]:
-        move = move_to[x * height + y]
-        x, y = x - _DX[move], y - _DY[move]
-        length += 1
-    path = np.empty((length, 2), dtype=np.int32)
-    x, y = goal[0], goal[1]
-    for i in range(length - 1, 0, -1):
-        path[i, 0], path[i, 1] = x, y
-        move = move_to[x * height + y]
-        x, y = x - _DX[move], y - _DY[move]
-    path[0, 0], path[0, 1] = x, y
-    return path
+    move_to: NDArray[np.int8], start: int, goal: int, height: int
+) -> tuple[NDArray[np.int32], int]:
+    """Follow the parent moves from `goal` to `start`.
+
+    Returns the cells [n, 2] from start to goal, and how many moves between them are diagonal.
+    """
+    count = 1
+    diagonals = 0
+    node = goal
+    while node != start:
+        move = move_to[node]
+        diagonals += _DX[move] != 0 and _DY[move] != 0
+        node -= _DX[move] * height + _DY[move]
+        count += 1
+    path = np.empty((count, 2), dtype=np.int32)
+    node = goal
+    for i in range(count - 1, -1, -1):
+        path[i, 0], path[i, 1] = node // height, node % height
+        if i > 0:
+            move = move_to[node]
+            node -= _DX[move] * height + _DY[move]
+    return path, diagonals

@@ -1,0 +1,1 @@
+"""The compiled loops over the cells of a map (numba)."""
