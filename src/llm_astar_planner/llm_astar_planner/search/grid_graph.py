@@ -12,6 +12,7 @@ import copy
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
 from llm_astar_planner.search._kernels import moves as move_kernels
+from llm_astar_planner.search.jump import PackedGrid
 from llm_astar_planner.search.result import Cell
 
 # Units of length, (straight, diagonal): 3363 / 2378 is sqrt(2) to 6e-8. The coarse pair is for
@@ -157,6 +159,11 @@ class GridGraph:
         idle = list(self._spare) + ([] if self._coarse is None else list(self._coarse._spare))
         own = self.moves.nbytes + self.cell_surcharge.nbytes
         return own + sum(workspace.nbytes for workspace in idle)
+
+    @cached_property
+    def packed(self) -> PackedGrid:
+        """The map as bits for `jump_search`, packed at the first use."""
+        return PackedGrid.build(self.blocked)
 
     def index(self, cell: Cell) -> int:
         """Return the number of a cell. Raises ValueError if it is off the grid."""
