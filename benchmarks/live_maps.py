@@ -12,7 +12,6 @@ import math
 import statistics
 import time
 from collections.abc import Iterator
-from inspect import signature
 from types import SimpleNamespace
 from typing import Any
 
@@ -71,11 +70,9 @@ class Robot:
     def take(self, message: Any, query: Query, period: float, *, counts: bool) -> None:  # noqa: ANN401
         """Make a planner of a map message, plan on it, and wait until the period is over."""
         end, process, begin = time.monotonic() + period, time.process_time(), time.thread_time()
-        previous: dict[str, Any] = {}
-        if self._in_increments and 'previous' in signature(Planner).parameters:
-            previous['previous'] = self._planner
+        previous = self._planner if self._in_increments else None
         grid_map = grid_from_message(message)
-        planner = Planner(grid_map, CONFIG, landmarks=self._landmarks, **previous)
+        planner = Planner(grid_map, CONFIG, landmarks=self._landmarks, previous=previous)
         self._planner = planner.prepare(wait=False)
         prepared = time.thread_time()
         grid = planner.costmap.grid_graph
