@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Point, PoseStamped
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import (
     grid_from_message,
@@ -31,9 +31,11 @@ from llm_astar_msgs_adapter.messages.writing import (
     grid_to_message,
     path_to_message,
     pose_to_message,
+    quaternion_of,
     report_to_message,
 )
 from rclpy.serialization import serialize_message
+from std_msgs.msg import Header
 
 STAMP = Time(sec=5, nanosec=7)
 GRID = GridMap(
@@ -140,6 +142,16 @@ def test_a_path_has_frame_stamp_and_the_direction_of_travel_on_every_pose():
     yaws = [pose_from_message(pose.pose).yaw for pose in message.poses]
     assert yaws == pytest.approx([0.0, math.pi / 2, 1.0])
     np.testing.assert_array_equal(path_from_message(message), points)
+
+
+def test_the_poses_of_a_path_are_those_that_constructors_make():
+    points, stamp = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [1.0, 2.0]], STAMP
+    for pose, (x, y) in zip(path_to_message(points, 'map', stamp).poses, points):
+        expected = PoseStamped(header=Header(stamp=stamp, frame_id='map'))
+        expected.pose.position = Point(x=x, y=y)
+        expected.pose.orientation = quaternion_of(pose_from_message(pose.pose).yaw)
+        assert pose == expected
+        assert serialize_message(pose) == serialize_message(expected)
 
 
 def test_a_path_may_be_empty_or_have_one_pose():
