@@ -1,18 +1,24 @@
 """Landmarks: exact distances from a few far cells, which prove how long a path must be.
 
 For a landmark l the triangle inequality gives d(n, goal) >= |d(l, n) - d(l, goal)|, since a
-path costs the same in both directions (ALT: Goldberg and Harrelson, SODA 2005).
+path costs the same in both directions (ALT: Goldberg and Harrelson, SODA 2005). It holds on the
+map that they are measured on and on every map that only blocks more cells or raises costs. So on
+a map that changes only what becomes freer or cheaper has to be repaired.
 """
 
 from __future__ import annotations
 
 import threading
+import time
+import weakref
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search._kernels import astar as search_kernels
-from llm_astar_planner.search._kernels import distances as kernels
+from llm_astar_planner.search.distances import DistanceRows, FreestMap, is_alike
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.stop import StopFlag, no_stop
@@ -20,31 +26,75 @@ from llm_astar_planner.search.stop import StopFlag, no_stop
 # The number of landmarks on large maps; small maps get more, which cost little there.
 COUNT = 8
 MAX_COUNT = 32
-MAX_BYTES = 256 * 1024 * 1024
 # More than COUNT landmarks are measured only while they fit in so many bytes.
-_SMALL_BYTES = 64 * 1024 * 1024
+_SMALL_BYTES = 16 * 1024 * 1024
+# Fewer than COUNT, or none, if these would not fit: at 4000 x 4000 cells two take 128 MB, and
+# what else is held for the map, 14 bytes a cell, should not be more than doubled.
+MAX_BYTES = 64 * 1024 * 1024
+# One landmark alone proves little: only what lies on a line with it.
+MIN_COUNT = 2
 # Landmarks that one query uses.
 MAX_ACTIVE = 4
 # Cells tried as the first source, to find the largest connected area.
 _SEEDS = 8
+# Landmarks are measured anew when so much of the map is stricter than what they were measured on
+# that their bounds are weak. Moving obstacles with their inflation cover less: 1 % at 1000 x 1000.
+STALE_SHARE = 1 / 8
+# So many maps at least lie between: measuring costs as much as a hundred repairs.
+_STALE_MAPS = 64
+# Seconds that `update` waits for searches that use the landmarks, before it leaves the repair to
+# the background.
+_READERS_WAIT_S = 0.005
 NO_DISTANCES = np.zeros((0, 0), dtype=np.int32)
 NONE_ACTIVE = np.zeros((0, 2), dtype=np.int64)
+
+
+def landmark_count(grid: GridGraph, count: int | None, max_bytes: int) -> int:
+    """Return how many landmarks to measure on a grid: `count`, or as many as pay, if they fit.
+
+    0 if fewer than MIN_COUNT fit in `max_bytes`.
+    """
+    row_bytes = 4 * grid.moves.size
+    if count is None:
+        count = max(COUNT, min(MAX_COUNT, _SMALL_BYTES // row_bytes))
+    fitting = min(count, max_bytes // row_bytes)
+    return fitting if fitting >= min(MIN_COUNT, count) else 0
+
+
+def from_largest_area(
+    rows: DistanceRows, distances: NDArray[np.int32], free: NDArray[np.int64], stop: StopFlag
+) -> NDArray[np.int32] | None:
+    """Return the distances from a cell in the largest connected area that a few tries find.
+
+    `distances` is row 0 of `rows`, `free` the numbers of the free cells. None if stopped.
+    """
+    best: NDArray[np.int32] | None = None
+    most = 0
+    for source in free[:: max(1, free.size // _SEEDS)]:
+        if not rows.fill(0, int(source), stop):
+            return None
+        reached = int(np.count_nonzero(distances >= 0))
+        if reached > most:
+            most, best = reached, distances.copy()
+        if 2 * most > free.size:
+            break
+    return best
 
 
 class Landmarks:
     """Distances from a few landmarks to every cell of a grid: int32 [count, cells], units.
 
     Made by `Landmarks.build`. They prove lower bounds on that grid and on every grid that only
-    blocks more cells or raises costs.
+    blocks more cells or raises costs; `merge` and `repair` make them follow others.
     """
 
-    def __init__(self, grid: GridGraph, distances: NDArray[np.int32]) -> None:
-        """Keep the `distances` measured on `grid`; -1 where a landmark does not reach a cell."""
+    def __init__(
+        self, freest: FreestMap, distances: NDArray[np.int32], rows: DistanceRows
+    ) -> None:
+        """Keep the `distances` measured on `freest`; -1 where a landmark does not reach a cell."""
         self.distances = distances
-        self._blocked = grid.blocked
-        self._cell_surcharge = grid.cell_surcharge
-        self._units = (grid.straight, grid.diagonal)
-        self._corner_cutting = grid.corner_cutting
+        self.freest = freest
+        self._rows = rows
 
     @classmethod
     def build(
@@ -58,26 +108,23 @@ class Landmarks:
         """Measure `count` landmarks, each the cell farthest from those before it.
 
         The default is COUNT, up to MAX_COUNT on small maps; fewer if they would not fit in
-        `max_bytes` (4 bytes per cell each). Returns None if not even one fits, no cell is free,
-        `stop` was raised or a distance does not fit 32 bits.
+        `max_bytes` (4 bytes per cell each). Returns None if fewer than MIN_COUNT fit, no cell is
+        free, `stop` was raised or a distance does not fit 32 bits.
         """
-        cell_bytes = 4 * grid.moves.size
-        wanted = max(COUNT, min(MAX_COUNT, _SMALL_BYTES // cell_bytes)) if count is None else count
-        count = min(wanted, max_bytes // cell_bytes)
+        count = landmark_count(grid, count, max_bytes)
         free = np.flatnonzero(grid.moves)
-        if count < 1 or free.size == 0:
+        if count == 0 or free.size == 0:
             return None
+        stop = no_stop() if stop is None else stop
+        freest = FreestMap(grid)
         distances = np.empty((count, grid.moves.size), dtype=np.int32)
-        dijkstra = _Dijkstra(grid, distances, no_stop() if stop is None else stop)
-        nearest = dijkstra.largest_area(free)
-        if nearest is None:
-            return None
-        for row in range(count):
-            source = int(nearest.argmax())
-            if not dijkstra.fill(row, source):
+        rows = DistanceRows(freest, distances)
+        nearest = from_largest_area(rows, distances[0], free, stop)
+        for row in range(len(distances)):
+            if nearest is None or not rows.fill(row, int(nearest.argmax()), stop):
                 return None
             nearest = distances[0].copy() if row == 0 else np.minimum(nearest, distances[row])
-        return cls(grid, distances)
+        return cls(freest, distances, rows)
 
     @property
     def count(self) -> int:
@@ -87,7 +134,14 @@ class Landmarks:
     @property
     def nbytes(self) -> int:
         """Bytes held."""
-        return self.distances.nbytes
+        return self.distances.nbytes + self.freest.nbytes
+
+    @property
+    def is_stale(self) -> bool:
+        """Tell whether others would be better: the map is much stricter now, or mostly new."""
+        freest = self.freest
+        stricter = freest.stricter > STALE_SHARE * freest.moves.size
+        return stricter or freest.new_cells > freest.free
 
     def active(self, grid: GridGraph, start: Cell, goal: Cell) -> NDArray[np.int64] | None:
         """Choose the landmarks that prove most for a query.
@@ -110,40 +164,55 @@ class Landmarks:
         if active is None:
             return float('inf')
         gaps = np.abs(self.distances[active[:, 0], grid.index(start)] - active[:, 1])
-        return float(gaps.max(initial=0)) / self._units[0]
+        return float(gaps.max(initial=0)) / self.freest.straight
 
     def is_admissible_on(self, grid: GridGraph) -> bool:
         """Tell whether the bounds hold on `grid`: no cell was freed and none became cheaper."""
-        units = (grid.straight, grid.diagonal)
-        if self._units != units or grid.blocked.shape != self._blocked.shape:
-            return False
-        if grid.corner_cutting and not self._corner_cutting:
-            return False
-        if grid.blocked is not self._blocked and (self._blocked & ~grid.blocked).any():
-            return False
-        if grid.cell_surcharge is self._cell_surcharge or self._cell_surcharge.size == 0:
-            return True
-        if grid.cell_surcharge.size == 0:
-            return False
-        return bool((grid.cell_surcharge >= self._cell_surcharge).all())
+        return is_alike(self.freest, grid) and self.freest.covers(grid)
+
+    def merge(self, grid: GridGraph) -> NDArray[np.int64]:
+        """Take in a map like that measured on; return the cells that became freer or cheaper.
+
+        If there are any, `repair` has to be called with them, before anything else is.
+        """
+        return self.freest.merge(grid)
+
+    def repair(self, changed: NDArray[np.int64], stop: StopFlag | None = None) -> Iterator[bool]:
+        """Lower the distances to the map that was merged, in steps of a few milliseconds.
+
+        Yields False after each step, True when done. Without a True it was stopped, or a distance
+        does not fit 32 bits, and the landmarks are of no more use. No search may read them
+        meanwhile.
+        """
+        return self._rows.repair(changed, no_stop() if stop is None else stop)
 
 
 class LandmarkManager:
-    """Landmarks for the current map, built in the background: thread-safe.
+    """Landmarks for the current map, repaired or built as it changes: thread-safe.
 
-    `update` takes each new map; `current` returns the landmarks that are ready for it. They stay
-    while cells only become blocked or more expensive, and are rebuilt when some are freed.
+    `update` takes each new map, `lend` hands out the landmarks that are ready for it. What
+    became freer is repaired at once if that is little, else in a background thread, in which
+    they are also built. Searches do without until they are ready.
     """
 
     def __init__(self, *, count: int | None = None, max_bytes: int = MAX_BYTES) -> None:
         """Build as `Landmarks.build` does with the same `count` and `max_bytes`."""
         self._count = count
         self._max_bytes = max_bytes
-        self._lock = threading.Lock()
+        self._changed = threading.Condition()
         self._landmarks: Landmarks | None = None
-        self._grid: GridGraph | None = None  # the last map they were found admissible on
+        self._newest: GridGraph | None = None
+        # The maps that the landmarks are known to be admissible on, once repaired.
+        self._admitted: weakref.WeakSet[GridGraph] = weakref.WeakSet()
+        self._repair: Iterator[bool] | None = None  # begun and not finished
+        self._readers = 0
+        # The map that others are being built on, and whether it was the last one tried.
+        self._building: GridGraph | None = None
+        self._tried: GridGraph | None = None
         self._thread: threading.Thread | None = None
-        self._stop = no_stop()
+        self._stop_build, self._stop_repair = no_stop(), no_stop()
+        self._closed = False
+        self._tally: defaultdict[str, float] = defaultdict(float)
 
     @property
     def nbytes(self) -> int:
@@ -152,93 +221,178 @@ class LandmarkManager:
         return 0 if landmarks is None else landmarks.nbytes
 
     def update(self, grid: GridGraph) -> None:
-        """Take a new map: keep the landmarks if they are admissible on it, else rebuild them."""
-        with self._lock:
-            if self._landmarks is not None and self._landmarks.is_admissible_on(grid):
-                self._grid = grid
-                return
-            self._landmarks = None
-            self._stop[0] = 1
-            stop = self._stop = no_stop()
-            self._thread = threading.Thread(
-                target=self._build, args=(grid, stop), name='landmarks', daemon=True
-            )
-            self._thread.start()
+        """Take a new map: a short repair is done now, anything longer is left to the background.
+
+        Waits a few milliseconds at most for searches that use the landmarks.
+        """
+        with self._changed:
+            self._newest = grid
+            if self._building is not None and not is_alike(self._building, grid):
+                self._stop_build[0] = 1
+            if self._repair is None and not self._closed:
+                self._tally['maps'] += 1
+                self._follow()
+                self._repair_now()
+            if self._has_work() and self._thread is None:
+                self._thread = threading.Thread(target=self._work, name='landmarks', daemon=True)
+                self._thread.start()
+
+    @contextmanager
+    def lend(self, grid: GridGraph) -> Iterator[Landmarks | None]:
+        """Yield the landmarks that are admissible on `grid`, None while there are none.
+
+        They do not change until the block ends.
+        """
+        with self._changed:
+            landmarks = self.current(grid)
+            self._tally['searches'] += 1
+            self._tally['searches_with'] += landmarks is not None
+            self._readers += landmarks is not None
+        try:
+            yield landmarks
+        finally:
+            if landmarks is not None:
+                with self._changed:
+                    self._readers -= 1
+                    self._changed.notify_all()
 
     def current(self, grid: GridGraph) -> Landmarks | None:
-        """Return the landmarks that are admissible on `grid`, None while there are none."""
-        with self._lock:
-            if self._landmarks is None or self._grid is grid:
-                return self._landmarks
-            if not self._landmarks.is_admissible_on(grid):
+        """Return the landmarks that are admissible on `grid`; the next repair changes them."""
+        with self._changed:
+            if self._landmarks is None or self._repair is not None:
                 return None
-            self._grid = grid
+            if grid not in self._admitted:
+                if not self._landmarks.is_admissible_on(grid):
+                    return None
+                self._admitted.add(grid)
             return self._landmarks
 
     def wait(self, timeout: float | None = None) -> bool:
-        """Wait, at most `timeout` seconds, for the build to end; tell whether it has."""
-        thread = self._thread
-        if thread is None:
-            return True
-        thread.join(timeout)
-        return not thread.is_alive()
+        """Wait, at most `timeout` seconds, for the background to be idle; tell whether it is.
+
+        Not while landmarks are lent to the same thread: a repair waits until they are returned.
+        """
+        with self._changed:
+            return self._changed.wait_for(lambda: self._thread is None, timeout)
 
     def close(self) -> None:
-        """Stop building and release the landmarks."""
-        with self._lock:
-            self._stop[0] = 1
-            self._landmarks = None
+        """Stop what runs in the background and release the landmarks, for good."""
+        with self._changed:
+            self._closed = True
+            self._landmarks = self._repair = None
+            self._stop_build[0] = self._stop_repair[0] = 1
+            self._changed.notify_all()
         self.wait()
 
-    def _build(self, grid: GridGraph, stop: StopFlag) -> None:
-        landmarks = Landmarks.build(grid, count=self._count, max_bytes=self._max_bytes, stop=stop)
-        with self._lock:
-            if stop[0] == 0:
-                self._landmarks = landmarks
-                self._grid = grid
+    def statistics(self) -> dict[str, float]:
+        """Return what the landmarks cost and how often they were there, in plain figures.
 
-
-class _Dijkstra:
-    """Repeated runs of Dijkstra's algorithm on one grid into the rows of one array."""
-
-    def __init__(self, grid: GridGraph, distances: NDArray[np.int32], stop: StopFlag) -> None:
-        self._grid = grid
-        self._distances = distances
-        self._stop = stop
-        self._pool = np.empty(1 << 14, dtype=np.int64)
-        self._heads = np.zeros(grid.ring, dtype=np.int32)
-
-    def fill(self, row: int, source: int) -> bool:
-        """Fill a row with the distances from the cell `source`; False if it was stopped."""
-        grid, distances = self._grid, self._distances[row]
-        distances[:] = -1
-        distances[source] = 0
-        seeds = np.array([source], dtype=np.int64)
-        control = np.zeros(kernels.D_SIZE, dtype=np.int64)
-        self._heads[:] = 0
-        while True:
-            status = kernels.propagate(
-                grid.moves, grid.cell_surcharge, grid.width, grid.straight, grid.diagonal,
-                grid.cell_surcharge.size == 0, seeds, distances, self._pool, self._heads,
-                control, search_kernels.NO_PATH, self._stop,
-            )  # fmt: skip
-            if status != search_kernels.NEED_SPACE:
-                return bool(status == search_kernels.FOUND)
-            self._pool = np.concatenate((self._pool, np.empty_like(self._pool)))
-
-    def largest_area(self, free: NDArray[np.int64]) -> NDArray[np.int32] | None:
-        """Return the distances from a cell in the largest connected area that a few tries find.
-
-        `free` holds the numbers of the free cells. Returns None if it was stopped.
+        Times are CPU milliseconds: of all builds, and of comparing and repairing for a mean map.
         """
-        best: NDArray[np.int32] | None = None
-        most = 0
-        for source in free[:: max(1, free.size // _SEEDS)]:
-            if not self.fill(0, int(source)):
-                return None
-            reached = int(np.count_nonzero(self._distances[0] >= 0))
-            if reached > most:
-                most, best = reached, self._distances[0].copy()
-            if 2 * most > free.size:
-                break
-        return best
+        with self._changed:
+            tally, landmarks = self._tally, self._landmarks
+            return {
+                'landmarks': 0 if landmarks is None else landmarks.count,
+                'landmark_bytes': self.nbytes,
+                'landmark_builds': tally['builds'],
+                'landmark_build_ms': tally['build_ms'],
+                'landmark_repairs': tally['repairs'],
+                'landmark_upkeep_ms': tally['upkeep_ms'] / max(tally['maps'], 1.0),
+                'landmark_availability': tally['searches_with'] / max(tally['searches'], 1.0),
+            }
+
+    def _has_work(self) -> bool:
+        """Tell whether there is something to do for the background."""
+        if self._closed or self._newest is None:
+            return False
+        if self._repair is not None:
+            return True
+        if self._landmarks is None or self._is_stale():
+            fits = landmark_count(self._newest, self._count, self._max_bytes) > 0
+            return fits and self._tried is not self._newest
+        return self._newest not in self._admitted
+
+    def _is_stale(self) -> bool:
+        """Tell whether others should be measured now."""
+        stale = self._landmarks is not None and self._landmarks.is_stale
+        return stale and self._tally['maps'] - self._tally['built_at'] > _STALE_MAPS
+
+    def _follow(self) -> None:
+        """Merge the newest map; begin a repair if it is freer, drop landmarks of another kind."""
+        grid, landmarks = self._newest, self._landmarks
+        if landmarks is None or grid is None:
+            return
+        if not is_alike(landmarks.freest, grid):
+            self._landmarks = None
+            return
+        began = time.thread_time()
+        changed = landmarks.merge(grid)
+        self._admitted.add(grid)
+        if changed.size:
+            self._repair = landmarks.repair(changed, self._stop_repair)
+            self._tally['repairs'] += 1
+        self._tally['upkeep_ms'] += 1e3 * (time.thread_time() - began)
+
+    def _repair_now(self) -> None:
+        """Do the first step of a repair if no search uses the landmarks."""
+        repair = self._repair
+        if repair is None:
+            return
+        self._changed.wait_for(lambda: not self._readers or self._closed, _READERS_WAIT_S)
+        if self._repair is repair and not self._readers and not self._closed:
+            began = time.thread_time()
+            if next(repair, False):
+                self._repair = None
+            self._tally['upkeep_ms'] += 1e3 * (time.thread_time() - began)
+
+    def _work(self) -> None:
+        """Do in the background what there is to do, until there is nothing."""
+        with self._changed:
+            while self._newest is not None and self._has_work():
+                if self._repair is not None:
+                    self._finish_repair(self._repair)
+                elif self._landmarks is None or self._is_stale():
+                    self._build(self._newest)
+                else:
+                    self._follow()
+            self._thread = None
+            self._changed.notify_all()
+
+    def _finish_repair(self, repair: Iterator[bool]) -> None:
+        """Do the rest of a repair, once no search uses the landmarks."""
+        self._changed.wait_for(lambda: not self._readers or self._closed)
+        if self._repair is not repair:
+            return
+        self._changed.release()
+        began = time.thread_time()
+        try:
+            done = any(repair)
+        finally:
+            self._changed.acquire()
+        self._tally['upkeep_ms'] += 1e3 * (time.thread_time() - began)
+        if self._repair is repair:
+            self._repair = None
+            if not done:
+                self._landmarks = None
+
+    def _build(self, grid: GridGraph) -> None:
+        """Measure new landmarks; those there are serve until the new ones replace them."""
+        self._building = self._tried = grid
+        stop = self._stop_build = no_stop()
+        self._changed.release()
+        began = time.thread_time()
+        try:
+            landmarks = Landmarks.build(
+                grid, count=self._count, max_bytes=self._max_bytes, stop=stop
+            )
+        finally:
+            self._changed.acquire()
+        self._tally['builds'] += 1
+        self._tally['build_ms'] += 1e3 * (time.thread_time() - began)
+        self._tally['built_at'] = self._tally['maps']
+        self._building = None
+        if stop[0]:
+            self._tried = None
+        elif landmarks is not None:
+            self._landmarks, self._repair = landmarks, None
+            self._admitted = weakref.WeakSet((grid,))

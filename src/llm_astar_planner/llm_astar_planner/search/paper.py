@@ -138,6 +138,9 @@ def compile_kernels() -> None:
     llm_astar(blocked, start, goal, [*waypoints, goal], SearchOptions())
     for cost in (None, np.ones(blocked.shape)):
         grid = GridGraph(blocked, cost=cost)
+        changing = Landmarks.build(grid)
+        if changing is not None:
+            list(changing.repair(changing.merge(GridGraph(blocked & False, cost=cost))))
         for landmarks in (Landmarks.build(grid), None):
             for bound in (None, 1.0):
                 guided(grid, start, goal, waypoints, max_suboptimality=bound, landmarks=landmarks)

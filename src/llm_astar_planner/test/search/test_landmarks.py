@@ -1,6 +1,9 @@
 import math
+import threading
 
 import numpy as np
+import pytest
+import scipy
 from grids import dijkstra, queries
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -81,7 +84,7 @@ def test_memory_is_bounded():
     assert Landmarks.build(grid).count == 32
     few = Landmarks.build(grid, max_bytes=3 * 4 * 2500)
     assert few.count == 3
-    assert few.nbytes <= 3 * 4 * 2500
+    assert few.distances.nbytes <= 3 * 4 * 2500
     assert Landmarks.build(grid, max_bytes=100) is None
     assert Landmarks.build(GridGraph(np.ones((4, 4), dtype=bool))) is None
 
@@ -91,29 +94,263 @@ def test_a_raised_stop_flag_ends_the_build():
     assert Landmarks.build(grid, stop=np.ones(1, dtype=np.uint8)) is None
 
 
-def test_the_manager_builds_keeps_and_rebuilds_landmarks():
-    blocked = np.zeros((20, 20), dtype=bool)
-    blocked[10, 2:] = True
-    manager = LandmarkManager()
-    grid = GridGraph(blocked)
-    assert manager.current(grid) is None
-    assert manager.wait(0.0)
-    manager.update(grid)
+def random_map(random, size, *, graded, corner_cutting):
+    """A map of two halves that a few gaps may join."""
+    blocked = random.random(size) < 0.25
+    blocked[size[0] // 2] = random.random(size[1]) < 0.97
+    cost = random.integers(0, 101, size) if graded else None
+    return GridGraph(blocked, corner_cutting=corner_cutting, cost=cost)
+
+
+def changed_map(random, grid, share=0.02):
+    """The map with some cells blocked, freed, dearer or cheaper."""
+    size = grid.blocked.shape
+    blocked = grid.blocked ^ (random.random(size) < share)
+    changed = GridGraph(blocked, corner_cutting=grid.corner_cutting)
+    if grid.cell_surcharge.size:
+        costs = grid.cell_surcharge.copy()
+        some = random.random(costs.size) < share
+        costs[some] = random.integers(0, 513, some.sum())
+        changed.cell_surcharge = costs
+        changed.ring = grid.ring
+    return changed
+
+
+def assert_exact(landmarks, freest):
+    """Each row holds the shortest distances on a map, measured from nothing."""
+    sources = (landmarks.distances == 0).argmax(axis=1)
+    assert (landmarks.distances[range(landmarks.count), sources] == 0).all()
+    lengths = scipy.sparse.csgraph.dijkstra(edges(freest), indices=sources)
+    lengths[np.isinf(lengths)] = -1
+    assert (landmarks.distances == lengths).all()
+
+
+def edges(freest):
+    """The map as a sparse matrix of whole lengths in units."""
+    shift = np.array([1, freest.width, -1, -freest.width])
+    shift = np.append(shift, [shift[0] + shift[1], shift[1] + shift[2],
+                              shift[2] + shift[3], shift[3] + shift[0]])  # fmt: skip
+    bits = freest.moves[:, None] >> np.arange(8) & 1
+    cells, moves = np.nonzero(bits)
+    others = cells + shift[moves]
+    lengths = np.where(moves < 4, freest.straight, freest.diagonal).astype(np.int64)
+    if freest.cell_surcharge.size:
+        sums = freest.cell_surcharge[cells].astype(np.int64) + freest.cell_surcharge[others]
+        lengths += lengths * sums >> 9
+    shape = (freest.moves.size, freest.moves.size)
+    return scipy.sparse.csr_array((lengths.astype(float), (cells, others)), shape=shape)
+
+
+class Union:
+    """What was ever legal, at its least cost, written down by the rule."""
+
+    def __init__(self, grid):
+        self.width, self.straight, self.diagonal = grid.width, grid.straight, grid.diagonal
+        self.moves = grid.moves.copy()
+        self.cell_surcharge = grid.cell_surcharge.copy()
+
+    def add(self, grid):
+        if grid.cell_surcharge.size:
+            least = np.minimum(self.cell_surcharge, grid.cell_surcharge)
+            least = np.where(self.moves == 0, grid.cell_surcharge, least)
+            self.cell_surcharge = np.where(grid.moves == 0, self.cell_surcharge, least)
+        self.moves = self.moves | grid.moves
+
+
+@pytest.mark.parametrize('graded', [False, True])
+@pytest.mark.parametrize('corner_cutting', [False, True])
+def test_repaired_distances_equal_new_ones_on_what_was_ever_free(graded, corner_cutting):
+    random = np.random.default_rng(7)
+    for size in ((9, 9), (23, 31), (40, 33)):
+        grid = random_map(random, size, graded=graded, corner_cutting=corner_cutting)
+        landmarks, union = Landmarks.build(grid, count=3), Union(grid)
+        for step in range(70):
+            grid = changed_map(random, grid, (0.001, 0.01, 0.1)[step % 3])
+            before = landmarks.is_admissible_on(grid)
+            changed = landmarks.merge(grid)
+            assert before == (changed.size == 0)
+            assert list(landmarks.repair(changed))[-1]
+            union.add(grid)
+            assert landmarks.is_admissible_on(grid)
+            if step % 5 == 0:
+                assert_exact(landmarks, union)
+
+
+def test_corners_may_be_cut_from_one_map_to_the_next():
+    blocked = np.random.default_rng(3).random((30, 30)) < 0.35
+    landmarks = Landmarks.build(GridGraph(blocked), count=4)
+    cutting = GridGraph(blocked, corner_cutting=True)
+    assert list(landmarks.repair(landmarks.merge(cutting)))[-1]
+    assert_exact(landmarks, Union(cutting))
+    assert landmarks.merge(GridGraph(blocked)).size == 0
+
+
+def test_a_long_repair_takes_several_steps_and_can_be_stopped():
+    blocked = np.zeros((200, 200), dtype=bool)
+    blocked[100] = True
+    for stopped in (False, True):
+        landmarks = Landmarks.build(GridGraph(blocked), count=3)
+        stop = np.zeros(1, dtype=np.uint8)
+        repair = landmarks.repair(landmarks.merge(GridGraph(blocked & False)), stop)
+        assert next(repair) is False
+        stop[0] = stopped
+        rest = list(repair)
+        assert rest[-1:] != [True] if stopped else rest[-1]
+    assert_exact(
+        Landmarks.build(GridGraph(blocked & False), count=3), Union(GridGraph(blocked & False))
+    )
+
+
+@pytest.fixture
+def manager():
+    manager = LandmarkManager(count=4)
+    yield manager
+    manager.close()
+
+
+def free_map(size, *walls):
+    blocked = np.zeros((size, size), dtype=bool)
+    for wall in walls:
+        blocked[wall] = True
+    return GridGraph(blocked)
+
+
+def test_the_manager_repairs_what_becomes_freer(manager):
+    walled = free_map(20, np.s_[10, 2:])
+    with manager.lend(walled) as landmarks:
+        assert landmarks is None
+    manager.update(walled)
     assert manager.wait(60.0)
-    first = manager.current(grid)
-    assert first is not None
-    assert manager.nbytes == first.nbytes
-    more = blocked.copy()
-    more[5, 5] = True
-    blocked_more = GridGraph(more)
-    manager.update(blocked_more)
-    assert manager.current(blocked_more) is first
-    freed = GridGraph(np.zeros((20, 20), dtype=bool))
-    assert manager.current(freed) is None
+    with manager.lend(walled) as landmarks:
+        first = landmarks
+        assert manager.nbytes == landmarks.nbytes > 0
+    more = free_map(20, np.s_[10, 2:], np.s_[5, 5])
+    freed = free_map(20)
+    with manager.lend(more) as landmarks:
+        assert landmarks is first
+    with manager.lend(freed) as landmarks:
+        assert landmarks is None
+    manager.update(more)
+    manager.update(freed)
+    for grid in (walled, more, freed):
+        with manager.lend(grid) as landmarks:
+            assert landmarks is first
+    assert_exact(first, Union(freed))
+    figures = manager.statistics()
+    assert (figures['landmark_builds'], figures['landmark_repairs']) == (1, 1)
+    assert figures['landmark_availability'] == 5 / 7
+
+
+def test_what_is_lent_does_not_change(manager):
+    walled, freed = free_map(20, np.s_[10, 2:]), free_map(20)
+    manager.update(walled)
+    manager.wait(60.0)
+    with manager.lend(walled) as landmarks:
+        before = landmarks.distances.copy()
+        manager.update(freed)
+        assert (landmarks.distances == before).all()
+        with manager.lend(freed) as others:
+            assert others is None
+    assert manager.wait(60.0)
+    with manager.lend(freed) as landmarks:
+        assert_exact(landmarks, Union(freed))
+
+
+def test_a_long_repair_is_finished_in_the_background(manager):
+    walled, freed = free_map(300, np.s_[150]), free_map(300)
+    manager.update(walled)
+    manager.wait(60.0)
     manager.update(freed)
     assert manager.wait(60.0)
-    second = manager.current(freed)
-    assert second is not None
-    assert second is not first
-    manager.close()
-    assert manager.current(freed) is None
+    with manager.lend(freed) as landmarks:
+        assert_exact(landmarks, Union(freed))
+    assert manager.statistics()['landmark_builds'] == 1
+
+
+@pytest.mark.parametrize('first', [free_map(40), free_map(40, np.s_[:35])])
+def test_landmarks_are_measured_anew_when_the_map_is_much_stricter_or_mostly_new(manager, first):
+    last = free_map(40, np.s_[10:30])
+    for grid in (first, *80 * [last]):
+        manager.update(grid)
+        manager.wait(60.0)
+    with manager.lend(last) as landmarks:
+        assert landmarks.freest.free == np.count_nonzero(last.moves)
+    assert manager.statistics()['landmark_builds'] == 2
+
+
+def test_a_map_of_another_size_or_kind_gets_landmarks_of_its_own(manager):
+    flat = free_map(20)
+    for grid in (flat, free_map(30), GridGraph(flat.blocked, cost=np.ones((20, 20))), flat):
+        manager.update(grid)
+        assert manager.wait(60.0)
+        with manager.lend(grid) as landmarks:
+            assert landmarks.distances.shape == (4, grid.moves.size)
+            assert landmarks.is_admissible_on(grid)
+
+
+def test_threads_that_search_while_the_map_changes_get_true_bounds(manager):
+    random = np.random.default_rng(2)
+    grid = random_map(random, (60, 60), graded=True, corner_cutting=False)
+    grids = [grid]
+    for _ in range(40):
+        grids.append(changed_map(random, grids[-1]))
+    manager.update(grids[0])
+    manager.wait(60.0)
+    queries = random.integers(0, 60, (40, 2, 2)).tolist()
+    failures, used, done = [], [], threading.Event()
+
+    def search(seed):
+        order = np.random.default_rng(seed)
+        while not done.is_set():
+            grid = grids[order.integers(len(grids))]
+            start, goal = queries[order.integers(len(queries))]
+            with manager.lend(grid) as landmarks:
+                if landmarks is None:
+                    continue
+                bound = landmarks.lower_bound(grid, tuple(start), tuple(goal))
+                used.append(bound)
+                truth = exact_astar(grid, tuple(start), tuple(goal)).cost
+                if bound > (truth if truth == truth else math.inf) + 1e-6:
+                    failures.append((bound, truth))
+
+    threads = [threading.Thread(target=search, args=(seed,)) for seed in range(3)]
+    for thread in threads:
+        thread.start()
+    for grid in grids:
+        manager.update(grid)
+    assert manager.wait(60.0)
+    done.set()
+    for thread in threads:
+        thread.join()
+    assert not failures
+    assert used
+    with manager.lend(grids[-1]) as landmarks:
+        assert landmarks is not None
+
+
+def test_close_ends_a_build_and_does_not_wait_for_who_has_landmarks():
+    manager = LandmarkManager()
+    walled, freed = free_map(20, np.s_[10, 2:]), free_map(20)
+    manager.update(walled)
+    manager.wait(60.0)
+    with manager.lend(walled) as landmarks:
+        before = landmarks.distances.copy()
+        manager.update(freed)
+        manager.close()
+        assert (landmarks.distances == before).all()
+    manager.update(freed)
+    assert manager.wait(60.0)
+    with manager.lend(freed) as landmarks:
+        assert landmarks is None
+    busy = LandmarkManager()
+    busy.update(free_map(1000))
+    busy.close()
+    assert busy.nbytes == 0
+
+
+def test_there_are_none_where_two_do_not_fit():
+    manager = LandmarkManager(max_bytes=7 * 100)
+    manager.update(free_map(10))
+    assert manager.wait(0.0)
+    with manager.lend(free_map(10)) as landmarks:
+        assert landmarks is None

@@ -1,4 +1,4 @@
-"""Compiled loops of the landmarks: exact distances from one cell to all others.
+"""Compiled loops of the landmarks: distances from one cell to all others, and their repair.
 
 See `_kernels/astar` for the layout of cells and moves. A landmark's distances are one contiguous
 row, int32 [cells], in units, -1 where it does not reach.
@@ -29,7 +29,7 @@ from llm_astar_planner.search._kernels.astar import (
 )
 
 # Slots of the control array: the state of a run between two calls.
-D_BUCKET, D_SEED, D_FREE, D_TOP, D_LIVE, D_SIZE = range(6)
+D_BUCKET, D_SEED, D_FREE, D_TOP, D_LIVE, D_EXPANDED, D_SIZE = range(7)
 # A queue entry holds cell << 32 | move that led there << 28 | number of the next entry.
 _MOVE_SHIFT = 28
 _NEXT_MASK = (1 << _MOVE_SHIFT) - 1
@@ -37,6 +37,14 @@ _NEXT_MASK = (1 << _MOVE_SHIFT) - 1
 _ANY_MOVE = 8
 
 _jit: Any = njit(cache=True, nogil=True)
+
+
+@_jit
+def steps(width: int, straight: int, diagonal: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return what each move adds to a cell's number, and its length in units."""
+    lengths = np.full(8, straight, dtype=np.int64)
+    lengths[4:] = diagonal
+    return STEP_Y * width + STEP_X, lengths
 
 
 @_jit
@@ -67,6 +75,7 @@ def propagate(
     ring = heads.size - 1
     bucket, seed = control[D_BUCKET], control[D_SEED]
     free, top, live = control[D_FREE], control[D_TOP], control[D_LIVE]
+    offsets, lengths = steps(width, straight, diagonal)
     count = 0
     status = FOUND
     # The bucket of the next seed.
@@ -124,8 +133,8 @@ def propagate(
         while mask:
             move = LOWEST[mask]
             mask &= mask - 1
-            other = cell + STEP_Y[move] * width + STEP_X[move]
-            length = straight if move < 4 else diagonal
+            other = cell + offsets[move]
+            length = lengths[move]
             other_g = g + length
             if graded:
                 other_g += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
@@ -148,4 +157,106 @@ def propagate(
     control[D_FREE] = free
     control[D_TOP] = top
     control[D_LIVE] = live
+    control[D_EXPANDED] += count
     return status
+
+
+@_jit
+def merge_freer(
+    moves: NDArray[np.uint8],
+    cell_surcharge: NDArray[np.uint16],
+    least_moves: NDArray[np.uint8],
+    least_surcharge: NDArray[np.uint16],
+    changed: NDArray[np.int64],
+) -> tuple[int, int, int]:
+    """Add to the second map what is freer on the first: its moves and its lower surcharges.
+
+    Surcharges count where a cell has moves. Writes the numbers of the cells that changed to
+    `changed` [cells]. Returns how many they are, how many of them had no moves before, and how
+    many cells are now stricter on the first map than on the second.
+    """
+    graded = cell_surcharge.size > 0
+    blocks = moves.size // 256
+    new = moves[: 256 * blocks].view(np.uint64).reshape(blocks, 32)
+    old = least_moves[: 256 * blocks].view(np.uint64).reshape(blocks, 32)
+    graded_blocks = blocks if graded else 0
+    new_cost = cell_surcharge[: 256 * graded_blocks].view(np.uint64).reshape(graded_blocks, 64)
+    old_cost = least_surcharge[: 256 * graded_blocks].view(np.uint64).reshape(graded_blocks, 64)
+    count = new_cells = stricter = 0
+    # Most blocks of 256 cells are equal: compare them eight bytes at a time.
+    for block in range(blocks + 1):
+        differ = np.uint64(block == blocks)
+        if block < blocks:
+            for word in range(32):
+                differ |= new[block, word] ^ old[block, word]
+            if graded:
+                for word in range(64):
+                    differ |= new_cost[block, word] ^ old_cost[block, word]
+        if differ == 0:
+            continue
+        for cell in range(256 * block, min(256 * block + 256, moves.size)):
+            mask, least = moves[cell], least_moves[cell]
+            cheaper = graded and cell_surcharge[cell] < least_surcharge[cell]
+            if mask & ~least or (mask and cheaper):
+                if graded and (least == 0 or cheaper):
+                    least_surcharge[cell] = cell_surcharge[cell]
+                least_moves[cell] |= mask
+                changed[count] = cell
+                count += 1
+                new_cells += least == 0
+            elif mask != least or (graded and cell_surcharge[cell] != least_surcharge[cell]):
+                stricter += 1
+    return count, new_cells, stricter
+
+
+@_jit
+def find_seeds(
+    moves: NDArray[np.uint8],
+    cell_surcharge: NDArray[np.uint16],
+    width: int,
+    straight: int,
+    diagonal: int,
+    changed: NDArray[np.int64],
+    distances: NDArray[np.int32],
+    seeds: NDArray[np.int64],
+) -> int:
+    """Lower the `distances` of the changed cells and of their neighbours, one move far.
+
+    `changed` are cells that got more moves or a lower surcharge on this map. Writes what
+    `propagate` continues from to `seeds` [9 * changed] in its form; returns their number.
+    """
+    graded = cell_surcharge.size > 0
+    offsets, lengths = steps(width, straight, diagonal)
+    count = 0
+    for cell in changed:
+        before = np.int64(np.uint32(distances[cell]))
+        g = before
+        mask = np.int64(moves[cell])
+        while mask:
+            move = LOWEST[mask]
+            mask &= mask - 1
+            other = cell + offsets[move]
+            length = lengths[move]
+            if graded:
+                length += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
+            if distances[other] >= 0:
+                g = min(g, distances[other] + length)
+        if g < before:
+            distances[cell] = g
+            seeds[count] = g << 32 | cell
+            count += 1
+            continue
+        # The ends of a new move are both changed cells; a lower surcharge helps any neighbour.
+        mask = np.int64(moves[cell]) if graded and distances[cell] >= 0 else np.int64(0)
+        while mask:
+            move = LOWEST[mask]
+            mask &= mask - 1
+            other = cell + offsets[move]
+            length = lengths[move]
+            length += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
+            if g + length < np.uint32(distances[other]):
+                distances[other] = g + length
+                seeds[count] = g + length << 32 | other
+                count += 1
+    seeds[:count].sort()
+    return count

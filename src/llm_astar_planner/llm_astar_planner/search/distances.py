@@ -1,0 +1,138 @@
+"""Exact distances from single cells to all others, and their repair when a map becomes freer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llm_astar_planner.search._kernels import distances as kernels
+from llm_astar_planner.search._kernels.astar import FOUND, NEED_SPACE, NO_PATH, RUNNING
+from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.stop import StopFlag
+
+# Cells that one step of a repair expands: about 2 ms.
+REPAIR_STEP = 1 << 14
+
+
+class FreestMap:
+    """Each move that was legal on any of the maps merged into it, at its least cost on them."""
+
+    def __init__(self, grid: GridGraph) -> None:
+        """Start with one map: copies its moves and surcharges."""
+        self.moves = grid.moves.copy()
+        self.cell_surcharge = grid.cell_surcharge.copy()
+        self.width, self.straight, self.diagonal = grid.width, grid.straight, grid.diagonal
+        self.ring = grid.ring
+        self.free = int(np.count_nonzero(self.moves))
+        # Cells that were free on none of the earlier maps, over all merges.
+        self.new_cells = 0
+        # Cells that were stricter on the last map than here.
+        self.stricter = 0
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held."""
+        return self.moves.nbytes + self.cell_surcharge.nbytes
+
+    def covers(self, grid: GridGraph) -> bool:
+        """Tell whether no move of `grid`, a map like this, is missing here or costs less there."""
+        if (grid.moves & ~self.moves).any():
+            return False
+        cheaper = grid.cell_surcharge < self.cell_surcharge
+        return not (cheaper & (grid.moves[: cheaper.size] != 0)).any()
+
+    def merge(self, grid: GridGraph) -> NDArray[np.int64]:
+        """Merge a map like this; return the numbers of the cells that became freer or cheaper."""
+        changed = np.empty(self.moves.size, dtype=np.int64)
+        count, new_cells, self.stricter = kernels.merge_freer(
+            grid.moves, grid.cell_surcharge, self.moves, self.cell_surcharge, changed
+        )
+        self.ring = max(self.ring, grid.ring)
+        self.new_cells += new_cells
+        return changed[:count].copy()
+
+
+def is_alike(one: GridGraph | FreestMap, other: GridGraph) -> bool:
+    """Tell whether two maps have the same size and units and both or neither graded costs."""
+    return (
+        (one.moves.size, one.width) == (other.moves.size, other.width)
+        and (one.straight, one.diagonal) == (other.straight, other.diagonal)
+        and one.cell_surcharge.size == other.cell_surcharge.size
+    )
+
+
+class DistanceRows:
+    """Rows of distances on a `FreestMap`: Dijkstra's algorithm from single cells, and repairs."""
+
+    def __init__(self, freest: FreestMap, distances: NDArray[np.int32]) -> None:
+        """Work on `distances`, int32 [count, cells], in units, -1: not reached."""
+        self._map = freest
+        self._distances = distances
+        self._pool = np.empty(1 << 14, dtype=np.int64)
+        self._heads = np.zeros(freest.ring, dtype=np.int32)
+        self._control = np.zeros(kernels.D_SIZE, dtype=np.int64)
+
+    def fill(self, row: int, source: int, stop: StopFlag) -> bool:
+        """Measure a row from the cell `source`; False: stopped, or beyond 32 bits.
+
+        The map must be that of a single grid: its moves are pruned if its costs are uniform.
+        """
+        self._distances[row] = -1
+        self._distances[row, source] = 0
+        self._clear()
+        canonical = self._map.cell_surcharge.size == 0
+        return self._propagate(row, np.array([source]), canonical, NO_PATH, stop) == FOUND
+
+    def repair(self, changed: NDArray[np.int64], stop: StopFlag) -> Iterator[bool]:
+        """Make all rows exact again after `FreestMap.merge` returned `changed`.
+
+        Yields False after each step of at most REPAIR_STEP cells, True at the end. If it ends
+        without, it was stopped or a distance is beyond 32 bits.
+        """
+        seeds = np.empty(9 * changed.size, dtype=np.int64)
+        left = REPAIR_STEP
+        for row, distances in enumerate(self._distances):
+            left -= changed.size
+            if left <= 0:
+                yield False
+                left = REPAIR_STEP
+            count = kernels.find_seeds(
+                self._map.moves, self._map.cell_surcharge, self._map.width,
+                self._map.straight, self._map.diagonal, changed, distances, seeds,
+            )  # fmt: skip
+            self._clear()
+            while True:
+                expanded = self._control[kernels.D_EXPANDED]
+                status = self._propagate(row, seeds[:count], False, left, stop)
+                left -= int(self._control[kernels.D_EXPANDED] - expanded)
+                if status != RUNNING:
+                    break
+                yield False
+                left = REPAIR_STEP
+            if status != FOUND:
+                return
+        yield True
+
+    def _clear(self) -> None:
+        """Empty the queue."""
+        if self._heads.size != self._map.ring:
+            self._heads = np.zeros(self._map.ring, dtype=np.int32)
+        self._heads[:] = 0
+        self._control[:] = 0
+
+    def _propagate(
+        self, row: int, seeds: NDArray[np.int64], canonical: bool, quota: int, stop: StopFlag
+    ) -> int:
+        """Call the kernel, with a longer pool when it needs one; return how it ended."""
+        freest = self._map
+        while True:
+            status = kernels.propagate(
+                freest.moves, freest.cell_surcharge, freest.width, freest.straight,
+                freest.diagonal, canonical, seeds, self._distances[row], self._pool,
+                self._heads, self._control, quota, stop,
+            )  # fmt: skip
+            if status != NEED_SPACE:
+                return int(status)
+            self._pool = np.concatenate((self._pool, np.empty_like(self._pool)))
