@@ -1,27 +1,122 @@
-"""Exact A* on a grid: octile estimate, ties to larger g, a queue of buckets."""
+"""Exact A* on a grid: octile or landmark estimate, ties to larger g, a queue of buckets."""
 
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
-from llm_astar_planner.search.grid_graph import GridGraph, Workspace, as_grid
-from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
+from llm_astar_planner.search.grid_graph import GridGraph, as_grid
+from llm_astar_planner.search.landmarks import NO_DISTANCES, NONE_ACTIVE, Landmarks
+from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus
 from llm_astar_planner.search.stop import StopFlag, no_stop
 
-_STATUS = {
-    kernels.FOUND: SearchStatus.FOUND,
-    kernels.EXHAUSTED: SearchStatus.EXHAUSTED,
-    kernels.STOPPED: SearchStatus.STOPPED,
-}
+# Expansions between two looks at the stop flag and the clock: about half a millisecond.
+EXPANSION_SLICE = 16384
 
 
 class PathTooLongError(LlmAstarError, ArithmeticError):
     """A path whose cost is too large for the 32-bit records of the search."""
+
+
+class PlainSearch:
+    """An exact A* that runs in slices.
+
+    `best` is the cost in units of the best path known, NO_PATH without one, and `bound` a lower
+    bound on the cost of every path; they are equal at the end. Return the workspace with `close`.
+    """
+
+    def __init__(
+        self,
+        grid: GridGraph,
+        start: Cell,
+        goal: Cell,
+        landmarks: Landmarks | None = None,
+        *,
+        every_move: bool = False,
+    ) -> None:
+        """Take the query; nothing is searched yet. Raises ValueError for a cell off the grid."""
+        self.grid = grid
+        self.start, self.goal = grid.index(start), grid.index(goal)
+        self.best = kernels.NO_PATH
+        self.bound = self.expansions = self.storage = 0
+        self.status: SearchStatus | None = None
+        self.distances, active = NO_DISTANCES, NONE_ACTIVE
+        found = landmarks.active(grid, start, goal) if landmarks is not None else None
+        if landmarks is not None and found is None:
+            self.status = SearchStatus.EXHAUSTED
+        elif landmarks is not None and len(found):
+            self.distances, active = landmarks.distances, found
+        self.active = active
+        # A free goal that no move leaves cannot be entered either.
+        enclosed = self.start != self.goal and not grid.moves[self.goal]
+        if enclosed or grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
+            self.status = SearchStatus.EXHAUSTED
+        self.workspace = workspace = grid.borrow()
+        self.generation = workspace.next_generation()
+        self._every_move = every_move or grid.cell_surcharge.size > 0
+        self._control = workspace.control
+        self._control[:] = 0
+        self._control[kernels.A_BEST] = kernels.NO_PATH
+
+    @property
+    def fewest_moves(self) -> int:
+        """The least number of moves of any path, by the estimate of the start."""
+        grid = self.grid
+        across = abs(self.start % grid.width - self.goal % grid.width)
+        moves = max(across, abs(self.start // grid.width - self.goal // grid.width))
+        if grid.cell_surcharge.size:
+            return moves
+        return max(moves, int(self._control[kernels.A_ESTIMATE]) // grid.diagonal)
+
+    def advance(self, quota: int) -> None:
+        """Expand up to `quota` cells; set `status` if that ends the search.
+
+        Raises OverflowError where the cost of a path does not fit the records.
+        """
+        grid, workspace, control = self.grid, self.workspace, self._control
+        ended = kernels.astar(
+            grid.moves, grid.cell_surcharge, grid.width, grid.straight, grid.diagonal,
+            self.start, self.goal, self._every_move, self.distances, self.active,
+            self.generation, workspace.records, workspace.pool, workspace.heads, control, quota,
+        )  # fmt: skip
+        self.best = int(control[kernels.A_BEST])
+        self.bound = min(int(control[kernels.A_BUCKET]) << kernels.BUCKET_BITS, self.best)
+        self.expansions = int(control[kernels.A_EXPANSIONS])
+        self.storage = int(control[kernels.A_STORAGE])
+        if ended == kernels.FOUND:
+            self.status, self.bound = SearchStatus.FOUND, self.best
+        elif ended == kernels.EXHAUSTED:
+            self.status = SearchStatus.EXHAUSTED
+        elif ended == kernels.NEED_SPACE:
+            workspace.grow_pool()
+        elif ended == kernels.OVERFLOW:
+            raise OverflowError
+
+    def learn(self, best: int, bound: int = 0) -> None:
+        """Take over what another search knows: a path of cost `best`, a lower bound; in units.
+
+        Only paths that cost less than `best` are looked for from now on.
+        """
+        self._control[kernels.A_BEST] = min(self._control[kernels.A_BEST], best)
+        self.best = min(self.best, best)
+        self.bound = max(self.bound, bound)
+
+    def path(self) -> tuple[NDArray[np.int32], float, int]:
+        """Return the path that the records hold, its length in cells and its cost in units."""
+        return self.workspace.trace(self.grid, self.start, self.goal)
+
+    def add_expanded(self, expanded: NDArray[np.bool_]) -> None:
+        """Set `expanded` [height, width] where this search has expanded a cell."""
+        kernels.add_expanded(self.workspace.records, self.generation, expanded)
+
+    def close(self) -> None:
+        """Return the workspace."""
+        self.grid.give_back(self.workspace)
 
 
 def exact_astar(
@@ -31,32 +126,37 @@ def exact_astar(
     *,
     corner_cutting: bool = False,
     stop: StopFlag | None = None,
+    deadline: float = math.inf,
+    landmarks: Landmarks | None = None,
     want_expanded: bool = True,
     every_move: bool = False,
 ) -> BoundedResult:
     """Find a cheapest path with A*; exact to 6e-8 of the length.
 
     `blocked` is a prepared grid, or bool [height, width], which is prepared first. Another
-    thread ends the search by raising `stop`; the status is then STOPPED, with the best path
-    found so far, if any. `every_move` also tries the moves that uniform costs make pointless,
-    as a textbook A* does: about as many expansions, more states stored. Raises ValueError for a
-    cell off the grid and PathTooLongError beyond 30 million cells.
+    thread ends the search by raising `stop`, and `deadline` (monotonic seconds) ends it too; the
+    status is then STOPPED, with the best path found so far, if any. `landmarks`, which must be
+    admissible on the grid, save expansions. `every_move` also tries the moves that uniform costs
+    make pointless, as a textbook A* does: about as many expansions, more states stored. Raises
+    ValueError for a cell off the grid and PathTooLongError beyond 30 million cells.
     """
     grid = as_grid(blocked, corner_cutting=corner_cutting)
-    first, last = grid.index(start), grid.index(goal)
-    if grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
-        return BoundedResult(SearchStatus.EXHAUSTED, 0, 0, np.zeros_like(grid.blocked))
-    with grid.workspace() as workspace:
-        ended = run_kernel(grid, workspace, first, last, stop=stop, every_move=every_move)
-        if ended[0] != kernels.OVERFLOW:
-            return make_result(grid, workspace, first, last, ended, want_expanded=want_expanded)
-    if grid.coarse() is grid:
-        raise PathTooLongError(f'the cost of a path from {start} to {goal} does not fit')
+    search = PlainSearch(grid, start, goal, landmarks, every_move=every_move)
+    try:
+        run(search, no_stop() if stop is None else stop, deadline)
+        return make_result(search, want_expanded=want_expanded)
+    except OverflowError:
+        if grid.coarse() is grid:
+            message = f'the cost of a path from {start} to {goal} does not fit'
+            raise PathTooLongError(message) from None
+    finally:
+        search.close()
     return exact_astar(
         grid.coarse(),
         start,
         goal,
         stop=stop,
+        deadline=deadline,
         want_expanded=want_expanded,
         every_move=every_move,
     )
@@ -67,97 +167,43 @@ def shortest_path(
 ) -> tuple[NDArray[np.int32], float]:
     """Return a cheapest path, int32 [n, 2], and its cost in cells; empty and inf if none.
 
-    The same search as `exact_astar` without its bookkeeping. Raises what `exact_astar` does,
-    and InterruptedError if `stop` was raised.
+    Raises what `exact_astar` does, and InterruptedError if `stop` was raised.
     """
-    first, last = grid.index(start), grid.index(goal)
-    if first == last and grid.blocked[start[1], start[0]]:
-        return empty_path(), math.inf
-    workspace = grid.borrow()
-    try:
-        status, count, _, units = run_kernel(grid, workspace, first, last, stop=stop)
-        if status == kernels.FOUND:
-            path = take_path(workspace, count, grid.width, first, last)
-            return path, units / grid.straight
-    finally:
-        grid.give_back(workspace)
-    if status == kernels.OVERFLOW:
-        result = exact_astar(grid, start, goal, stop=stop, want_expanded=False)
-        return result.path, result.cost
-    if status == kernels.STOPPED:
+    result = exact_astar(grid, start, goal, stop=stop, want_expanded=False)
+    if result.status is SearchStatus.STOPPED:
         raise InterruptedError('the search was stopped')
-    return empty_path(), math.inf
+    return result.path, result.cost
 
 
-def run_kernel(
-    grid: GridGraph,
-    workspace: Workspace,
-    first: int,
-    last: int,
-    *,
-    stop: StopFlag | None = None,
-    every_move: bool = False,
-) -> tuple[int, int, int, int]:
-    """Run the compiled A* between two cell numbers, with as large a workspace as it needs.
-
-    Returns how it ended (a kernel code), and the path's cells, diagonal moves and cost in units.
-    """
-    generation = workspace.next_generation()
-    workspace.control[kernels.A_STARTED] = 0
-    flag = no_stop() if stop is None else stop
-    every_move = every_move or grid.cell_surcharge.size > 0
-    while True:
-        ended: tuple[int, int, int, int] = kernels.solve(
-            grid.moves, grid.cell_surcharge, grid.width, grid.straight, grid.diagonal,
-            first, last, every_move, generation,
-            workspace.records, workspace.pool, workspace.heads, workspace.control,
-            flag, workspace.path,
-        )  # fmt: skip
-        if ended[0] != kernels.NEED_SPACE:
-            return ended
-        workspace.grow_pool()
+def run(search: PlainSearch, stop: StopFlag, deadline: float) -> None:
+    """Run a search to its end. Raises OverflowError."""
+    while search.status is None:
+        if stop[0] or time.monotonic() >= deadline:
+            search.status = SearchStatus.STOPPED
+        else:
+            search.advance(EXPANSION_SLICE)
 
 
-def take_path(
-    workspace: Workspace, count: int, width: int, first: int, last: int
-) -> NDArray[np.int32]:
-    """Return the path of `count` cells that `run_kernel` found: int32 [count, 2]."""
-    if count <= len(workspace.path):
-        return workspace.path[-count:].copy()
-    return workspace.trace(width, first, last)
-
-
-def make_result(
-    grid: GridGraph,
-    workspace: Workspace,
-    first: int,
-    last: int,
-    ended: tuple[int, int, int, int],
-    *,
-    want_expanded: bool,
-) -> BoundedResult:
-    """Describe how `run_kernel` ended: the path, the counts and what they prove."""
-    status, count, diagonals, units = ended
-    control = workspace.control
-    expanded: NDArray[np.bool_] = np.zeros((0, 0), dtype=np.bool_)
+def make_result(search: PlainSearch, *, want_expanded: bool) -> BoundedResult:
+    """Describe how a search ended: the path, the counts and what they prove."""
+    assert search.status is not None
+    grid = search.grid
+    expanded = np.zeros(grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
     if want_expanded:
-        expanded = np.zeros(grid.blocked.shape, dtype=np.bool_)
-        kernels.add_expanded(workspace.records, workspace.generation, expanded)
-    expansions, storage = int(control[kernels.A_EXPANSIONS]), int(control[kernels.A_STORAGE])
-    if count == 0:
-        return BoundedResult(_STATUS[status], expansions, storage, expanded)
-    floor = int(control[kernels.A_BUCKET]) << kernels.BUCKET_BITS
-    bound = units if status == kernels.FOUND else min(units, floor)
+        search.add_expanded(expanded)
+    if search.best == kernels.NO_PATH:
+        return BoundedResult(search.status, search.expansions, search.storage, expanded)
+    path, length, units = search.path()
     return BoundedResult(
-        _STATUS[status],
-        expansions,
-        storage,
+        search.status,
+        search.expansions,
+        search.storage,
         expanded,
-        take_path(workspace, count, grid.width, first, last),
-        count - 1 - diagonals + diagonals * math.sqrt(2.0),
+        path,
+        length,
         cost=units / grid.straight,
-        lower_bound=bound / grid.straight,
-        suboptimality_bound=units / bound if bound else 1.0,
-        first_expansions=expansions,
+        lower_bound=search.bound / grid.straight,
+        suboptimality_bound=max(1.0, units / search.bound) if search.bound else 1.0,
+        first_expansions=search.expansions,
         first_cost=units / grid.straight,
     )

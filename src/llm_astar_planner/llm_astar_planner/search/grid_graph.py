@@ -43,6 +43,8 @@ class Workspace:
         """Make a workspace for `cells` cells and a ring of `ring` buckets."""
         self.records = np.zeros(2 * cells, dtype=np.int32)
         self.pool = np.empty(min(max(cells // 8, 256), 65536), dtype=np.int64)
+        # The key of each entry of the pool, for searches that are not led by f alone.
+        self.keys = np.empty(self.pool.size, dtype=np.int64)
         self.heads = np.zeros(ring, dtype=np.int32)
         self.control = np.zeros(kernels.A_SIZE, dtype=np.int64)
         self.path = np.empty((512, 2), dtype=np.int32)
@@ -51,7 +53,7 @@ class Workspace:
     @property
     def nbytes(self) -> int:
         """Bytes held."""
-        arrays = (self.records, self.pool, self.heads, self.control, self.path)
+        arrays = (self.records, self.pool, self.keys, self.heads, self.control, self.path)
         return sum(array.nbytes for array in arrays)
 
     def next_generation(self) -> int:
@@ -62,19 +64,27 @@ class Workspace:
         self.generation += 1
         return self.generation
 
-    def trace(self, width: int, start: int, goal: int) -> NDArray[np.int32]:
-        """Return the path that the records hold between two cells: int32 [n, 2]."""
+    def trace(
+        self, grid: GridGraph, start: int, goal: int
+    ) -> tuple[NDArray[np.int32], float, int]:
+        """Return the path that the records hold between two cells, its length and its cost.
+
+        The path is int32 [n, 2], the length in cells, the cost in the grid's units.
+        """
         while True:
-            count, _ = kernels.trace(width, start, goal, self.records, self.path)
+            count, diagonals, units = kernels.trace(
+                grid.width, grid.straight, grid.diagonal, grid.cell_surcharge,
+                start, goal, self.records, self.path,
+            )  # fmt: skip
             if count <= len(self.path):
-                return self.path[-count:].copy()
+                length = count - 1 - diagonals + diagonals * math.sqrt(2.0)
+                return self.path[-count:].copy(), length, units
             self.path = np.empty((2 * count, 2), dtype=np.int32)
 
     def grow_pool(self) -> None:
         """Double the pool of queue entries and keep its content."""
-        pool = np.empty(2 * self.pool.size, dtype=np.int64)
-        pool[: self.pool.size] = self.pool
-        self.pool = pool
+        self.pool = np.concatenate((self.pool, np.empty_like(self.pool)))
+        self.keys = np.concatenate((self.keys, np.empty_like(self.keys)))
 
 
 class GridGraph:
@@ -149,8 +159,8 @@ class GridGraph:
         highest = SURCHARGE_ONE
         if self.cell_surcharge.size:
             highest += round(self.cost_multiplier * SURCHARGE_ONE)
-        # A move raises f by at most its own cost and the rise of the estimate, one diagonal.
-        reach = self.diagonal * highest // SURCHARGE_ONE + self.diagonal
+        # A move raises f by at most its own cost and the rise of the estimate, its cost as well.
+        reach = 2 * self.diagonal * highest // SURCHARGE_ONE
         return 1 << ((reach >> kernels.BUCKET_BITS) + 2).bit_length()
 
     @property
@@ -171,6 +181,12 @@ class GridGraph:
         if 0 <= x < self.width and 0 <= y < self.height:
             return int(y) * self.width + int(x)
         raise ValueError(f'cell ({x}, {y}) is off a grid of {self.width} x {self.height}')
+
+    def octile(self, cell: Cell, other: Cell) -> int:
+        """Return the octile distance between two cells in units: the least a path can cost."""
+        delta_x, delta_y = abs(cell[0] - other[0]), abs(cell[1] - other[1])
+        least, most = min(delta_x, delta_y), max(delta_x, delta_y)
+        return self.straight * most + (self.diagonal - self.straight) * least
 
     @contextmanager
     def workspace(self) -> Iterator[Workspace]:

@@ -1,8 +1,8 @@
 """Guided search: waypoints steer it, plain A* limits its work, and its path carries a bound.
 
 docs/guided-search.md describes the algorithm and proves its bounds. In short: one search follows
-the waypoints, a plain A* next to it limits how much work they may cost, and the open cells of
-both prove a lower bound on the cost of any path.
+the waypoints, an exact A* next to it limits how much work they may cost, and proves how good the
+path is.
 """
 
 from __future__ import annotations
@@ -18,35 +18,35 @@ from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import guided as kernels
-from llm_astar_planner.search.astar import PathTooLongError
-from llm_astar_planner.search.grid_graph import GridGraph, as_grid, path_length, path_units
-from llm_astar_planner.search.landmarks import NO_DISTANCES, NONE_ACTIVE, Landmarks
+from llm_astar_planner.search.astar import EXPANSION_SLICE, PathTooLongError, PlainSearch
+from llm_astar_planner.search.grid_graph import GridGraph, as_grid
+from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
 from llm_astar_planner.search.stop import StopFlag, no_stop
 
 # How greedily waypoints are followed: the weight of the cost to go.
 WEIGHT = 1.2
-# The expansions that waypoints may cost, as a multiple of those surely needed without any.
+# The expansions that waypoints may cost, as a multiple of the plain search's. One costs about
+# twice as much time as one of the plain search, and that one, with landmarks, takes less than
+# half of the time of one without: so both together take at most twice the time of a plain A*.
 WORK_FACTOR = 2.0
+WORK_FACTOR_WITHOUT_LANDMARKS = 0.5
 # A path passes a waypoint that it comes within so many cells of.
 PASSING_RADIUS = 3.0
-# Expansions between two looks at the stop flag and at new waypoints.
-EXPANSION_SLICE = 4096
 _BUCKETS = 2048
-# The fewest expansions of plain A* at a time; later an eighth of those done.
+# The fewest expansions of the plain search at a time; later this share of those done.
 _MIN_PLAIN_STEP = 4
+_PLAIN_SHARE = 4
 
 
 @dataclass(frozen=True, eq=False)
 class GuidedResult(BoundedResult):
     """A bounded result and what its expansions were for.
 
-    `guided_expansions` followed the waypoints, `proof_expansions` proved the path found that
-    way, `plain_expansions` are those of the plain A*.
+    `guided_expansions` followed the waypoints, `plain_expansions` are those of the plain A*.
     """
 
     guided_expansions: int = 0
-    proof_expansions: int = 0
     plain_expansions: int = 0
 
 
@@ -69,7 +69,7 @@ class GuidedSearch:
     at `deadline` (monotonic seconds, looked at between slices of the search) and when another
     thread sets `stop[0] = 1`; the expanded cells of a search cancelled that way are not returned.
     `weight` is how greedily waypoints are followed; `work_factor` limits the expansions that they
-    may cost, as a multiple of those surely needed without any.
+    may cost, as a multiple of those of the search without any (None: 2, without landmarks 0.5).
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class GuidedSearch:
         stop: StopFlag | None = None,
         deadline: float = math.inf,
         weight: float = WEIGHT,
-        work_factor: float = WORK_FACTOR,
+        work_factor: float | None = None,
     ) -> None:
         """Take the query; nothing is searched yet.
 
@@ -94,7 +94,7 @@ class GuidedSearch:
             raise ValueError(f'max_suboptimality: {max_suboptimality} is not in 1 to 1000')
         if not 1.0 <= weight <= 100.0:
             raise ValueError(f'weight: {weight} is not in 1 to 100')
-        if not 0.0 <= work_factor <= 1000.0:
+        if work_factor is not None and not 0.0 <= work_factor <= 1000.0:
             raise ValueError(f'work_factor: {work_factor} is not in 0 to 1000')
         self._grid = as_grid(blocked, corner_cutting=corner_cutting)
         self._grid.index(start)
@@ -119,7 +119,8 @@ class GuidedSearch:
             points = points.reshape(0, 2)
         if points.ndim != 2 or points.shape[1] != 2:
             raise ValueError(f'waypoints: shape {points.shape} is not [n, 2]')
-        self._query.inbox.append(points)
+        if len(points):
+            self._query.inbox.append(points)
 
     def solutions(
         self, *, want_expanded: bool = False
@@ -148,8 +149,7 @@ class GuidedSearch:
                 self._result = run.result(want_expanded=want_expanded)
                 raise
             finally:
-                for one in run.searches:
-                    run.grid.give_back(one.workspace)
+                run.close()
 
     def result(self) -> GuidedResult:
         """Return what the run found. Raises RuntimeError before it ended."""
@@ -169,7 +169,7 @@ def guided(
     landmarks: Landmarks | None = None,
     stop: StopFlag | None = None,
     weight: float = WEIGHT,
-    work_factor: float = WORK_FACTOR,
+    work_factor: float | None = None,
     want_expanded: bool = True,
 ) -> GuidedResult:
     """Search along `waypoints` to the end; the other parameters are those of `GuidedSearch`."""
@@ -200,287 +200,241 @@ class _Query:
     stop: StopFlag
     deadline: float
     weight: float
-    work_factor: float
+    work_factor: float | None
     # Waypoints that the search has not taken yet, the newest last. Other threads append to it.
     inbox: deque[NDArray[np.float64]] = field(default_factory=deque)
 
+    def is_met(self, best: int, bound: int) -> bool:
+        """Tell whether a path of cost `best` is good enough, given a lower bound, in units."""
+        if self.max_suboptimality is None:
+            return True
+        # Rounded down: the bound reported is never above the one asked for.
+        limit = math.floor(self.max_suboptimality * kernels.ONE)
+        return best * kernels.ONE <= bound * limit
 
-class _Search:
-    """One of a run's two searches: its records, its queue and its counts.
 
-    While `proving` it is an A* by g + h without a work limit, else it follows the targets.
+class WaypointSearch:
+    """The search along waypoints: its records, its queue and its counts.
+
+    It ends when it reaches the goal (FOUND) or cannot find a path cheaper than the best known.
     """
 
-    def __init__(
-        self,
-        query: _Query,
-        grid: GridGraph,
-        landmark_distances: NDArray[np.int32],
-        active: NDArray[np.int64],
-        *,
-        proving: bool,
-    ) -> None:
+    def __init__(self, query: _Query, plain: PlainSearch) -> None:
+        """Search the grid of the plain search, with its estimate; `follow` starts it."""
+        self.grid = grid = plain.grid
         self.workspace = grid.borrow()
-        self._grid, self._active = grid, active
-        self._landmark_distances = landmark_distances
-        self.control = control = np.zeros(kernels.G_SIZE, dtype=np.int64)
-        control[kernels.G_START], control[kernels.G_GOAL] = map(
-            grid.index, (query.start, query.goal)
-        )
-        control[kernels.G_GENERATION] = self.workspace.next_generation()
-        control[kernels.G_STRAIGHT], control[kernels.G_DIAGONAL] = grid.straight, grid.diagonal
-        control[kernels.G_WIDTH] = grid.width
-        control[kernels.G_SHIFT] = plain_kernels.BUCKET_BITS
-        control[kernels.G_PROVING] = proving
-        control[kernels.G_WEIGHT] = round(query.weight * kernels.ONE)
-        control[kernels.G_RADIUS] = round(PASSING_RADIUS * grid.straight)
-        work_factor = round(query.work_factor * kernels.ONE)
-        control[kernels.G_WORK_FACTOR] = kernels.UNBOUNDED if proving else work_factor
-        if query.max_suboptimality is not None:
-            # Rounded down: the bound reported is never above the one asked for.
-            bound = math.floor(query.max_suboptimality * kernels.ONE)
-            control[kernels.G_SUBOPTIMALITY] = bound
+        self.generation = self.workspace.next_generation()
+        self.status: SearchStatus | None = None
+        self.best = kernels.NO_PATH
+        self.expansions = 0
+        self._plain = plain
+        self._weight = query.weight
+        self._control = np.array([
+            plain.start, plain.goal, self.generation, grid.straight, grid.diagonal, grid.width,
+            round(query.weight * kernels.ONE), round(PASSING_RADIUS * grid.straight),
+            *[0] * (kernels.G_SIZE - kernels.G_FREE),
+        ])  # fmt: skip
         self._heads = np.zeros(_BUCKETS + 1, dtype=np.int32)
-        self._keys: NDArray[np.int64] = np.empty(self.workspace.pool.size, dtype=np.int64)
         self._targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
-        kernels.begin(
-            self.workspace.records, self.workspace.pool, self._keys, self._heads,
-            grid.cell_surcharge.size > 0, landmark_distances, active, control,
-        )  # fmt: skip
-        self.best, self.bound, self.expansions = int(control[kernels.G_BEST]), 0, 0
 
-    def learn(self, best: int, bound: int, plain_expansions: int = 0) -> None:
-        """Take over what the other search knows: its best cost, its bound, its expansions."""
-        control = self.control
+    @property
+    def storage(self) -> int:
+        """The number of states that ever got a g."""
+        return int(self._control[kernels.G_STORAGE])
+
+    def follow(self, waypoints: NDArray[np.float64]) -> None:
+        """Follow new waypoints [n, 2] from here on; see `GuidedSearch.guide`."""
+        grid, plain = self.grid, self._plain
+        targets = np.empty((len(waypoints) + 1, 3), dtype=np.int64)
+        count = kernels.make_targets(
+            waypoints, grid.width, grid.height, plain.start, plain.goal, grid.straight,
+            grid.diagonal - grid.straight, targets,
+        )  # fmt: skip
+        self._targets = targets = targets[:count]
+        # The window of the queue covers about the keys of a path half as long again as the way
+        # along the targets; keys beyond it only take more time.
+        span = 1.5 * self._weight * float(targets[0, 2]) + 64.0 * grid.straight
+        shift = max(plain_kernels.BUCKET_BITS, math.ceil(math.log2(span / _BUCKETS)))
+        kernels.follow(
+            self.workspace.records, self.workspace.pool, self.workspace.keys, self._heads, targets,
+            plain.distances, plain.active, shift, self._control,
+        )  # fmt: skip
+
+    def advance(self, quota: int, best: int) -> None:
+        """Expand up to `quota` cells, looking only for paths that cost less than `best`.
+
+        Sets `status` if that ends the search. Raises OverflowError.
+        """
+        grid, workspace, control = self.grid, self.workspace, self._control
         control[kernels.G_BEST] = min(control[kernels.G_BEST], best)
-        control[kernels.G_BOUND] = max(control[kernels.G_BOUND], bound)
-        control[kernels.G_LEAST] = max(control[kernels.G_LEAST], plain_expansions)
-        self.best, self.bound = int(control[kernels.G_BEST]), int(control[kernels.G_BOUND])
-
-    def advance(self, quota: int, stop: StopFlag) -> int:
-        """Expand up to `quota` cells; return how that ended, after making room if needed.
-
-        When a path is found, the lower bound becomes what the open cells prove.
-        """
-        workspace, control = self.workspace, self.control
-        ended = int(kernels.advance(
-            self._grid.moves, self._grid.cell_surcharge,
-            workspace.records, workspace.pool, self._keys, self._heads, self._targets,
-            self._landmark_distances, self._active, control, quota, stop,
-        ))  # fmt: skip
-        if ended == plain_kernels.NEED_SPACE:
-            workspace.grow_pool()
-            self._keys = np.concatenate((self._keys, np.empty_like(self._keys)))
-            ended = plain_kernels.RUNNING
-        elif ended == plain_kernels.FOUND and not control[kernels.G_PROVING]:
-            kernels.raise_bound(
-                workspace.records, workspace.pool, self._heads,
-                self._landmark_distances, self._active, control,
-            )  # fmt: skip
-        self.best, self.bound = int(control[kernels.G_BEST]), int(control[kernels.G_BOUND])
-        self.expansions = int(control[kernels.G_GUIDED] + control[kernels.G_PROOF])
-        return ended
-
-    def rekey(self, targets: NDArray[np.int64] | None, span: float = 0.0) -> None:
-        """Follow new targets from here on; None: prove the best path, by g + h.
-
-        `targets` is int64 [n, 3], see `make_targets`. The window of the queue covers a `span` of
-        keys; keys beyond it only take more time.
-        """
-        shift = plain_kernels.BUCKET_BITS
-        while _BUCKETS << shift < span:
-            shift += 1
-        if targets is not None:
-            self._targets = targets
-        kernels.rekey(
-            self.workspace.records, self.workspace.pool, self._keys, self._heads, self._targets,
-            self._landmark_distances, self._active, targets is None, shift, self.control,
+        ended = kernels.advance(
+            grid.moves, grid.cell_surcharge, workspace.records, workspace.pool, workspace.keys,
+            self._heads, self._targets, self._plain.distances, self._plain.active, control, quota,
         )  # fmt: skip
+        self.best = int(control[kernels.G_BEST])
+        self.expansions = int(control[kernels.G_EXPANSIONS])
+        if ended == plain_kernels.FOUND:
+            self.status = SearchStatus.FOUND
+        elif ended == plain_kernels.EXHAUSTED:
+            self.status = SearchStatus.EXHAUSTED
+        elif ended == plain_kernels.NEED_SPACE:
+            workspace.grow_pool()
+        elif ended == plain_kernels.OVERFLOW:
+            raise OverflowError
+
+    def path(self) -> tuple[NDArray[np.int32], float, int]:
+        """Return the path that the records hold, its length in cells and its cost in units."""
+        return self.workspace.trace(self.grid, self._plain.start, self._plain.goal)
+
+    def add_expanded(self, expanded: NDArray[np.bool_]) -> None:
+        """Set `expanded` [height, width] where this search has expanded a cell."""
+        plain_kernels.add_expanded(self.workspace.records, self.generation, expanded)
 
 
 class _Run:
-    """One run of a guided search on one grid: the waypoint search and the plain A* next to it."""
+    """One run of a guided search on one grid: the plain A* and, with waypoints, theirs."""
 
     def __init__(self, query: _Query, grid: GridGraph, landmarks: Landmarks | None) -> None:
         self.query = query
-        self.grid = grid
+        self.plain = PlainSearch(grid, query.start, query.goal, landmarks)
+        self.waypoint_search: WaypointSearch | None = None
         self.waypoints: NDArray[np.float64] | None = None
-        self.status: SearchStatus | None = None
-        self.landmarks = NO_DISTANCES, NONE_ACTIVE
-        if landmarks is not None:
-            active = landmarks.active(grid, query.start, query.goal)
-            if active is None:
-                self.status = SearchStatus.EXHAUSTED
-            else:
-                self.landmarks = landmarks.distances, active
-        (x, y), (goal_x, goal_y) = query.start, query.goal
-        enclosed = query.start != query.goal and not grid.moves[grid.index(query.goal)]
-        if enclosed or grid.blocked[y, x] or grid.blocked[goal_y, goal_x]:
-            self.status = SearchStatus.EXHAUSTED
-        self.waypoint_search = _Search(query, grid, *self.landmarks, proving=False)
-        # The search along waypoints and, once it is needed, the plain A*.
-        self.searches = [self.waypoint_search]
-        self.best_search = self.waypoint_search
-        self.best_solution: AnytimeSolution | None = None
-        self.plain_expansions = 0
-        self.first_expansions = 0
-        self.first_cost = math.inf
+        self.status = self.plain.status
+        self.best = plain_kernels.NO_PATH
+        self.solution: AnytimeSolution | None = None
+        self.first = (0, math.inf)
+        factor = query.work_factor
+        if factor is None:
+            factor = WORK_FACTOR if len(self.plain.active) else WORK_FACTOR_WITHOUT_LANDMARKS
+        self.work_factor = factor
+
+    @property
+    def expansions(self) -> int:
+        """The expansions of both searches."""
+        led = self.waypoint_search
+        return self.plain.expansions + (0 if led is None else led.expansions)
 
     def solutions(self) -> Iterator[AnytimeSolution]:
         """Search to the end; yield each better path."""
+        query = self.query
         while self.status is None:
-            before = self.waypoint_search.best
-            if before == 0:  # the start is the goal
-                self.status = SearchStatus.FOUND
-                before = plain_kernels.NO_PATH
-            elif self.query.stop[0] or time.monotonic() >= self.query.deadline:
+            if query.stop[0] or time.monotonic() >= query.deadline:
                 self.status = SearchStatus.STOPPED
-            else:
-                self.step()
-            if self.waypoint_search.best < before:
-                solution = self.take_solution()
+                return
+            searched = self.step()
+            if searched.best < self.best:
+                self.best = searched.best
+                solution = self.take_solution(searched)
                 if solution is not None:
                     yield solution
 
-    def step(self) -> None:
-        """Search one slice; set the status if that ends the search."""
-        search, points = self.waypoint_search, None
-        while self.query.inbox:
-            points = self.query.inbox.popleft()
-        # Waypoints count for nothing once a path is known.
-        if points is not None and len(points) and search.best == plain_kernels.NO_PATH:
-            self.waypoints = points
-            targets = make_targets(self.grid, points, self.query.start, self.query.goal)
-            # The keys of the queue: from the bound to half as much again as the way along these.
-            way = 1.5 * self.query.weight * float(targets[:, 2].max(initial=0))
-            search.rekey(targets, way + 64.0 * self.grid.straight)
-        if self.waypoints is None:
-            self.step_plain(EXPANSION_SLICE)
-            return
-        before = search.best
-        ended = search.advance(EXPANSION_SLICE, self.query.stop)
-        if search.best < before:
-            self.best_search = search
-        if ended == plain_kernels.FOUND:
-            if self.query.max_suboptimality is None or kernels.is_met(search.control):
+    def step(self) -> PlainSearch | WaypointSearch:
+        """Search one slice; set the status if that ends the search; return which one searched."""
+        if self.query.inbox:
+            self.take_waypoints()
+        plain, led = self.plain, self.waypoint_search
+        if led is None or led.status is not None:
+            return self.step_plain(EXPANSION_SLICE)
+        allowed = int(self.work_factor * max(plain.expansions, plain.fewest_moves))
+        allowed -= led.expansions
+        if allowed <= 0:
+            return self.step_plain(max(_MIN_PLAIN_STEP, plain.expansions // _PLAIN_SHARE))
+        led.advance(min(allowed, EXPANSION_SLICE), plain.best)
+        if led.status is SearchStatus.EXHAUSTED:
+            # No path costs less than the best one known, if there is one.
+            plain.learn(led.best, led.best)
+            self.status = SearchStatus.FOUND if led.best < plain_kernels.NO_PATH else led.status
+        elif led.status is SearchStatus.FOUND:
+            plain.learn(led.best)
+            if self.query.is_met(led.best, plain.bound):
                 self.status = SearchStatus.FOUND
-            else:
-                search.rekey(None)
-        elif ended == kernels.WORK_LIMIT:
-            self.step_plain(max(_MIN_PLAIN_STEP, self.plain_expansions // 8))
-        else:
-            self.end(ended)
+        return led
 
-    def step_plain(self, quota: int) -> None:
-        """Let the plain A* expand `quota` cells, which also raises the work limit."""
-        if len(self.searches) == 1:
-            self.searches.append(_Search(self.query, self.grid, *self.landmarks, proving=True))
-        search, plain = self.searches
-        plain.learn(search.best, 0)  # prunes the plain A* too
-        ended = plain.advance(quota, self.query.stop)
-        if plain.best < search.best:
-            self.best_search = plain
-        self.plain_expansions = plain.expansions
-        search.learn(plain.best, plain.bound, plain.expansions)
-        if ended == plain_kernels.FOUND or kernels.is_met(search.control):
-            self.status = SearchStatus.FOUND
-        else:
-            self.end(ended)
+    def step_plain(self, quota: int) -> PlainSearch:
+        """Let the plain A* expand `quota` cells; set the status if that ends the search."""
+        plain = self.plain
+        plain.advance(quota)
+        if plain.status is not None:
+            self.status = plain.status
+        elif self.query.max_suboptimality is not None and plain.best < plain_kernels.NO_PATH:
+            if self.query.is_met(plain.best, plain.bound):
+                self.status = SearchStatus.FOUND
+        return plain
 
-    def end(self, ended: int) -> None:
-        """Set the status if a kernel code ends the search. Raises OverflowError."""
-        if ended == plain_kernels.OVERFLOW:
-            raise OverflowError
-        if ended == plain_kernels.STOPPED:
-            self.status = SearchStatus.STOPPED
-        elif ended == plain_kernels.EXHAUSTED:
-            found = self.waypoint_search.best < plain_kernels.NO_PATH
-            self.status = SearchStatus.FOUND if found else SearchStatus.EXHAUSTED
+    def take_waypoints(self) -> None:
+        """Follow the newest waypoints, unless a path is known: then they count for nothing."""
+        points = self.query.inbox.pop()
+        self.query.inbox.clear()
+        if self.best < plain_kernels.NO_PATH:
+            return
+        self.waypoints = points
+        if self.waypoint_search is None:
+            self.waypoint_search = WaypointSearch(self.query, self.plain)
+        self.waypoint_search.follow(points)
+        # Its first bound is what the estimate says of the start.
+        self.step_plain(0)
 
-    def take_solution(self) -> AnytimeSolution | None:
+    def take_solution(self, searched: PlainSearch | WaypointSearch) -> AnytimeSolution | None:
         """Note the path that the records now hold and return it, None if it is a worse one.
 
         A path may cost less than the goal's g, since a cell on it may have improved after g was
         set. So a path that improves on g may still cost more than the path noted before.
         """
-        endpoints = map(self.grid.index, (self.query.start, self.query.goal))
-        path = self.best_search.workspace.trace(self.grid.width, *endpoints)
-        cost, lower_bound, suboptimality_bound = self.costs(path)
-        expansions = self.waypoint_search.expansions + self.plain_expansions
-        if self.best_solution is None:
-            self.first_expansions, self.first_cost = expansions, cost
-        elif cost > self.best_solution.cost:
+        path, length, units = searched.path()
+        cost, lower_bound, suboptimality_bound = self.costs(units)
+        if self.solution is None:
+            self.first = self.expansions, cost
+        elif cost > self.solution.cost:
             return None
-        self.best_solution = AnytimeSolution(
+        self.solution = AnytimeSolution(
             SearchStatus.STOPPED,
-            expansions,
+            self.expansions,
             0,
             np.zeros((0, 0), dtype=np.bool_),
             path,
-            path_length(path),
-            cost,
-            lower_bound,
-            suboptimality_bound,
-        )
-        return self.best_solution
-
-    def costs(self, path: NDArray[np.int32]) -> tuple[float, float, float]:
-        """Return the cost of a path and the lower bound, in cells, and their proven ratio."""
-        units, bound = path_units(self.grid, path), self.waypoint_search.bound
-        proven = max(1.0, units / bound) if bound > 0 else 1.0
-        return units / self.grid.straight, min(bound, units) / self.grid.straight, proven
-
-    def result(self, *, want_expanded: bool) -> GuidedResult:
-        """Return what is known now."""
-        grid, control = self.grid, self.waypoint_search.control
-        status = SearchStatus.STOPPED if self.status is None else self.status
-        expanded = np.zeros(grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
-        storage = 0
-        for search in self.searches:
-            storage += int(search.control[kernels.G_STORAGE])
-            if want_expanded and not self.query.stop[0]:
-                workspace = search.workspace
-                plain_kernels.add_expanded(workspace.records, workspace.generation, expanded)
-        best, length = self.best_solution, math.nan
-        cost, lower_bound, suboptimality_bound = math.inf, math.inf, math.inf
-        if best is not None:
-            length = best.length
-            cost, lower_bound, suboptimality_bound = self.costs(best.path)
-        elif status is not SearchStatus.EXHAUSTED:
-            lower_bound = self.waypoint_search.bound / grid.straight
-        return GuidedResult(
-            status,
-            self.waypoint_search.expansions + self.plain_expansions,
-            storage,
-            expanded,
-            empty_path() if best is None else best.path,
             length,
             cost,
             lower_bound,
             suboptimality_bound,
-            self.first_expansions,
-            self.first_cost,
-            int(control[kernels.G_GUIDED]),
-            int(control[kernels.G_PROOF]),
-            self.plain_expansions,
+        )
+        return self.solution
+
+    def costs(self, units: int) -> tuple[float, float, float]:
+        """Return a path's cost and the lower bound, in cells, and their proven ratio."""
+        bound, straight = self.plain.bound, self.plain.grid.straight
+        proven = max(1.0, units / bound) if bound > 0 else 1.0
+        return units / straight, min(bound, units) / straight, proven
+
+    def result(self, *, want_expanded: bool) -> GuidedResult:
+        """Return what is known now."""
+        plain, led, best = self.plain, self.waypoint_search, self.solution
+        status = SearchStatus.STOPPED if self.status is None else self.status
+        expanded = np.zeros(plain.grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
+        if want_expanded and not self.query.stop[0]:
+            plain.add_expanded(expanded)
+            if led is not None:
+                led.add_expanded(expanded)
+        costs = math.inf, math.inf, math.inf
+        if best is not None:
+            costs = self.costs(round(best.cost * plain.grid.straight))
+        elif status is not SearchStatus.EXHAUSTED:
+            costs = math.inf, plain.bound / plain.grid.straight, math.inf
+        return GuidedResult(
+            status,
+            self.expansions,
+            plain.storage + (0 if led is None else led.storage),
+            expanded,
+            empty_path() if best is None else best.path,
+            math.nan if best is None else best.length,
+            *costs,
+            *self.first,
+            0 if led is None else led.expansions,
+            plain.expansions,
         )
 
+    def close(self) -> None:
+        """Return the workspaces."""
+        self.plain.close()
+        if self.waypoint_search is not None:
+            self.plain.grid.give_back(self.waypoint_search.workspace)
 
-def make_targets(
-    grid: GridGraph, points: NDArray[np.float64], start: Cell, goal: Cell
-) -> NDArray[np.int64]:
-    """Turn waypoints into targets: int64 [n, 3], x, y and units from there to the goal."""
-    finite = points[np.isfinite(points).all(axis=1)]
-    border = (grid.width - 1, grid.height - 1)
-    cells = np.clip(np.rint(finite), 0, border).astype(np.int64)
-    cells = np.concatenate(([start], cells, [goal])).astype(np.int64)
-    moved = (np.diff(cells, axis=0) != 0).any(axis=1)
-    cells = cells[1:][moved] if moved.any() else cells[-1:]
-    if len(cells) > kernels.MAX_TARGETS:
-        kept = np.linspace(0, len(cells) - 1, kernels.MAX_TARGETS).round().astype(np.int64)
-        cells = cells[kept]
-    delta = np.abs(np.diff(cells, axis=0))
-    segments = grid.straight * delta.max(axis=1, initial=0)
-    segments += (grid.diagonal - grid.straight) * delta.min(axis=1, initial=2**40)
-    rest = np.concatenate((segments[::-1].cumsum()[::-1], [0]))
-    return np.ascontiguousarray(np.column_stack((cells, rest)), dtype=np.int64)

@@ -144,19 +144,16 @@ class Landmarks:
         return stricter or freest.new_cells > freest.free
 
     def active(self, grid: GridGraph, start: Cell, goal: Cell) -> NDArray[np.int64] | None:
-        """Choose the landmarks that prove most for a query.
+        """Choose the landmarks that prove most for a query, more than the octile distance.
 
         Returns int64 [k, 2]: a landmark's row and its distance to the goal, in units.
         None if they prove that no path joins the cells.
         """
-        first = self.distances[:, grid.index(start)].astype(np.int64)
-        last = self.distances[:, grid.index(goal)].astype(np.int64)
-        if ((first < 0) != (last < 0)).any():
-            return None
-        gaps = np.where(last < 0, 0, np.abs(first - last))
-        best = np.argsort(-gaps, kind='stable')[:MAX_ACTIVE]
-        best = best[gaps[best] > 0]
-        return np.column_stack((best, last[best])).astype(np.int64)
+        active = np.empty((MAX_ACTIVE, 2), dtype=np.int64)
+        octile = grid.octile(start, goal)
+        first, last = grid.index(start), grid.index(goal)
+        count = search_kernels.choose_landmarks(self.distances, first, last, octile, active)
+        return None if count < 0 else active[:count]
 
     def lower_bound(self, grid: GridGraph, start: Cell, goal: Cell) -> float:
         """Return a lower bound, in cells, on the cost of any path; inf: there is no path."""
@@ -164,7 +161,7 @@ class Landmarks:
         if active is None:
             return float('inf')
         gaps = np.abs(self.distances[active[:, 0], grid.index(start)] - active[:, 1])
-        return float(gaps.max(initial=0)) / self.freest.straight
+        return float(gaps.max(initial=grid.octile(start, goal))) / self.freest.straight
 
     def is_admissible_on(self, grid: GridGraph) -> bool:
         """Tell whether the bounds hold on `grid`: no cell was freed and none became cheaper."""

@@ -88,9 +88,51 @@ NO_PATH = 2**62
 RUNNING, FOUND, EXHAUSTED, STOPPED, NEED_SPACE, OVERFLOW = range(6)
 
 # Slots of the control array of the exact search.
-(A_STARTED, A_BUCKET, A_BEST, A_EXPANSIONS, A_STORAGE, A_FREE, A_TOP, A_LIVE, A_SIZE) = range(9)
+(
+    A_STARTED, A_ESTIMATE, A_BUCKET, A_BEST, A_EXPANSIONS, A_STORAGE, A_FREE, A_TOP, A_LIVE, A_SIZE,
+) = range(10)  # fmt: skip
 
 _jit: Any = njit(cache=True, nogil=True)
+
+
+@_jit
+def choose_landmarks(
+    landmark_distances: NDArray[np.int32],
+    start: int,
+    goal: int,
+    octile: int,
+    active: NDArray[np.int64],
+) -> int:
+    """Fill `active` [k, 2] with the landmarks that prove most for a query; return their number.
+
+    A landmark is its row and its distance to the goal. Those that prove no more than the octile
+    distance are left out. Returns -1 if they prove that no path joins the cells.
+    """
+    count = 0
+    most = active.shape[0]
+    for row in range(landmark_distances.shape[0]):
+        first = np.int64(landmark_distances[row, start])
+        last = np.int64(landmark_distances[row, goal])
+        if (first < 0) != (last < 0):
+            return -1
+        gap = abs(first - last)
+        if first < 0 or gap <= octile:
+            continue
+        # Insertion into the list, the largest gap first.
+        place = count
+        while place > 0:
+            before = active[place - 1]
+            other = abs(np.int64(landmark_distances[before[0], start]) - before[1])
+            if other >= gap:
+                break
+            if place < most:
+                active[place] = before
+            place -= 1
+        if place < most:
+            active[place, 0] = row
+            active[place, 1] = last
+            count = min(count + 1, most)
+    return count
 
 
 @_jit
@@ -103,20 +145,25 @@ def astar(
     start: int,
     goal: int,
     every_move: bool,
+    landmark_distances: NDArray[np.int32],
+    active: NDArray[np.int64],
     generation: int,
     records: NDArray[np.int32],
     pool: NDArray[np.int64],
     heads: NDArray[np.int32],
     control: NDArray[np.int64],
-    stop: NDArray[np.uint8],
+    quota: int,
 ) -> int:
-    """Run or resume an exact A*; return how the call ended.
+    """Run or resume an exact A* for up to `quota` expansions; return how the call ended.
 
-    `heads` is a ring of buckets, each 1 << BUCKET_BITS units of f wide and last in, first out;
-    entries live in `pool` as `cell << 32 | next entry + 1`. After NEED_SPACE call again with a
-    longer pool that begins the same. `cell_surcharge` is empty, or the surcharge of each cell in
-    1/256: a move costs its length times 1 plus the mean of the surcharges at its two ends.
-    `every_move` also tries the moves that uniform costs make pointless; graded costs need it.
+    The estimate is the octile distance or what the `active` landmarks prove: their rows in
+    `landmark_distances` and their distances to the goal. `heads` is a ring of buckets, each
+    1 << BUCKET_BITS units of f wide and last in, first out; entries live in `pool` as
+    `cell << 32 | next entry + 1`. After NEED_SPACE call again with a longer pool that begins the
+    same. `cell_surcharge` is empty, or the surcharge of each cell in 1/256: a move costs its
+    length times 1 plus the mean of the surcharges at its two ends. `every_move` also tries the
+    moves that uniform costs make pointless; graded costs need it. The caller may lower
+    `control[A_BEST]` between calls to the cost of a path that it knows.
     """
     graded = cell_surcharge.size > 0
     ring = heads.size - 1
@@ -125,19 +172,24 @@ def astar(
     extra = diagonal - straight
     per_width = 1.0 / width
     tag = generation << TAG_BITS
+    landmarks = active.shape[0]
     best: Any
     if control[A_STARTED] == 0:
-        control[:] = 0
         control[A_STARTED] = 1
         heads[:] = 0
         delta_x = abs(start % width - goal_x)
         delta_y = abs(start // width - goal_y)
-        bucket = (straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)) >> BUCKET_BITS
+        estimate: Any = straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
+        for number in range(landmarks):
+            distance = np.int64(landmark_distances[active[number, 0], start])
+            estimate = max(estimate, abs(distance - active[number, 1]))
+        control[A_ESTIMATE] = estimate
+        bucket: Any = estimate >> BUCKET_BITS
         records[2 * start] = 0
         records[2 * start + 1] = tag
         pool[0] = np.int64(start) << 32
         heads[bucket & ring] = 1
-        best = NO_PATH if start != goal else 0
+        best = control[A_BEST] if start != goal else 0
         expansions = 0
         storage = 1
         free: Any = 0
@@ -151,12 +203,16 @@ def astar(
         free = control[A_FREE]
         top = control[A_TOP]
         live = control[A_LIVE]
+    limit = expansions + quota
     entry: Any
     while True:
         while live > 0 and heads[bucket & ring] == 0:
             bucket += 1
         if live == 0 or bucket << BUCKET_BITS >= best:
             status = FOUND if best < NO_PATH else EXHAUSTED
+            break
+        if expansions >= limit:
+            status = RUNNING
             break
         if top + 8 > pool.size:
             status = NEED_SPACE
@@ -174,11 +230,6 @@ def astar(
             continue
         records[2 * cell + 1] = cell_tag | CLOSED
         expansions += 1
-        if expansions & POLL_MASK == 0 and stop[0] != 0:
-            records[2 * cell + 1] = cell_tag
-            expansions -= 1
-            status = STOPPED
-            break
         g = np.int64(records[2 * cell])
         if g > LIMIT:
             status = OVERFLOW
@@ -202,7 +253,11 @@ def astar(
             if new or other_g < records[2 * other]:
                 delta_x = abs(x + step_x - goal_x)
                 delta_y = abs(y + step_y - goal_y)
-                f = other_g + straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
+                estimate = straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
+                for number in range(landmarks):
+                    distance = np.int64(landmark_distances[active[number, 0], other])
+                    estimate = max(estimate, abs(distance - active[number, 1]))
+                f = other_g + estimate
                 if f < best:
                     storage += new
                     records[2 * other] = other_g
@@ -232,14 +287,24 @@ def astar(
 
 @_jit
 def trace(
-    width: int, start: int, goal: int, records: NDArray[np.int32], path: NDArray[np.int32]
-) -> tuple[int, int]:
-    """Write the path's cells (x, y) at the end of `path`; return their count and diagonal moves.
+    width: int,
+    straight: int,
+    diagonal: int,
+    cell_surcharge: NDArray[np.uint16],
+    start: int,
+    goal: int,
+    records: NDArray[np.int32],
+    path: NDArray[np.int32],
+) -> tuple[int, int, int]:
+    """Write the path's cells (x, y) at the end of `path`.
 
-    If `path` is too short it holds the last cells, and the count is the length needed.
+    Returns their count, the path's diagonal moves and its cost in units. If `path` is too short
+    it holds the last cells, and the count is the length needed.
     """
+    graded = cell_surcharge.size > 0
     count = 0
     diagonals = 0
+    units = 0
     y = goal // width
     x = goal - y * width
     row = path.shape[0]
@@ -251,48 +316,17 @@ def trace(
             path[row, 0] = x
             path[row, 1] = y
         if cell == start:
-            return count, diagonals
+            return count, diagonals, units
         move = records[2 * cell + 1] & 7
         diagonals += move >= 4
+        length = straight if move < 4 else diagonal
+        units += length
         x -= STEP_X[move]
         y -= STEP_Y[move]
-        cell = y * width + x
-
-
-@_jit
-def solve(
-    moves: NDArray[np.uint8],
-    cell_surcharge: NDArray[np.uint16],
-    width: int,
-    straight: int,
-    diagonal: int,
-    start: int,
-    goal: int,
-    every_move: bool,
-    generation: int,
-    records: NDArray[np.int32],
-    pool: NDArray[np.int64],
-    heads: NDArray[np.int32],
-    control: NDArray[np.int64],
-    stop: NDArray[np.uint8],
-    path: NDArray[np.int32],
-) -> tuple[int, int, int, int]:
-    """Run `astar`, then `trace` if it found a path.
-
-    Returns how it ended, the number of the path's cells and of its diagonal moves, and its cost
-    in units.
-    """
-    if moves[goal] == 0 and start != goal:
-        control[:] = 0
-        return EXHAUSTED, 0, 0, NO_PATH
-    status = astar(
-        moves, cell_surcharge, width, straight, diagonal, start, goal, every_move,
-        generation, records, pool, heads, control, stop,
-    )  # fmt: skip
-    if status != FOUND and not (status == STOPPED and control[A_BEST] < NO_PATH):
-        return status, 0, 0, NO_PATH
-    count, diagonals = trace(width, start, goal, records, path)
-    return status, count, diagonals, control[A_BEST]
+        before = y * width + x
+        if graded:
+            units += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[before]) >> 9
+        cell = before
 
 
 @_jit
