@@ -45,13 +45,13 @@ class PlainSearch:
         self.best = kernels.NO_PATH
         self.bound = self.expansions = self.storage = 0
         self.status: SearchStatus | None = None
-        self.distances, active = NO_DISTANCES, NONE_ACTIVE
-        found = landmarks.active(grid, start, goal) if landmarks is not None else None
-        if landmarks is not None and found is None:
-            self.status = SearchStatus.EXHAUSTED
-        elif landmarks is not None and len(found):
-            self.distances, active = landmarks.distances, found
-        self.active = active
+        self.distances, self.active = NO_DISTANCES, NONE_ACTIVE
+        if landmarks is not None:
+            active = landmarks.active(grid, start, goal)
+            if active is None:
+                self.status = SearchStatus.EXHAUSTED
+            else:
+                self.distances, self.active = landmarks.distances, active
         # A free goal that no move leaves cannot be entered either.
         enclosed = self.start != self.goal and not grid.moves[self.goal]
         if enclosed or grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:

@@ -204,13 +204,13 @@ class _Query:
     # Waypoints that the search has not taken yet, the newest last. Other threads append to it.
     inbox: deque[NDArray[np.float64]] = field(default_factory=deque)
 
-    def is_met(self, best: int, bound: int) -> bool:
-        """Tell whether a path of cost `best` is good enough, given a lower bound, in units."""
-        if self.max_suboptimality is None:
-            return True
+    def is_met(self, plain: PlainSearch) -> bool:
+        """Tell whether the best path that the plain search knows is good enough."""
+        if plain.best == plain_kernels.NO_PATH or self.max_suboptimality is None:
+            return plain.best < plain_kernels.NO_PATH
         # Rounded down: the bound reported is never above the one asked for.
         limit = math.floor(self.max_suboptimality * kernels.ONE)
-        return best * kernels.ONE <= bound * limit
+        return plain.best * kernels.ONE <= plain.bound * limit
 
 
 class WaypointSearch:
@@ -225,7 +225,7 @@ class WaypointSearch:
         self.workspace = grid.borrow()
         self.generation = self.workspace.next_generation()
         self.status: SearchStatus | None = None
-        self.best = kernels.NO_PATH
+        self.best = plain_kernels.NO_PATH
         self.expansions = 0
         self._plain = plain
         self._weight = query.weight
@@ -346,7 +346,7 @@ class _Run:
             self.status = SearchStatus.FOUND if led.best < plain_kernels.NO_PATH else led.status
         elif led.status is SearchStatus.FOUND:
             plain.learn(led.best)
-            if self.query.is_met(led.best, plain.bound):
+            if self.query.is_met(plain):
                 self.status = SearchStatus.FOUND
         return led
 
@@ -356,9 +356,8 @@ class _Run:
         plain.advance(quota)
         if plain.status is not None:
             self.status = plain.status
-        elif self.query.max_suboptimality is not None and plain.best < plain_kernels.NO_PATH:
-            if self.query.is_met(plain.best, plain.bound):
-                self.status = SearchStatus.FOUND
+        elif self.query.max_suboptimality is not None and self.query.is_met(plain):
+            self.status = SearchStatus.FOUND
         return plain
 
     def take_waypoints(self) -> None:

@@ -15,7 +15,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.astar import (
+    CANONICAL_SUCCESSORS,
     CLOSED,
+    EVERY_MOVE,
     EXHAUSTED,
     FOUND,
     LIMIT,
@@ -137,8 +139,8 @@ def make_targets(
         if number < points.shape[0]:
             if not (np.isfinite(points[number, 0]) and np.isfinite(points[number, 1])):
                 continue
-            other_x = np.int64(np.rint(min(max(points[number, 0], 0.0), width - 1.0)))
-            other_y = np.int64(np.rint(min(max(points[number, 1], 0.0), height - 1.0)))
+            other_x = int(np.rint(min(max(points[number, 0], 0.0), width - 1.0)))
+            other_y = int(np.rint(min(max(points[number, 1], 0.0), height - 1.0)))
         else:
             other_x, other_y = goal % width, goal // width
         if other_x != x or other_y != y or number == points.shape[0]:
@@ -247,7 +249,8 @@ def advance(
     a path cheaper than control[G_BEST], which the caller may lower between calls. RUNNING: the
     quota is used up. NEED_SPACE and OVERFLOW are those of `_kernels/astar`.
     """
-    goal, width, generation = control[G_GOAL], control[G_WIDTH], control[G_GENERATION]
+    start, goal, width = control[G_START], control[G_GOAL], control[G_WIDTH]
+    generation = control[G_GENERATION]
     straight, weight, radius = control[G_STRAIGHT], control[G_WEIGHT], control[G_RADIUS]
     extra = control[G_DIAGONAL] - straight
     free, top, live = control[G_FREE], control[G_TOP], control[G_LIVE]
@@ -296,8 +299,12 @@ def advance(
             break
         y = np.int64((cell + 0.5) * per_width)
         x = cell - y * width
-        cell_target = (cell_tag >> TARGET_SHIFT) & (MAX_TARGETS - 1)
-        mask = np.int64(moves[cell])
+        index = (cell_tag >> TARGET_SHIFT) & (MAX_TARGETS - 1)
+        # Its successors head for the first target that the cell has not passed.
+        index = advance_target(targets, index, x, y, straight, extra, radius)
+        target_x, target_y, rest = targets[index, 0], targets[index, 1], targets[index, 2]
+        row = EVERY_MOVE if graded or cell == start else (cell_tag & 7) << 8
+        mask = np.int64(CANONICAL_SUCCESSORS[row | moves[cell]])
         while mask:
             move = LOWEST[mask]
             mask &= mask - 1
@@ -315,11 +322,8 @@ def advance(
             estimate = estimate_to_goal(landmark_distances, active, other, distance)
             if other_g + estimate >= best:
                 continue
-            index = advance_target(
-                targets, cell_target, other_x, other_y, straight, extra, radius
-            )
-            way = octile(straight, extra, other_x - targets[index, 0], other_y - targets[index, 1])
-            key = other_g + (max(way + targets[index, 2], estimate) * weight >> 16)
+            way = octile(straight, extra, other_x - target_x, other_y - target_y) + rest
+            key = other_g + (max(way, estimate) * weight >> 16)
             storage += new
             records[2 * other] = other_g
             records[2 * other + 1] = tag | index << TARGET_SHIFT | move
