@@ -176,26 +176,22 @@ def shortest_path(
 
 
 def run(search: PlainSearch, stop: StopFlag, deadline: float) -> None:
-    """Run a search to its end. Raises OverflowError."""
-    while search.status is None:
-        if stop[0] or time.monotonic() >= deadline:
-            search.status = SearchStatus.STOPPED
-        else:
-            search.advance(EXPANSION_SLICE)
+    """Run a search to its end, or until it is stopped. Raises OverflowError."""
+    while search.status is None and not stop[0] and time.monotonic() < deadline:
+        search.advance(EXPANSION_SLICE)
 
 
 def make_result(search: PlainSearch, *, want_expanded: bool) -> BoundedResult:
     """Describe how a search ended: the path, the counts and what they prove."""
-    assert search.status is not None
-    grid = search.grid
+    grid, status = search.grid, search.status or SearchStatus.STOPPED
     expanded = np.zeros(grid.blocked.shape if want_expanded else (0, 0), dtype=np.bool_)
     if want_expanded:
         search.add_expanded(expanded)
     if search.best == kernels.NO_PATH:
-        return BoundedResult(search.status, search.expansions, search.storage, expanded)
+        return BoundedResult(status, search.expansions, search.storage, expanded)
     path, length, units = search.path()
     return BoundedResult(
-        search.status,
+        status,
         search.expansions,
         search.storage,
         expanded,

@@ -436,4 +436,3 @@ class _Run:
         self.plain.close()
         if self.waypoint_search is not None:
             self.plain.grid.give_back(self.waypoint_search.workspace)
-

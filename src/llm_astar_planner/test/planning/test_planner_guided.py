@@ -165,9 +165,10 @@ def test_a_cancelled_search_keeps_the_path_it_had():
     stop = no_stop()
     cells = np.zeros((400, 400), dtype=np.int8)
     cells[30:380, 200] = 100
-    planner = Planner(GridMap(cells))
+    cells[70, 200] = 0
+    planner = Planner(GridMap(cells)).prepare()
     request = PlanRequest(
-        (100, 210), (300, 212), source=Source([(200, 28)]), max_suboptimality=1.0
+        (100, 210), (300, 212), source=Source([(200, 385)]), max_suboptimality=1.0
     )
     full = planner.plan(request)
     assert full.expansions > full.first_expansions

@@ -89,7 +89,8 @@ RUNNING, FOUND, EXHAUSTED, STOPPED, NEED_SPACE, OVERFLOW = range(6)
 
 # Slots of the control array of the exact search.
 (
-    A_STARTED, A_ESTIMATE, A_BUCKET, A_BEST, A_EXPANSIONS, A_STORAGE, A_FREE, A_TOP, A_LIVE, A_SIZE,
+    A_STARTED, A_ESTIMATE, A_BUCKET, A_BEST, A_EXPANSIONS, A_STORAGE, A_FREE, A_TOP, A_LIVE,
+    A_SIZE,
 ) = range(10)  # fmt: skip
 
 _jit: Any = njit(cache=True, nogil=True)
