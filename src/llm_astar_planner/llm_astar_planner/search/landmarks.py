@@ -18,6 +18,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_planner.search._kernels.astar import choose_landmarks
 from llm_astar_planner.search.distances import DistanceRows, FreestMap, is_alike
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
@@ -152,7 +153,7 @@ class Landmarks:
         active = np.empty((MAX_ACTIVE, 2), dtype=np.int64)
         octile = grid.octile(start, goal)
         first, last = grid.index(start), grid.index(goal)
-        count = search_kernels.choose_landmarks(self.distances, first, last, octile, active)
+        count = choose_landmarks(self.distances, first, last, octile, active)
         return None if count < 0 else active[:count]
 
     def lower_bound(self, grid: GridGraph, start: Cell, goal: Cell) -> float:
