@@ -38,7 +38,7 @@ from llm_astar_planner.planning.types import (
     check_request,
 )
 from llm_astar_planner.search.astar import PathTooLongError
-from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
+from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.layered import LayersTooLargeError
 from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
 
@@ -85,7 +85,7 @@ class InstructedSearch:
         route: Route,
         request: PlanRequest,
         instruction: RouteInstruction,
-        landmarks: Landmarks | None,
+        landmarks: LandmarkManager,
         stop: NDArray[np.uint8],
     ) -> None:
         """Take a request whose start and goal are those of the route; its time begins now."""
@@ -129,13 +129,17 @@ class InstructedSearch:
         costmap = self.route.costmap
         if problem.closed is not None:
             costmap = ClosedCostmap(costmap, problem.closed)
-        segment = SegmentPlanner(costmap, self.request, self.deadline, self.stop, self.landmarks)
         try:
-            if problem.visits is None:
-                for _ in segment.search():
-                    pass
-            else:
-                segment.search_visits(problem.visits)
+            # Landmarks hold on the map with more cells closed, too.
+            with self.landmarks.lend(self.route.costmap.grid_graph) as landmarks:
+                segment = SegmentPlanner(
+                    costmap, self.request, self.deadline, self.stop, landmarks
+                )
+                if problem.visits is None:
+                    for _ in segment.search():
+                        pass
+                else:
+                    segment.search_visits(problem.visits)
         except LayersTooLargeError as error:
             raise PlanningFailure(ResultCode.UNKNOWN, str(error)) from None
         self.expansions += segment.result.expansions
@@ -177,9 +181,8 @@ def plan_with_instruction(
         return with_outcome(planner.plan(direct, stop), outcome)
     places, visited = instruction.places, instruction.visited
     route = Route(planner.costmap, endpoints.start, endpoints.goal, places, visited)
-    landmarks = planner.landmarks.current(planner.costmap.grid_graph)
     part = replace(direct, start=endpoints.start, goal=endpoints.goal)
-    search = InstructedSearch(route, part, instruction, landmarks, stop)
+    search = InstructedSearch(route, part, instruction, planner.landmarks, stop)
     note = ''
     if not search.can_be_enforced:
         plan = planner.plan(direct, stop)

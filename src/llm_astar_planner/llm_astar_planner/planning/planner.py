@@ -172,11 +172,14 @@ class Planner:
         for number, (start, goal) in enumerate(pairwise(cells)):
             now = time.monotonic()
             time_left = (deadline - now) * shares[number] / sum(shares[number:])
-            landmarks = self.landmarks.current(graph) if request.method == GUIDED else None
             part = request
             if not is_whole:
                 part = replace(request, start=start, goal=goal, source=source)
-            yield SegmentPlanner(self.costmap, part, now + time_left, stop, landmarks)
+            if request.method != GUIDED:
+                yield SegmentPlanner(self.costmap, part, now + time_left, stop)
+                continue
+            with self.landmarks.lend(graph) as landmarks:
+                yield SegmentPlanner(self.costmap, part, now + time_left, stop, landmarks)
 
     def problem(
         self, request: PlanRequest, endpoints: Endpoints, path: NDArray[np.int32]

@@ -242,7 +242,7 @@ class LandmarkManager:
         They do not change until the block ends.
         """
         with self._changed:
-            landmarks = self.current(grid)
+            landmarks = self._usable(grid)
             self._tally['searches'] += 1
             self._tally['searches_with'] += landmarks is not None
             self._readers += landmarks is not None
@@ -253,17 +253,6 @@ class LandmarkManager:
                 with self._changed:
                     self._readers -= 1
                     self._changed.notify_all()
-
-    def current(self, grid: GridGraph) -> Landmarks | None:
-        """Return the landmarks that are admissible on `grid`; the next repair changes them."""
-        with self._changed:
-            if self._landmarks is None or self._repair is not None:
-                return None
-            if grid not in self._admitted:
-                if not self._landmarks.is_admissible_on(grid):
-                    return None
-                self._admitted.add(grid)
-            return self._landmarks
 
     def wait(self, timeout: float | None = None) -> bool:
         """Wait, at most `timeout` seconds, for the background to be idle; tell whether it is.
@@ -298,6 +287,16 @@ class LandmarkManager:
                 'landmark_upkeep_ms': tally['upkeep_ms'] / max(tally['maps'], 1.0),
                 'landmark_availability': tally['searches_with'] / max(tally['searches'], 1.0),
             }
+
+    def _usable(self, grid: GridGraph) -> Landmarks | None:
+        """Return the landmarks if they are ready and admissible on `grid`."""
+        if self._landmarks is None or self._repair is not None:
+            return None
+        if grid not in self._admitted:
+            if not self._landmarks.is_admissible_on(grid):
+                return None
+            self._admitted.add(grid)
+        return self._landmarks
 
     def _has_work(self) -> bool:
         """Tell whether there is something to do for the background."""

@@ -204,11 +204,13 @@ def test_the_any_angle_path_is_shorter_and_free():
 def test_landmarks_are_carried_from_map_to_map_while_cells_only_become_blocked():
     keeper = LandmarkManager()
     first = Planner(GridMap(np.zeros((50, 50), dtype=np.int8)), landmarks=keeper).prepare()
-    held = keeper.current(first.costmap.grid_graph)
+    with keeper.lend(first.costmap.grid_graph) as held:
+        assert held is not None
     cells = np.zeros((50, 50), dtype=np.int8)
     cells[5:45, 25] = 100
     second = Planner(GridMap(cells), landmarks=keeper).prepare(wait=False)
-    assert keeper.current(second.costmap.grid_graph) is held
+    with keeper.lend(second.costmap.grid_graph) as landmarks:
+        assert landmarks is held
     third = Planner(GridMap(np.zeros((50, 50), dtype=np.int8)), landmarks=keeper).prepare()
     plan = third.plan(PlanRequest((2, 2), (47, 30), max_suboptimality=1.0))
     assert plan.suboptimality_bound == 1.0
