@@ -24,7 +24,8 @@ class PlanReport:
     at most `ratio` times the least possible cost, None where no bound is proven. `operation`
     counts all expansions, `first_operation` those up to the first path, `storage` the states
     stored. `waypoints` are (x, y, status), in metres in the map's frame. `seconds_*` are wall
-    clock. `map_digest` names the map that was planned on.
+    clock. `map_digest` names the map that was planned on, which a node had received `map_age`
+    seconds before.
 
     `start_shift` and `goal_shift` (m) are how far start and goal were moved to a free cell.
     `unknown_length` (m) is the part of the path through unknown cells, `clearance` (m) its
@@ -57,6 +58,7 @@ class PlanReport:
     turns: int = 0
     warnings: tuple[str, ...] = ()
     instruction: str = ''
+    map_age: float | None = None
     instruction_report: dict[str, Any] | None = None
 
     @property

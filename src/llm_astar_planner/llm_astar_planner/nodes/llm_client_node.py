@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -27,6 +28,7 @@ from rclpy.node import Node
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.chain import make_interpreter
+from llm_astar_planner.nodes.common.callback_groups import LimitedCallbackGroup
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
@@ -36,8 +38,10 @@ from llm_astar_planner.nodes.interpretation_server import InterpretationServer
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER, costmap_config, source_config
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.async_query import query_source
+from llm_astar_planner.search.stop import StopFlag
+from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask
 from llm_astar_planner.waypoints.factory import client_of, make_source
+from llm_astar_planner.waypoints.fixed import NoSource
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,
@@ -47,6 +51,14 @@ from llm_astar_planner.waypoints.source import (
 )
 
 THREADS = 16
+# Callers that wait for waypoints, at most; other threads are for maps and parameters. More wait
+# in the middleware.
+CALLERS = 13
+# Of their questions so many run at a time: a request to a server only waits, but a model in this
+# process computes. The rest waits, the newest first; those more than CALLERS are refused.
+AT_A_TIME_BY_SERVER, AT_A_TIME = 8, 1
+# Threads for questions, those included that have exceeded their time limit and still run.
+QUERY_THREADS = 12
 # Characters of a text in an exchange message; a transcript holds the whole text.
 MAX_TEXT = 16000
 
@@ -68,6 +80,7 @@ class LlmClientNode(Node):
         self._costmap: Costmap | None = None
         self._costmap_lock = threading.Lock()
         self._last: ExchangeReport | None = None
+        self._source: WaypointSource = NoSource()
         self._source_values: dict[str, Any] = {}
         self._interpretations: InterpretationServer | None = None
         self._settings = Parameters(self, 'llm_client_node', self.parameter_problem)
@@ -75,18 +88,21 @@ class LlmClientNode(Node):
         self.add_post_set_parameters_callback(lambda _: self.adopt_source())
         self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', REPORTS)
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
-        together = ReentrantCallbackGroup()
         self._entities = Entities(self)
         MapSubscription(self._entities, self.on_map)
         self._interpretations = InterpretationServer(self._entities, self._new_interpreter)
         self.create_service(
-            GetPlan, '~/get_waypoints', self.on_get_waypoints, callback_group=together
+            GetPlan,
+            '~/get_waypoints',
+            self.on_get_waypoints,
+            callback_group=LimitedCallbackGroup(CALLERS),
         )
-        self.create_timer(1.0, self.publish_health, callback_group=together)
+        self.create_timer(1.0, self.publish_health, callback_group=ReentrantCallbackGroup())
         self.get_logger().info(f'ready; waypoints by {self._source.name}')
 
     def destroy_node(self) -> None:
         """Leave the graph; a model that is still asked is left alone."""
+        self._queue.close()
         self._entities.close()
         super().destroy_node()
 
@@ -107,7 +123,10 @@ class LlmClientNode(Node):
 
     def adopt_source(self) -> None:
         """Use the source and the interpreter that the last check of the parameters made."""
-        self._source = self._new_source
+        if self._new_source is not self._source:
+            self._source = self._new_source
+            at_a_time = AT_A_TIME_BY_SERVER if client_of(self._source) else AT_A_TIME
+            self._queue = QueryQueue(at_a_time, QUERY_THREADS, CALLERS - 1 - at_a_time)
         if self._interpretations is not None:
             self._interpretations.adopt(self._new_interpreter)
 
@@ -119,7 +138,7 @@ class LlmClientNode(Node):
     def costmap(self) -> Costmap:
         """Return the latest map under the rules of the parameters. Raises NoMapError.
 
-        The costmap is kept until the map or a rule changes, since its layers take time.
+        It is made once and kept until the map or a rule changes, since that takes time.
         """
         config = costmap_config(self._settings.current)
         with self._costmap_lock:
@@ -127,7 +146,9 @@ class LlmClientNode(Node):
             if grid_map is None:
                 raise NoMapError('no map has arrived yet')
             if costmap is None or costmap.grid_map is not grid_map or costmap.config != config:
-                costmap = self._costmap = Costmap(grid_map, config)
+                costmap = Costmap(grid_map, config)
+                costmap.prepare()
+                self._costmap = costmap
             return costmap
 
     def on_get_waypoints(
@@ -138,17 +159,12 @@ class LlmClientNode(Node):
         response.plan.header.stamp = stamp
         if self._grid_map is not None:
             response.plan.header.frame_id = self._grid_map.frame_id
+        reply, query = self.ask(request)
         key = SampleKey('', '')
-        try:
-            query = self.make_query(request)
+        if query is not None:
             key = query.live_key
-            reply, _ = query_source(self._source, query)
-            finite = tuple(point for point in reply.waypoints if all(map(math.isfinite, point)))
-            reply = replace(reply, waypoints=finite)
             points = query.grid_map.grid_to_world(reply.waypoints)
             response.plan = path_to_message(points, query.grid_map.frame_id, stamp)
-        except (GridMapError, NoMapError) as error:
-            reply = WaypointReply(status=SourceStatus.ERROR, detail=str(error))
         self._last = exchange_report(reply, key)
         self._exchange_publisher.publish(report_to_message(self._last, self.get_name(), stamp))
         if self._last.level == DiagnosticStatus.OK:
@@ -157,18 +173,39 @@ class LlmClientNode(Node):
             self.get_logger().warning(self._last.summary)
         return response
 
-    def make_query(self, request: GetPlan.Request) -> WaypointQuery:
-        """Convert a request. Raises NoMapError without a map, GridMapError for a wrong pose.
+    def ask(self, request: GetPlan.Request) -> tuple[WaypointReply, WaypointQuery | None]:
+        """Ask the source; return its reply, and the query if the source was asked.
 
         GetPlan has no field for the caller's time limit, so `tolerance` holds it, in seconds.
         """
-        costmap = self.costmap()
-        start = cell_of(request.start, 'start', costmap.grid_map)
-        goal = cell_of(request.goal, 'goal', costmap.grid_map)
+        source, queries = self._source, []
         limit = self._settings['timeout_s']
         if request.tolerance > 0.0:
             limit = min(limit, request.tolerance)
-        return WaypointQuery(costmap, start, goal, limit)
+        deadline = time.monotonic() + limit
+
+        def answer(stop: StopFlag) -> WaypointReply:
+            try:
+                query = self.make_query(request, deadline - time.monotonic(), stop)
+            except (GridMapError, NoMapError) as error:
+                return WaypointReply(status=SourceStatus.ERROR, detail=str(error))
+            queries.append(query)
+            reply = source.waypoints(query)
+            finite = tuple(point for point in reply.waypoints if all(map(math.isfinite, point)))
+            return replace(reply, waypoints=finite)
+
+        task = QueryTask(source.name, answer, limit, lambda _: None, self._queue)
+        reply, _ = task.result()
+        return reply, queries[0] if queries else None
+
+    def make_query(
+        self, request: GetPlan.Request, time_limit: float, stop: StopFlag
+    ) -> WaypointQuery:
+        """Convert a request. Raises NoMapError without a map, GridMapError for a wrong pose."""
+        costmap = self.costmap()
+        start = cell_of(request.start, 'start', costmap.grid_map)
+        goal = cell_of(request.goal, 'goal', costmap.grid_map)
+        return WaypointQuery(costmap, start, goal, time_limit, stop=stop)
 
     def publish_health(self) -> None:
         """Publish the state of the node on /diagnostics: at 1 Hz, and for every new map."""

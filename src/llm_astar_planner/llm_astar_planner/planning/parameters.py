@@ -79,6 +79,15 @@ REQUESTS = (
         old_flags=('time_limit',),
     ),
     Parameter(
+        'costmap_update_timeout',
+        1.0,
+        'How long a plan waits for the newest map to be ready, at most half of '
+        '`max_planning_time`; then it is made on the last one, with a warning',
+        unit='s',
+        between=(0.0, 3600.0),
+        node_only=True,
+    ),
+    Parameter(
         'tolerance',
         0.5,
         'How far from an unreachable goal the path may end',

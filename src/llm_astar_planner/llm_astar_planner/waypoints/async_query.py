@@ -1,17 +1,22 @@
-"""Query a waypoint source on a thread, so that nothing it does can stop or delay a plan."""
+"""Query waypoint sources on threads of their own, so that nothing they do can stop a plan.
+
+The threads are bounded: what waits for one is answered newest first, and what nobody waits for
+any more is dropped.
+"""
 
 from __future__ import annotations
 
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search.stop import POLL_PERIOD_S
+from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag, no_stop
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     WaypointQuery,
@@ -25,6 +30,10 @@ _LOG = logging.getLogger(__name__)
 GRACE_SECONDS, GRACE_SHARE = 0.05, 0.1
 # More waypoints than any route needs; checking an unlimited number would take unlimited time.
 MAX_WAYPOINTS = 1000
+# A thread without a query ends after so many seconds.
+IDLE_SECONDS = 5.0
+NEWER_CAME = 'not asked, since newer queries came'
+TOO_LATE = 'not asked: its time was over before its turn'
 
 
 def query_source(
@@ -36,61 +45,63 @@ def query_source(
     `stop[0]` becomes 1, the reply is a TIMEOUT and the source's own is dropped. Only the first
     1000 waypoints are kept.
     """
-    begin = time.monotonic()
-    task = WaypointQueryTask(source, query, lambda _: None)
-    grace = min(GRACE_SECONDS, GRACE_SHARE * query.time_limit)
-    answered = task.wait(query.time_limit + grace, stop)
-    reply, seconds = task.close()
-    if answered:
-        return reply, seconds
-    seconds = time.monotonic() - begin
-    detail = f'{source.name} had not answered after {seconds:.2f} s'
-    return WaypointReply(status=SourceStatus.TIMEOUT, detail=detail), seconds
+    return WaypointQueryTask(source, query, lambda _: None).result(stop)
 
 
-class WaypointQueryTask:
-    """A query that runs on its own thread, for example while the search is already running.
-
-    A reply that comes after `close` is dropped; a source with a cache keeps it all the same.
-    """
+class QueryTask:
+    """A query in a QueryQueue. A reply that comes after `close` is dropped."""
 
     def __init__(
         self,
-        source: WaypointSource,
-        query: WaypointQuery,
+        name: str,
+        ask: Callable[[StopFlag], WaypointReply],
+        time_limit: float,
         on_reply: Callable[[WaypointReply], None],
+        queue: QueryQueue,
     ) -> None:
-        """Start the query; `on_reply` gets a reply that comes before `close`, on the thread."""
-        self._source_name = source.name
+        """Put a query to the source `name` into the queue.
+
+        `ask` is called on a thread of the queue, unless `time_limit` seconds have passed before;
+        its flag is raised when nobody waits any more. `on_reply` gets a reply that comes before
+        `close`, usually on that thread.
+        """
+        self._name = name
+        self._ask = ask
         self._on_reply = on_reply
+        self._time_limit = time_limit
+        self._begin = time.monotonic()
+        self.deadline = self._begin + time_limit
+        self._stop = no_stop()
         self._lock = threading.Lock()
-        self._closed = False
         self._done = threading.Event()
         self._answer: tuple[WaypointReply, float] | None = None
-        self._thread = threading.Thread(
-            target=self._run, args=(source, query), name='waypoints', daemon=True
-        )
-        self._thread.start()
-
-    def _run(self, source: WaypointSource, query: WaypointQuery) -> None:
-        begin = time.monotonic()
-        try:
-            reply = limit_waypoints(source.waypoints(query))
-        except Exception as error:  # noqa: BLE001 - no source may ever stop a plan
-            _LOG.exception('the waypoint source failed')
-            detail = f'{type(error).__name__} in source {source.name}'
-            reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
-        answer = reply, time.monotonic() - begin
-        with self._lock:
-            if not self._closed:
-                self._answer = answer
-                self._on_reply(answer[0])
-        self._done.set()
+        queue.put(self)
 
     @property
     def reply(self) -> WaypointReply | None:
         """The reply, None as long as there is none."""
         return self._answer[0] if self._answer else None
+
+    def run(self) -> None:
+        """Ask now, if the answer is still wanted; never raises."""
+        if self._stop[0] or time.monotonic() >= self.deadline:
+            self.finish(WaypointReply(status=SourceStatus.TIMEOUT, detail=TOO_LATE))
+            return
+        try:
+            reply = limit_waypoints(self._ask(self._stop))
+        except BaseException as error:  # noqa: BLE001 - no source may ever stop a plan or a thread
+            _LOG.exception('the waypoint source failed')
+            detail = f'{type(error).__name__} in source {self._name}'
+            reply = WaypointReply(status=SourceStatus.ERROR, detail=detail)
+        self.finish(reply)
+
+    def finish(self, reply: WaypointReply) -> None:
+        """Take the reply, unless there is one already or nobody waits for it any more."""
+        with self._lock:
+            if self._answer is None and not self._stop[0]:
+                self._answer = reply, time.monotonic() - self._begin
+                self._on_reply(reply)
+        self._done.set()
 
     def wait(self, seconds: float, stop: NDArray[np.uint8] | None = None) -> bool:
         """Wait for the reply until `seconds` have passed or `stop[0]` is 1; True if it came."""
@@ -100,14 +111,136 @@ class WaypointQueryTask:
                 return self._done.is_set()
         return True
 
+    def result(self, stop: NDArray[np.uint8] | None = None) -> tuple[WaypointReply, float]:
+        """Wait for the reply, and return it with the seconds it took.
+
+        It is a TIMEOUT when the time limit has passed, or `stop[0]` becomes 1.
+        """
+        grace = min(GRACE_SECONDS, GRACE_SHARE * self._time_limit)
+        answered = self.wait(self._time_limit + grace, stop)
+        reply, seconds = self.close()
+        if answered:
+            return reply, seconds
+        seconds = time.monotonic() - self._begin
+        detail = f'{self._name} had not answered after {seconds:.2f} s'
+        return WaypointReply(status=SourceStatus.TIMEOUT, detail=detail), seconds
+
     def close(self) -> tuple[WaypointReply, float]:
         """Return the reply and the seconds it took; a LATE reply where it has not come yet."""
         with self._lock:
-            self._closed = True
+            self._stop[0] = 1
             if self._answer is not None:
                 return self._answer
-        detail = f'the search was done before {self._source_name} answered'
+        detail = f'the search was done before {self._name} answered'
         return WaypointReply(status=SourceStatus.LATE, detail=detail), 0.0
+
+
+class QueryQueue:
+    """Threads that run queries, the newest first. Thread-safe.
+
+    At most `at_a_time` queries run that are within their time limit. One that has exceeded it
+    keeps its thread until it returns, and another takes its place, up to `threads` in all; where
+    all of them are late, queries are refused. Of more than `waiting` queries that wait, the
+    oldest is refused. Threads are started as needed and end when they have nothing to do.
+    """
+
+    def __init__(self, at_a_time: int, threads: int, waiting: int) -> None:
+        """Start without a thread."""
+        self._at_a_time = at_a_time
+        self._most_threads = threads
+        self._most_waiting = waiting
+        self._changed = threading.Condition()
+        self._waiting: deque[QueryTask] = deque()
+        self._running: set[QueryTask] = set()
+        self._idle = self._threads = 0
+
+    def put(self, task: QueryTask) -> None:
+        """Have a query run on one of the threads, or refuse it or the oldest that waits."""
+        refused, reason = None, NEWER_CAME
+        with self._changed:
+            now = time.monotonic()
+            free = self._at_a_time - sum(one.deadline > now for one in self._running)
+            if free == self._at_a_time and len(self._running) == self._most_threads:
+                refused, reason = task, f'{len(self._running)} queries have not come back yet'
+            else:
+                self._waiting.append(task)
+                if len(self._waiting) > self._most_waiting + max(0, free):
+                    refused = self._waiting.popleft()
+                needed = max(1, min(len(self._waiting), free))
+                if self._idle < needed and self._threads < self._most_threads:
+                    self._threads += 1
+                    threading.Thread(target=self.work, name='waypoints', daemon=True).start()
+                self._changed.notify()
+        # Not under the lock: a callback may put another query.
+        if refused is not None:
+            refused.finish(WaypointReply(status=SourceStatus.REFUSED, detail=reason))
+
+    def work(self) -> None:
+        """Run queries until there are none for a while."""
+        while True:
+            task = self.take()
+            if task is None:
+                return
+            task.run()
+            with self._changed:
+                self._running.discard(task)
+            # A thread that waits must not keep a map alive.
+            del task
+
+    def take(self) -> QueryTask | None:
+        """Wait for the newest query; None where none comes, and the thread is to end."""
+        task: QueryTask | None = None
+        with self._changed:
+            self._idle += 1
+            while True:
+                now = time.monotonic()
+                ends = [one.deadline for one in self._running if one.deadline > now]
+                if self._waiting and len(ends) < self._at_a_time:
+                    task = self._waiting.pop()
+                    self._running.add(task)
+                    break
+                # One that runs may exceed its time limit meanwhile, and free its place.
+                patience = min(IDLE_SECONDS, min(ends) - now) if self._waiting else IDLE_SECONDS
+                if not self._changed.wait(patience) and not self._waiting:
+                    self._threads -= 1
+                    break
+            self._idle -= 1
+            return task
+
+    def close(self) -> None:
+        """Answer all askers at once with a refusal; a query that runs is left alone."""
+        with self._changed:
+            tasks = [*self._waiting, *self._running]
+            self._waiting.clear()
+        for task in tasks:
+            task.finish(WaypointReply(status=SourceStatus.REFUSED, detail='the queue was closed'))
+
+
+# The queries of plans. Most sources only wait there, for a node or a server.
+PLANS = QueryQueue(at_a_time=32, threads=64, waiting=32)
+
+
+class WaypointQueryTask(QueryTask):
+    """A query to a source, for example while the search is already running.
+
+    A source with a cache keeps a reply that comes too late all the same.
+    """
+
+    def __init__(
+        self,
+        source: WaypointSource,
+        query: WaypointQuery,
+        on_reply: Callable[[WaypointReply], None],
+        queue: QueryQueue = PLANS,
+    ) -> None:
+        """Start the query; `on_reply` gets a reply that comes before `close`."""
+        super().__init__(
+            source.name,
+            lambda stop: source.waypoints(replace(query, stop=stop)),
+            query.time_limit,
+            on_reply,
+            queue,
+        )
 
 
 def limit_waypoints(reply: WaypointReply) -> WaypointReply:

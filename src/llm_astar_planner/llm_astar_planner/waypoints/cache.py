@@ -9,7 +9,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 
 from cachetools import LRUCache
 
-from llm_astar_planner.waypoints.async_query import WaypointQueryTask
+from llm_astar_planner.waypoints.async_query import QueryQueue, WaypointQueryTask
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     WaypointQuery,
@@ -42,7 +42,9 @@ class CachedSource:
 
     def __post_init__(self) -> None:
         """Start with an empty cache and no running query."""
-        self._lock = threading.Lock()
+        # Reentrant: a query that the queue refuses is answered on the thread that puts it there.
+        self._lock = threading.RLock()
+        self._queue = QueryQueue(MAX_PENDING, MAX_PENDING, MAX_PENDING)
         self._replies: LRUCache[Hashable, WaypointReply] = LRUCache(self.size)
         self._running: dict[Hashable, WaypointQueryTask] = {}
 
@@ -66,9 +68,12 @@ class CachedSource:
                     return self._failure(
                         SourceStatus.REFUSED, f'{MAX_PENDING} queries are running', started
                     )
-                task = WaypointQueryTask(self.inner, query, lambda reply: self._store(key, reply))
-                self._running[key] = task
-        task.wait(query.time_limit)
+                task = self._running[key] = WaypointQueryTask(
+                    self.inner, query, lambda reply: self._store(key, reply), self._queue
+                )
+                if task.reply is not None:
+                    del self._running[key]
+        task.wait(query.time_limit, query.stop)
         if task.reply is not None:
             return task.reply
         detail = f'no answer within {query.time_limit:.1f} s; a late one is kept for the next time'
@@ -78,7 +83,7 @@ class CachedSource:
         with self._lock:
             if reply.status in _KEPT:
                 self._replies[key] = reply
-            del self._running[key]
+            self._running.pop(key, None)
 
     def _failure(self, status: SourceStatus, detail: str, started: float) -> WaypointReply:
         return WaypointReply(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple, Protocol
 
@@ -11,6 +11,7 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.search.stop import StopFlag
 
 Waypoint = tuple[float, float]
 
@@ -53,7 +54,7 @@ class WaypointQuery:
 
     A source may use the cells that the costmap leaves free, the same as the search.
     `time_limit` is how many seconds the answer may take. `sample` names the benchmark sample, if
-    it is one.
+    it is one. `stop[0]` becomes 1 when nobody waits for the answer any more.
     """
 
     costmap: Costmap
@@ -61,6 +62,7 @@ class WaypointQuery:
     goal: tuple[int, int]
     time_limit: float = float('inf')
     sample: SampleKey | None = None
+    stop: StopFlag | None = field(default=None, compare=False)
 
     @property
     def grid_map(self) -> GridMap:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from typing import NamedTuple
 
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from rclpy.impl.rcutils_logger import RcutilsLogger
@@ -15,13 +16,23 @@ from llm_astar_planner.search.landmarks import LandmarkManager
 
 # Seconds that a change of parameters waits for its planner; a map of 4000 x 4000 takes a few.
 LONGEST_PREPARATION = 120.0
+# Seconds between two looks at whether a plan may still wait for its map.
+POLL_SECONDS = 0.01
+
+
+class PlanningMap(NamedTuple):
+    """A map that can be planned on: its planner, and when it arrived, in monotonic seconds."""
+
+    planner: Planner
+    arrived: float
 
 
 class MapManager:
-    """Holds the `planner` for the newest good map; the previous one answers until it is ready.
+    """Holds the `newest` good map that is ready, and says whether a newer one `is_preparing`.
 
     Maps are prepared on a thread of their own, only the newest one: maps, updates and changes of
-    rules that arrive meanwhile are prepared together in the next round.
+    rules that arrive meanwhile are prepared together in the next round. A map that is refused
+    changes nothing.
     """
 
     def __init__(
@@ -31,8 +42,8 @@ class MapManager:
         on_planner: Callable[[Planner], None],
     ) -> None:
         """Start without a map; `on_planner` gets each new planner, on the preparing thread."""
-        self.planner: Planner | None = None
-        self._planner_arrived = 0.0
+        self.newest: PlanningMap | None = None
+        self.is_preparing = False
         self._logger = logger
         self._config = config
         self._on_planner = on_planner
@@ -46,17 +57,23 @@ class MapManager:
         self._thread.start()
 
     @property
+    def planner(self) -> Planner | None:
+        """The planner of the newest map that is ready, None without one."""
+        return self.newest.planner if self.newest else None
+
+    @property
     def name(self) -> str:
         """The map planned on, for a person."""
-        if self.planner is None:
+        if self.newest is None:
             return 'no map'
-        grid_map = self.planner.grid_map
+        grid_map = self.newest.planner.grid_map
         return f'map {grid_map.digest} of {grid_map.width} x {grid_map.height} cells'
 
     @property
     def age(self) -> float | None:
         """Seconds since the map planned on arrived, None without one."""
-        return None if self.planner is None else time.monotonic() - self._planner_arrived
+        newest = self.newest
+        return None if newest is None else time.monotonic() - newest.arrived
 
     @property
     def landmark_bytes(self) -> int:
@@ -68,12 +85,29 @@ class MapManager:
         with self._changed:
             self._grid_map, self._arrived = grid_map, time.monotonic()
             self._requested += 1
+            self.is_preparing = True
             self._changed.notify_all()
+
+    def wait(self, seconds: float, may_wait: Callable[[], bool]) -> bool:
+        """Wait until what has arrived so far is prepared or refused; tell whether it is.
+
+        That takes at most `seconds`, and only while `may_wait()`. Raises what that raises.
+        """
+        deadline = time.monotonic() + seconds
+        with self._changed:
+            number = self._requested
+            while self._prepared < number and not self._closing:
+                time_left = deadline - time.monotonic()
+                if time_left <= 0.0 or not may_wait():
+                    break
+                self._changed.wait(min(POLL_SECONDS, time_left))
+            return self._prepared >= number
 
     def refresh(self) -> None:
         """Have the planner follow changed rules; return when it does."""
         with self._changed:
             self._requested += 1
+            self.is_preparing = True
             number = self._requested
             self._changed.notify_all()
             self._changed.wait_for(
@@ -96,26 +130,27 @@ class MapManager:
                 if self._closing:
                     return
                 number, grid_map, arrived = self._requested, self._grid_map, self._arrived
-            planner = self.make_planner(grid_map)
+            before = self.planner
+            planner = self.make_planner(grid_map, before)
             with self._changed:
-                self.planner, self._planner_arrived = planner or self.planner, arrived
+                if planner is not None:
+                    self.newest = PlanningMap(planner, arrived)
                 self._prepared = number
+                self.is_preparing = self._requested > number
                 self._changed.notify_all()
-            if planner is not None:
+            if planner is not None and planner is not before:
                 self._on_planner(planner)
 
-    def make_planner(self, grid_map: GridMap | None) -> Planner | None:
-        """Return a planner that is ready, None if the current one serves already."""
-        current = self.planner
+    def make_planner(self, grid_map: GridMap | None, before: Planner | None) -> Planner | None:
+        """Return a planner that is ready, `before` if that serves; None for a map refused."""
         try:
             config = self._config()
-            # The digest is computed here first, on this thread, so that no caller waits for it.
-            if grid_map is None or (
-                current is not None
-                and current.grid_map.digest == grid_map.digest
-                and current.config == config
-            ):
+            if grid_map is None:
                 return None
+            # The digest is computed here first, on this thread, so that no caller waits for it.
+            is_same = before is not None and before.grid_map.digest == grid_map.digest
+            if before is not None and is_same and before.config == config:
+                return before
             return Planner(grid_map, config, landmarks=self._landmarks).prepare(wait=False)
         except Exception as error:  # noqa: BLE001 - no map may end the thread
             problem = f'{type(error).__name__}: {error}'

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+import threading
+import traceback
 from dataclasses import replace
 
 from rclpy.node import Node
@@ -24,7 +25,10 @@ QUIET_SECONDS = 10.0
 
 
 class PathMonitor:
-    """Keeps the last published path valid on the newest map, on a thread of its own."""
+    """Keeps the last published path valid on the newest map, on a thread of its own.
+
+    What comes faster than the thread can follow replaces what waits for it.
+    """
 
     def __init__(
         self,
@@ -48,14 +52,21 @@ class PathMonitor:
         self._replans = replans
         self._cache = cache
         self._watched: PlanResponse | None = None
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='path_monitor')
+        self._changed = threading.Condition()
+        self._closing = False
+        self._to_remember: PlanResponse | None = None
+        self._to_check: tuple[Planner, CancellationToken, str] | None = None
+        self._thread = threading.Thread(target=self.work, name='path_monitor', daemon=True)
+        self._thread.start()
 
     def watch(self, response: PlanResponse) -> None:
         """Watch the path of a response instead of the last one; a failure changes nothing."""
         if response.plan.code is not ResultCode.NONE:
             return
         self._watched = response
-        self._thread.submit(self.remember, response)
+        with self._changed:
+            self._to_remember = response
+            self._changed.notify()
         newest = self._maps.planner
         if newest is not None and newest is not response.planner:
             self.check(newest)  # the map changed while the path was planned
@@ -70,12 +81,38 @@ class PathMonitor:
         `change` says what else has changed, '' for the map alone.
         """
         token = self._replans.begin(change or 'the map has changed again')
-        self._thread.submit(self.check_now, planner, token, change)
+        with self._changed:
+            self._to_check = (planner, token, change)
+            self._changed.notify()
 
     def close(self) -> None:
         """Stop."""
         self._replans.cancel('the node ends')
-        self._thread.shutdown(cancel_futures=True)
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
+        self._thread.join()
+
+    def work(self) -> None:
+        """Remember and check what is newest, until closed."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(
+                    lambda: self._closing or self._to_remember or self._to_check
+                )
+                if self._closing:
+                    return
+                response, self._to_remember = self._to_remember, None
+                check, self._to_check = self._to_check, None
+            try:
+                if response is not None:
+                    self.remember(response)
+                if check is not None:
+                    self.check_now(*check)
+            except Exception:  # noqa: BLE001 - a failure must not end the thread unnoticed
+                self._logger.error(traceback.format_exc())
+            # A thread that waits must not keep a map alive.
+            del response, check
 
     def check_now(self, planner: Planner, token: CancellationToken, change: str) -> None:
         """Check the path, and replan if it is broken or `replan_on_map` is set."""

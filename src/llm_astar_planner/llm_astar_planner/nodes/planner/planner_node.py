@@ -17,6 +17,7 @@ from rclpy.service_introspection import ServiceIntrospectionState
 from std_msgs.msg import String
 
 from llm_astar_planner.instructions.place_names import PlaceGoalError
+from llm_astar_planner.nodes.common.callback_groups import LimitedCallbackGroup
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
@@ -46,7 +47,9 @@ from llm_astar_planner.search.paper import compile_kernels
 
 NAME = 'planner_node'
 # Callers served at a time; more wait their turn. Waiting for waypoints takes a thread, no core.
-THREADS = 16
+CALLERS = 16
+# The other threads are for maps, goals of RViz and of Nav2, parameters and instructions.
+THREADS = CALLERS + 8
 READY_SECONDS = 0.1
 INTROSPECTION_STATES = {
     'disabled': ServiceIntrospectionState.OFF,
@@ -208,9 +211,10 @@ class PlannerServer:
 
     def subscribe(self) -> None:
         """Serve and subscribe."""
-        # Any number of callers at a time; a newer goal must get through while one is planned for.
+        # A newer goal must get through while one is planned for.
         group, node = ReentrantCallbackGroup(), self._node
-        service = self._entities.service(GetPlan, '~/get_plan', self.on_get_plan, group)
+        callers = LimitedCallbackGroup(CALLERS)
+        service = self._entities.service(GetPlan, '~/get_plan', self.on_get_plan, callers)
         state = INTROSPECTION_STATES[self._settings['introspection_mode']]
         service.configure_introspection(node.get_clock(), RELIABLE, state)
         for kind, topic, callback in (

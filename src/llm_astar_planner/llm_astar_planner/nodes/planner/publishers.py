@@ -26,6 +26,10 @@ from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.any_angle import interpolate
 
+# Reports that wait to be written, at most: a flood of goals waits for the oldest of them.
+MAX_REPORTS = 32
+LONGEST_WAIT = 1.0
+
 
 class PathWriter:
     """Writes the paths of one goal as messages: one frame, one stamp, one final heading."""
@@ -81,6 +85,7 @@ class PlanPublisher:
         self._lock = threading.Lock()
         self._to_draw: tuple[Plan, GridMap, Time] | None = None
         self._published: Path | None = None
+        self._free = threading.Semaphore(MAX_REPORTS)
         self._thread = ThreadPoolExecutor(1, 'publisher')
         entities.on_close(self._thread.shutdown)
 
@@ -89,11 +94,6 @@ class PlanPublisher:
         """Whether anybody subscribes to the expanded cells."""
         return bool(self._explored.get_subscription_count())
 
-    @property
-    def wants_raw(self) -> bool:
-        """Whether anybody subscribes to the path before it is shortened."""
-        return bool(self._raw_plan.get_subscription_count())
-
     def publish_path(self, path: Path) -> None:
         """Publish a path, unless this very message was the last one published."""
         with self._lock:
@@ -101,18 +101,23 @@ class PlanPublisher:
         if is_new:
             self._plan.publish(path)
 
-    def publish_raw(self, path: Path) -> None:
-        """Publish a path as it was before it was shortened."""
-        self._raw_plan.publish(path)
+    def publish_report(
+        self, plan: Plan, planner: Planner | None, map_age: float | None, stamp: Time
+    ) -> None:
+        """Count, publish and log a plan made on a map of this age, in seconds.
 
-    def publish_report(self, plan: Plan, planner: Planner | None, stamp: Time) -> None:
-        """Count, publish and log a plan; `planner` is None if it never came to planning."""
-        self._thread.submit(self.logged, self.write_report, plan, planner, stamp)
+        `planner` is None if it never came to planning.
+        """
+        self._free.acquire(timeout=LONGEST_WAIT)
+        self._thread.submit(self.logged, self.write_report, plan, planner, map_age, stamp)
 
-    def write_report(self, plan: Plan, planner: Planner | None, stamp: Time) -> None:
+    def write_report(
+        self, plan: Plan, planner: Planner | None, map_age: float | None, stamp: Time
+    ) -> None:
         """Count, publish and log a plan now."""
+        self._free.release()
         self.statistics.count(plan)
-        report = plan_report(plan, planner.grid_map if planner else None)
+        report = plan_report(plan, planner.grid_map if planner else None, map_age)
         self._report.publish(report_to_message(report, self._node.get_name(), stamp))
         logger = self._node.get_logger()
         if report.code:
@@ -120,8 +125,16 @@ class PlanPublisher:
         else:
             logger.info(f'{report.summary}; guided by {report.guided_by}')
 
-    def publish_markers(self, plan: Plan, grid_map: GridMap, stamp: Time) -> None:
-        """Draw the plan for RViz if anybody looks; a newer plan replaces one not drawn yet."""
+    def publish_views(
+        self, plan: Plan, grid_map: GridMap, stamp: Time, write: Callable[[ArrayLike], Path]
+    ) -> None:
+        """Publish what only viewers want: the path before it was shortened, and the markers.
+
+        `write` makes the message of a path. Markers are drawn on the publisher's thread; a newer
+        plan replaces one not drawn yet.
+        """
+        if len(plan.path) and self._raw_plan.get_subscription_count():
+            self._raw_plan.publish(write(plan.path))
         if not (self._markers.get_subscription_count() or self.wants_expanded):
             return
         with self._lock:

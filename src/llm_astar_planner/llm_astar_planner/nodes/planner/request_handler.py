@@ -30,9 +30,12 @@ from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest,
 # The part of the planning time that is kept for checking and writing the path: seconds or a share.
 FINISH_SECONDS, FINISH_SHARE = 0.1, 0.1
 LEAST_SECONDS = 0.001
+# The part of the planning time that may pass before the newest map is ready.
+MAP_SHARE = 0.5
 # Seconds that a cancelled goal may take to end before it is left behind.
 LONGEST_END = 2.0
 INACTIVE = 'the node is not active: configure and activate it (lifecycle)'
+NO_MAP = 'no map has arrived yet'
 NEWER_PATH = 'a newer path was published'
 
 
@@ -76,7 +79,8 @@ class PlanResponse:
     """What a caller gets: the goal, the plan, its path as a message (empty on failure).
 
     `planner` is the one that planned and `request` what it was asked, None if it never came to
-    planning. `started` is in monotonic seconds, `seconds` wall time.
+    planning; its map had arrived `map_age` seconds before. `started` is in monotonic seconds,
+    `seconds` wall time.
     """
 
     goal: PlanGoal
@@ -86,6 +90,7 @@ class PlanResponse:
     seconds: float = 0.0
     planner: Planner | None = None
     request: PlanRequest | None = None
+    map_age: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,34 +177,34 @@ class RequestHandler:
         stamp = self._node.get_clock().now().to_msg()
         limit = self._settings.current['max_planning_time']
         job = Job(goal, token or CancellationToken(), stamp, time.monotonic(), limit)
-        planner = self._maps.planner
         with self.running(job.token):
             try:
-                response = self.plan(job, planner, on_better, replan_reason)
+                response = self.plan(job, on_better, replan_reason)
             except PlanningFailure as failure:
-                response = self.failed(job, planner, failure.code, str(failure))
+                response = self.failed(job, failure.code, str(failure))
             except Exception as error:  # noqa: BLE001 - a robot waits for its answer
                 self._node.get_logger().error(traceback.format_exc())
                 message = f'{type(error).__name__} while planning: see the log'
-                response = self.failed(job, planner, ResultCode.UNKNOWN, message)
+                response = self.failed(job, ResultCode.UNKNOWN, message)
             if replan_reason:
                 message = f'{replan_reason}; {response.plan.message}'
                 response = replace(response, plan=replace(response.plan, message=message))
-            self._publisher.publish_report(response.plan, response.planner, stamp)
+            self._publisher.publish_report(
+                response.plan, response.planner, response.map_age, stamp
+            )
         return replace(response, seconds=time.monotonic() - job.begin)
 
     def plan(
-        self,
-        job: Job,
-        planner: Planner | None,
-        on_better: Callable[[], None] | None,
-        replan_reason: str,
+        self, job: Job, on_better: Callable[[], None] | None, replan_reason: str
     ) -> PlanResponse:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         if not self._is_active:
             raise RequestError(ResultCode.UNKNOWN, INACTIVE)
-        if planner is None:
-            raise RequestError(ResultCode.UNKNOWN, 'no map has arrived yet')
+        warnings = self.wait_for_map(job) if self._maps.is_preparing else ()
+        newest = self._maps.newest
+        if newest is None:
+            raise RequestError(ResultCode.UNKNOWN, warnings[0] if warnings else NO_MAP)
+        planner, map_age = newest.planner, time.monotonic() - newest.arrived
         poses = self._converter.poses(job.goal, planner.grid_map, job.may_wait)
         ends_as_it_arrives = self._settings.current['use_final_approach_orientation']
         goal_yaw = None if ends_as_it_arrives else poses.goals[-1].yaw
@@ -229,10 +234,21 @@ class RequestHandler:
             self.publish(path, replan_reason)
             if request.instruction is not None:
                 self._instructions.follow(path)
-            if self._publisher.wants_raw:
-                self._publisher.publish_raw(writer.write(plan.path))
-        self._publisher.publish_markers(plan, planner.grid_map, job.stamp)
-        return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request)
+        self._publisher.publish_views(plan, planner.grid_map, job.stamp, writer.write)
+        if warnings:
+            plan = replace(plan, warnings=(*plan.warnings, *warnings))
+        return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
+
+    def wait_for_map(self, job: Job) -> tuple[str, ...]:
+        """Wait for the newest map that has arrived; return a warning if it is not ready in time.
+
+        Raises RequestError if the goal was cancelled.
+        """
+        limit = self._settings.current['costmap_update_timeout']
+        if self._maps.wait(min(limit, MAP_SHARE * job.limit), job.may_wait):
+            return ()
+        seconds = time.monotonic() - job.begin
+        return (f'the newest map was not ready after {seconds:.2f} s: the last one is used',)
 
     def publish(self, path: Path, replan_reason: str) -> None:
         """Publish a path; one that a client has just requested preempts a replan."""
@@ -240,10 +256,9 @@ class RequestHandler:
             self._replans.cancel(NEWER_PATH)
         self._publisher.publish_path(path)
 
-    def failed(
-        self, job: Job, planner: Planner | None, code: ResultCode, message: str
-    ) -> PlanResponse:
+    def failed(self, job: Job, code: ResultCode, message: str) -> PlanResponse:
         """Return the response to a goal that never came to planning, with an empty path."""
+        planner = self._maps.planner
         frame_id = planner.grid_map.frame_id if planner else ''
         not_drawn = np.zeros((0, 0), dtype=np.bool_)
         plan = Plan(code, message, '', (0, 0), (0, 0), not_drawn)

@@ -122,7 +122,10 @@ class WaypointClient:
         return make_reply(waypoints, exchange, time.monotonic() - begin)
 
     def call(self, query: WaypointQuery, deadline: float) -> GetPlan.Response:
-        """Call the service. Raises ClientFailure at the deadline, or when the client is gone."""
+        """Call the service. Raises ClientFailure at the deadline, or when the client is gone.
+
+        Also when nobody waits for the answer any more.
+        """
         if not self.ready:
             raise ClientFailure(SourceStatus.UNREACHABLE, f'{self._client_name} is not there')
         if not self._free.acquire(blocking=False):
@@ -135,8 +138,11 @@ class WaypointClient:
             future.add_done_callback(lambda _: done.set())
             while not done.wait(max(0.0, min(POLL_SECONDS, deadline - time.monotonic()))):
                 gone = not self.ready
-                if gone or time.monotonic() >= deadline:
+                dropped = query.stop is not None and bool(query.stop[0])
+                if gone or dropped or time.monotonic() >= deadline:
                     self._client.remove_pending_request(future)
+                    if dropped:
+                        raise ClientFailure(SourceStatus.LATE, 'nobody waits for it any more')
                     if gone:
                         detail = f'{self._client_name} went away during the query'
                         raise ClientFailure(SourceStatus.UNREACHABLE, detail)

@@ -1,0 +1,220 @@
+"""Plans are made on the newest map that has arrived, whatever it takes and for no longer."""
+
+import contextlib
+import threading
+import time
+
+import numpy as np
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from graph_tools import PATIENCE, calling, running, set_parameter, wait_for
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.writing import grid_to_message
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.planner.map_manager import MapManager
+from llm_astar_planner.nodes.planner.planner_node import PlannerNode
+from llm_astar_planner.nodes.planner.request_conversion import RequestError
+from llm_astar_planner.planning.types import ResultCode
+from nav_msgs.msg import OccupancyGrid
+from rclpy.logging import get_logger
+from rclpy.parameter import Parameter
+
+NAMESPACE = '/newest_map'
+START, GOAL = Pose2D(5.5, 5.5), Pose2D(35.5, 5.5)
+
+
+@pytest.fixture(scope='module', autouse=True)
+def _context():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+class Rules:
+    """The rules of the costmap, which a preparation gets only while the gate is open."""
+
+    def __init__(self):
+        self.gate = threading.Event()
+        self.gate.set()
+        self.asked = 0
+        self.config = CostmapConfig()
+
+    def __call__(self):
+        self.asked += 1
+        self.gate.wait(PATIENCE)
+        return self.config
+
+
+@pytest.fixture
+def rules():
+    return Rules()
+
+
+@pytest.fixture
+def planners():
+    return []
+
+
+@pytest.fixture
+def maps(rules, planners):
+    maps = MapManager(get_logger('test_maps'), rules, planners.append)
+    yield maps
+    rules.gate.set()
+    maps.close()
+
+
+def map_with(*cells, shape=(30, 40)):
+    occupancy = np.zeros(shape, dtype=np.int8)
+    for x, y in cells:
+        occupancy[y, x] = 100
+    return GridMap(occupancy)
+
+
+def always():
+    return True
+
+
+def test_a_wait_ends_when_what_had_arrived_is_ready(maps, rules):
+    assert not maps.is_preparing
+    assert maps.wait(0.0, always)
+    rules.gate.clear()
+    maps.take(map_with((1, 1)))
+    assert maps.is_preparing
+    assert not maps.wait(0.05, always)
+    assert maps.planner is None
+    threading.Timer(0.05, rules.gate.set).start()
+    assert maps.wait(PATIENCE, always)
+    assert maps.planner.grid_map.digest == map_with((1, 1)).digest
+    assert not maps.is_preparing
+    assert 0.0 < maps.age < PATIENCE
+
+
+def test_of_maps_that_come_faster_than_they_can_be_prepared_the_newest_wins(maps, rules, planners):
+    rules.gate.clear()
+    maps.take(map_with((0, 0)))
+    wait_for(lambda: rules.asked == 1, 'the first preparation')
+    for x in range(1, 30):
+        maps.take(map_with((x, 0)))
+    rules.gate.set()
+    assert maps.wait(PATIENCE, always)
+    assert maps.planner.grid_map.digest == map_with((29, 0)).digest
+    wait_for(lambda: len(planners) == 2, 'two planners')
+    assert rules.asked == 2
+
+
+def test_maps_of_another_size_or_place_are_planned_on_and_a_refused_one_is_not_waited_for(
+    maps, rules
+):
+    for grid_map in (
+        map_with((1, 1)),
+        map_with((1, 1), shape=(20, 50)),
+        GridMap(map_with((1, 1)).cells, 0.5),
+        GridMap(map_with((1, 1)).cells, 0.5, Pose2D(3.0, 4.0, 0.1)),
+    ):
+        maps.take(grid_map)
+        assert maps.wait(PATIENCE, always)
+        assert maps.planner.grid_map.digest == grid_map.digest
+    good = maps.newest
+    rules.config = 'no rules at all'
+    maps.take(map_with((2, 2)))
+    assert maps.wait(PATIENCE, always)
+    assert maps.newest is good
+    assert not maps.is_preparing
+
+
+def test_an_equal_map_is_not_prepared_again_but_is_younger(maps):
+    maps.take(map_with((1, 1)))
+    assert maps.wait(PATIENCE, always)
+    before = maps.newest
+    maps.take(map_with((1, 1)))
+    assert maps.wait(PATIENCE, always)
+    assert maps.newest.planner is before.planner
+    assert maps.newest.arrived > before.arrived
+
+
+def test_a_cancelled_goal_and_a_closed_node_wait_no_longer(maps, rules):
+    rules.gate.clear()
+    maps.take(map_with((1, 1)))
+
+    def cancelled():
+        raise RequestError(ResultCode.TIMEOUT, 'canceled')
+
+    began = time.monotonic()
+    with pytest.raises(RequestError):
+        maps.wait(PATIENCE, cancelled)
+    waiting = threading.Thread(target=maps.wait, args=(PATIENCE, always))
+    waiting.start()
+    closing = threading.Thread(target=maps.close)
+    closing.start()
+    waiting.join()
+    assert time.monotonic() - began < PATIENCE / 2
+    rules.gate.set()
+    closing.join()
+
+
+@contextlib.contextmanager
+def slow_preparation(monkeypatch):
+    """Let preparations of maps wait until the event yielded is set."""
+    go, begun = threading.Event(), threading.Event()
+    make_planner = MapManager.make_planner
+
+    def wait_and_make(self, *arguments):
+        begun.set()
+        go.wait(PATIENCE)
+        return make_planner(self, *arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(MapManager, 'make_planner', wait_and_make)
+        try:
+            yield go, begun
+        finally:
+            go.set()
+
+
+def test_the_report_says_which_map_was_planned_on_and_how_old_it_was(monkeypatch):
+    node = PlannerNode(
+        namespace=NAMESPACE,
+        parameter_overrides=[
+            Parameter('llm_client', value=''),
+            Parameter('max_planning_time', value=PATIENCE),
+            Parameter('costmap_update_timeout', value=PATIENCE),
+        ],
+    )
+    with running(node), calling(NAMESPACE) as caller:
+        maps = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+
+        def show(*cells):
+            grid_map = map_with(*cells)
+            maps.publish(grid_to_message(grid_map, Time()))
+            return grid_map.digest
+
+        old = show((1, 1))
+        caller.wait_until_ready(old)
+        report = caller.call(START, GOAL)[1]
+        assert (report.map_digest, report.warnings) == (old, ())
+        assert 0.0 < report.map_age < PATIENCE
+        with slow_preparation(monkeypatch) as (go, begun):
+            new = show((2, 2))
+            assert begun.wait(PATIENCE)
+            threading.Timer(0.1, go.set).start()
+            report = caller.call(START, GOAL)[1]
+        assert (report.code, report.map_digest, report.warnings) == (0, new, ())
+        assert report.map_age >= 0.1
+        assert set_parameter(caller, 'planner_node', 'costmap_update_timeout', 0.05).successful
+        with slow_preparation(monkeypatch) as (_, begun):
+            show((3, 3))
+            assert begun.wait(PATIENCE)
+            report = caller.call(START, GOAL)[1]
+            assert (report.code, report.map_digest) == (0, new)
+            [warning] = report.warnings
+            assert 'the newest map was not ready after 0.0' in warning
+        assert set_parameter(caller, 'planner_node', 'costmap_update_timeout', PATIENCE).successful
+        with slow_preparation(monkeypatch) as (_, begun):
+            show((4, 4))
+            assert begun.wait(PATIENCE)
+            threading.Timer(0.1, node.trigger_deactivate).start()
+            report = caller.call(START, GOAL, seconds=PATIENCE / 4)[1]
+            assert (report.code_name, report.map_digest) == ('TIMEOUT', '')
+            assert 'the node was deactivated' in report.message
