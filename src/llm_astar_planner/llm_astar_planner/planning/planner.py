@@ -82,7 +82,6 @@ class Planner:
         waits for them.
         """
         self.costmap.prepare()
-        self.checker.prepare()
         self.landmarks.update(self.costmap.grid_graph)
         if wait:
             self.landmarks.wait()

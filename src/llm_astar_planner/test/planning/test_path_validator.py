@@ -8,21 +8,26 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.path_validator import (
+    CollisionChecker,
     path_problem,
     segments_problem,
     shift_problem,
     via_problem,
 )
+from scipy.spatial import cKDTree
 
 BLOCKED = np.zeros((5, 6), dtype=bool)
 BLOCKED[2, 2] = True
+CHECKER = CollisionChecker.of_blocked(BLOCKED)
 GOOD = [[1, 1], [2, 1], [3, 1], [3, 2], [3, 3]]
 
 
 def problem(path, corner_cutting=False, start=(1, 1), goal=(3, 3)):
     cells = np.array(path, dtype=np.int32).reshape(-1, 2)
-    return path_problem(cells, BLOCKED, start, goal, corner_cutting=corner_cutting)
+    return path_problem(cells, CHECKER, start, goal, corner_cutting=corner_cutting)
 
 
 def test_a_good_path_has_no_problem():
@@ -87,6 +92,80 @@ def meets(begin, end, blocked, corner_cutting):
 )
 def test_segments_are_stopped_by_the_cells_and_corners_they_meet(seed, points, corner_cutting):
     blocked = np.random.default_rng(seed).random((7, 9)) < 0.08
-    problem = segments_problem(np.array(points), blocked, corner_cutting=corner_cutting)
+    checker = CollisionChecker.of_blocked(blocked)
+    problem = segments_problem(np.array(points), checker, corner_cutting=corner_cutting)
     met = any(meets(*segment, blocked, corner_cutting) for segment in pairwise(points))
     assert (problem is not None) == met
+
+
+def random_map(seed):
+    """A map of any size, as full as chance has it, and a checker with any radius for it."""
+    random = np.random.default_rng(seed)
+    shape = random.integers(1, 90, 2)
+    share = random.choice([0.0, 0.0005, 0.01, 0.2])
+    cells = np.where(random.random(shape) < share, 100, random.choice([0, 0, 0, -1], shape))
+    grid_map = GridMap(cells.astype(np.int8), float(random.choice([0.05, 0.3])))
+    radius, allow_unknown = float(random.choice([0.0, 0.1, 0.35, 2.0])), bool(random.integers(2))
+    return grid_map, CostmapConfig(robot_radius=radius, allow_unknown=allow_unknown), random
+
+
+def distances_to_lethal(grid_map):
+    """The distance of every cell to the nearest lethal one, by a k-d tree."""
+    lethal = np.argwhere(grid_map.cells >= 65)
+    if len(lethal) == 0:
+        return np.full(grid_map.cells.shape, np.inf)
+    every = np.argwhere(np.ones(grid_map.cells.shape, dtype=bool))
+    return cKDTree(lethal).query(every)[0].reshape(grid_map.cells.shape)
+
+
+def random_walk(shape, random):
+    """A path of single moves that mostly goes on as before: int32 [n, 2]."""
+    cell, step = random.integers(0, shape[::-1]), random.integers(-1, 2, 2)
+    path = [cell]
+    for _ in range(random.integers(0, 120)):
+        if random.random() < 0.2 or not step.any():
+            step = random.integers(-1, 2, 2)
+        following = path[-1] + step
+        if step.any() and (following >= 0).all() and (following < shape[::-1]).all():
+            path.append(following)
+    return np.array(path, dtype=np.int32)
+
+
+@pytest.mark.parametrize('seed', range(150))
+def test_distances_clearance_and_blocked_cells_are_those_of_a_k_d_tree(seed):
+    grid_map, config, random = random_map(seed)
+    checker, least = CollisionChecker(grid_map, config), distances_to_lethal(grid_map)
+    rows, columns = np.indices(grid_map.cells.shape).reshape(2, -1)
+    some = random.permutation(len(rows))[:200]
+    places = np.column_stack((columns, rows))[some]
+    np.testing.assert_allclose(checker.distances(places), least.ravel()[some])
+    radius = config.robot_radius / grid_map.resolution
+    blocked = least <= (radius + 1e-7 if radius else 0.0)
+    if not config.allow_unknown:
+        blocked |= grid_map.cells < 0
+    np.testing.assert_array_equal(checker[rows[some], columns[some]], blocked.ravel()[some])
+    for _ in range(20):
+        path = random_walk(grid_map.cells.shape, random)
+        x, y = path.T
+        clearance = least[y, x].min() * grid_map.resolution
+        assert checker.measure(path).clearance == pytest.approx(clearance)
+        start, goal = tuple(path[0]), tuple(path[-1])
+        for corner_cutting in (True, False):
+            found = path_problem(path, checker, start, goal, corner_cutting=corner_cutting)
+            assert found == expected_problem(path, blocked, corner_cutting)
+
+
+def expected_problem(path, blocked, corner_cutting):
+    """What is wrong with a path of single moves on the map, cell by cell."""
+    for x, y in path:
+        if blocked[y, x]:
+            return f'it hits an obstacle at ({x}, {y})'
+    for (x, y), (to_x, to_y) in pairwise(path):
+        if not corner_cutting and (blocked[y, to_x] or blocked[to_y, x]):
+            return f'it cuts a corner after ({x}, {y})'
+    return None
+
+
+def test_a_segment_off_the_map_is_a_problem():
+    problem = segments_problem(np.array([[1, 1], [9, 1]]), CHECKER, corner_cutting=True)
+    assert problem == 'the segment from (1, 1) leaves the map at (6, 1)'

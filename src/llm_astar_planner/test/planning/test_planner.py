@@ -11,7 +11,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import planner as planner_module
 from llm_astar_planner.planning import segment as leg_module
-from llm_astar_planner.planning.path_validator import path_problem
+from llm_astar_planner.planning.path_validator import CollisionChecker, path_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
@@ -72,9 +72,8 @@ def test_a_field_that_is_not_a_cell_is_named(cell):
 def test_a_plan_tells_its_path_its_work_and_what_guided_it():
     plan = PLANNER.plan(PlanRequest(START, GOAL, source=Source([(3, 7), (40, 7), (8, 7)])))
     assert plan.code is ResultCode.NONE
-    assert (
-        path_problem(plan.path, PLANNER.costmap.blocked, START, GOAL, corner_cutting=True) is None
-    )
+    checker = CollisionChecker.of_blocked(PLANNER.costmap.blocked)
+    assert path_problem(plan.path, checker, START, GOAL, corner_cutting=True) is None
     assert plan.length == pytest.approx(np.hypot(*np.diff(plan.path, axis=0).T).sum())
     assert plan.guided_by == 'test:model'
     assert (plan.source, plan.source_status) == ('test', SourceStatus.OK)
