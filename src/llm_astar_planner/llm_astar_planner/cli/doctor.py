@@ -157,7 +157,7 @@ def file_finding(folder: str, name: str) -> Finding:
 def kernels_finding() -> Finding:
     """Compile the searches, which shows whether numba works and can write its cache."""
     try:
-        from llm_astar_planner.search.paper import compile_kernels  # noqa: PLC0415
+        from llm_astar_planner.planning.compile import compile_kernels  # noqa: PLC0415
 
         compile_kernels()
     except Exception as error:  # noqa: BLE001 - whatever numba raises is the finding

@@ -25,9 +25,9 @@ from llm_astar_planner.cli.planning_options import (
     read_planning_options,
 )
 from llm_astar_planner.cli.route_tools import RouteTools
+from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.parameters import costmap_config
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.search.paper import compile_kernels
 from llm_astar_planner.waypoints.config import SourceSettings
 
 if TYPE_CHECKING:

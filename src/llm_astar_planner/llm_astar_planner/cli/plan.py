@@ -33,11 +33,11 @@ from llm_astar_planner.instructions.place_goal import goal_cell
 from llm_astar_planner.instructions.place_names import find_place
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.parameters import (
     request_fields,
 )
 from llm_astar_planner.planning.types import Plan, PlanRequest, check_request
-from llm_astar_planner.search.paper import compile_kernels
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query

@@ -122,6 +122,8 @@ class Costmap:
         if 'grid_graph' in layers:
             graph: GridGraph = layers['grid_graph']
             self.grid_graph = graph.updated(self.blocked, self._graded_cost(), windows)
+        if 'components' in layers:
+            self.components = layers['components'].updated(self.blocked, windows)
         self._changes = windows
 
     @cached_property

@@ -1,10 +1,13 @@
-"""Compiles what only plans with an instruction run, ahead of the first of them."""
+"""Compiles the kernels ahead of the first plan."""
 
 from __future__ import annotations
 
-import numpy as np
-from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMap
+from dataclasses import replace
 
+import numpy as np
+from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
+
+from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
 from llm_astar_planner.instructions.specification import (
     SHOULD,
@@ -20,9 +23,32 @@ from llm_astar_planner.instructions.specification import (
 )
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
+from llm_astar_planner.search.paper import METHODS
+from llm_astar_planner.search.paper import compile_kernels as compile_search_kernels
 
 # Seconds, more than compiling takes.
 PATIENCE = 3600.0
+
+
+def compile_kernels() -> None:
+    """Compile what plans without an instruction run, or load it from numba's cache.
+
+    Takes about a minute the first time and half a second after that.
+    """
+    compile_search_kernels()
+    cells = np.zeros((24, 24), dtype=np.int8)
+    cells[4:, 12] = 50
+    for config in (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0)):
+        planner: Planner | None = None
+        for occupancy in (FREE, OCCUPIED):
+            cells[10:, 12] = occupancy
+            planner = Planner(GridMap(cells), config, previous=planner).prepare()
+            for method in METHODS:
+                request = PlanRequest(
+                    (2, 20), (21, 20), method, time_limit=PATIENCE, any_angle=True, via=((12, 1),)
+                )
+                planner.plan(request)
+                planner.plan(replace(request, via=()))
 
 
 def compile_instruction_kernels() -> None:

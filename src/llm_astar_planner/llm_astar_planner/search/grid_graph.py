@@ -151,6 +151,8 @@ class GridGraph:
         if grid.ring != self.ring:
             grid._spare = []
         grid._coarse = None
+        if 'packed' in vars(self):
+            grid.packed = self.packed.updated(blocked, windows)
         return grid
 
     def _ring(self) -> int:

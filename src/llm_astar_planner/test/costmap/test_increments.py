@@ -39,7 +39,8 @@ class Update:
 def arrays(costmap):
     """Every layer that may be taken over."""
     graph = costmap.grid_graph
-    return costmap.blocked, costmap.cost, graph.blocked, graph.moves, graph.cell_surcharge
+    maps = costmap.blocked, costmap.cost, graph.blocked, graph.moves
+    return *maps, graph.cell_surcharge, graph.packed.words
 
 
 def assert_equal(one, other):
@@ -47,6 +48,7 @@ def assert_equal(one, other):
         assert a.dtype == b.dtype
         np.testing.assert_array_equal(a, b)
     assert one.grid_graph.ring == other.grid_graph.ring
+    assert one.grid_graph.packed.jump_points == other.grid_graph.packed.jump_points
     regions = np.column_stack((np.ravel(one.components[:, :]), np.ravel(other.components[:, :])))
     numbers = np.unique(regions, axis=0)
     # One number there for each number here, and the other way round.

@@ -35,9 +35,10 @@ from llm_astar_planner.benchmark.results import (
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.interpretation import RouteInstruction
+from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
-from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS, compile_kernels
+from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.source import (

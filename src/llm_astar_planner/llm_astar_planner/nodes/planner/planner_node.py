@@ -40,10 +40,10 @@ from llm_astar_planner.nodes.planner.request_handler import (
 )
 from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
 from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.parameters import costmap_config
 from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.search.paper import compile_kernels
 
 NAME = 'planner_node'
 # Callers served at a time; more wait their turn. Waiting for waypoints takes a thread, no core.
