@@ -316,6 +316,7 @@ def jump_search(
     goal_x = goal - goal_y * width
     extra = diagonal - straight
     tag = generation << TAG_BITS
+    per_width = 1.0 / width
     far = heads.size - 1
     best = control[J_BEST]
     expansions = control[J_EXPANSIONS]
@@ -382,7 +383,7 @@ def jump_search(
             continue
         expansions += 1
         g = pool[ENTRY * entry - 2] >> 32
-        y = cell // width
+        y = np.int64((cell + 0.5) * per_width)
         x = cell - y * width
         delta_x = abs(x - goal_x)
         delta_y = abs(y - goal_y)
@@ -432,11 +433,10 @@ def jump_search(
                     if at_y == goal_y and 0 < ahead <= length:
                         length = ahead
                         place = 0
-                    if place & 1 == 0:
-                        pool[ENTRY * last] = at + length * step_x << 32
-                        pool[ENTRY * last + 1] = at_g + length * straight
-                        pool[ENTRY * last + 2] = turn_x
-                        last += 1
+                    pool[ENTRY * last] = at + length * step_x << 32
+                    pool[ENTRY * last + 1] = at_g + length * straight
+                    pool[ENTRY * last + 2] = turn_x
+                    last += 1 - (place & 1)
                 if step_y:
                     scans += 1
                     place = scan(words, columns + (at_x + 1) * column_stride, at_y + 1, step_y > 0)
@@ -445,11 +445,10 @@ def jump_search(
                     if at_x == goal_x and 0 < ahead <= length:
                         length = ahead
                         place = 0
-                    if place & 1 == 0:
-                        pool[ENTRY * last] = at + length * step_y * width << 32
-                        pool[ENTRY * last + 1] = at_g + length * straight
-                        pool[ENTRY * last + 2] = turn_y
-                        last += 1
+                    pool[ENTRY * last] = at + length * step_y * width << 32
+                    pool[ENTRY * last + 1] = at_g + length * straight
+                    pool[ENTRY * last + 2] = turn_y
+                    last += 1 - (place & 1)
                 if move < 4:
                     break
         # Keep what is new or cheaper than known.
@@ -459,7 +458,7 @@ def jump_search(
             new = records[2 * other + 1] >> TAG_BITS != generation
             if not new and other_g >= pool[ENTRY * np.int64(records[2 * other]) - 2] >> 32:
                 continue
-            other_y = other // width
+            other_y = np.int64((other + 0.5) * per_width)
             delta_x = abs(other - other_y * width - goal_x)
             delta_y = abs(other_y - goal_y)
             estimate = straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
