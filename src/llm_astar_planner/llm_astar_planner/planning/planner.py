@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -174,10 +175,9 @@ class Planner:
             part = request
             if not is_whole:
                 part = replace(request, start=start, goal=goal, source=source)
-            if request.method != GUIDED:
-                yield SegmentPlanner(self.costmap, part, now + time_left, stop)
-                continue
-            with self.landmarks.lend(graph) as landmarks:
+            # Lent out, the landmarks stay as they are while the segment is searched.
+            lent = self.landmarks.lend(graph) if request.method == GUIDED else nullcontext()
+            with lent as landmarks:
                 yield SegmentPlanner(self.costmap, part, now + time_left, stop, landmarks)
 
     def problem(

@@ -31,7 +31,6 @@ from llm_astar_planner.search.paper import (
     SearchOptions,
 )
 from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus
-from llm_astar_planner.search.stop import deadline_guard
 from llm_astar_planner.waypoints.async_query import WaypointQueryTask, query_source
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply, WaypointSource
 
@@ -167,14 +166,14 @@ class SegmentPlanner:
     def search_exact(self) -> SearchResult:
         """Search by our exact A*."""
         request = self.request
-        with deadline_guard(self.stop, self.deadline) as stop:
-            return exact_astar(
-                self.costmap.grid_graph,
-                request.start,
-                request.goal,
-                stop=stop,
-                want_expanded=request.want_expanded,
-            )
+        return exact_astar(
+            self.costmap.grid_graph,
+            request.start,
+            request.goal,
+            stop=self.stop,
+            deadline=self.deadline,
+            want_expanded=request.want_expanded,
+        )
 
     def search_as_published(self) -> SearchResult:
         """Search by one of the paper's methods."""

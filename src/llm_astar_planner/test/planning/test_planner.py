@@ -220,7 +220,7 @@ def test_a_search_past_its_time_is_a_timeout_not_no_path(halved, method):
     assert time.monotonic() - begin < 2.0
 
 
-@pytest.mark.parametrize('method', sorted(set(METHODS) - {'exact_astar'}))
+@pytest.mark.parametrize('method', METHODS)
 def test_no_plan_starts_a_thread(monkeypatch, method):
     def refuse(thread):
         raise AssertionError(f'{thread.name} was started')
