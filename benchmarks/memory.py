@@ -13,7 +13,6 @@ from pathlib import Path
 
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.grid_graph import GridGraph
-from llm_astar_planner.search.paper import compile_kernels
 
 from benchmarks.cases import Problem, SpeedCase
 from benchmarks.ours import EXACT, Prepared, prepare_planner
@@ -69,6 +68,5 @@ def grow(name: str, problem: Problem) -> dict[str, float]:
 
 
 if __name__ == '__main__':
-    compile_kernels()
     (only,) = SpeedCase.load(Path(sys.argv[1])).problems
     sys.stdout.write(json.dumps(grow(sys.argv[2], only)))

@@ -145,17 +145,14 @@ def waypoints(results: dict[str, Any]) -> Table:
     rows = [row for one in results.values() for row in one if row['exact_ms'] >= WORTH_MS]
     lines: Table = [('waypoints', '50 %', '99 %', 'worst', 'no landmarks: 50 %', '99 %', 'worst')]
     names = list(dict.fromkeys(row['waypoints'] for row in rows))
-    for name in [*names, 'all']:
+    for name in [*names, 'all'] if rows else ():
+        own = [row for row in rows if name in (row['waypoints'], 'all')]
         line = [name]
         for landmarks in (True, False):
-            own = [
-                row['ratio']
-                for row in rows
-                if name in (row['waypoints'], 'all') and row['landmarks'] is landmarks
-            ]
-            line += [number(float(value)) for value in np.percentile(own, (50, 99, 100))]
+            some = [row['ratio'] for row in own if row['landmarks'] is landmarks]
+            line += [number(float(value)) for value in np.percentile(some, (50, 99, 100))]
         lines.append(tuple(line))
-    return lines if rows else lines[:1]
+    return lines
 
 
 def geometric_mean(values: Iterable[float]) -> float:

@@ -3,7 +3,16 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks import any_waypoints, cases, live_maps, map_families, memory, speed, tables
+from benchmarks import (
+    any_waypoints,
+    cases,
+    live_maps,
+    map_families,
+    memory,
+    speed,
+    speed_picture,
+    tables,
+)
 from benchmarks.cases import Problem, SpeedCase
 from benchmarks.ours import EXACT
 from benchmarks.peers import PEERS, Peer
@@ -97,6 +106,9 @@ def test_what_was_measured_is_kept_and_printed_as_tables(tmp_path, monkeypatch, 
     assert f'|{EXACT}|1|' in again.out
     rows = json.loads((tmp_path / 'search boxes 120.json').read_text())['rows']
     assert all(row['optimal'] == 1.0 for row in rows if row['planner'] in (EXACT, 'guided'))
+    uniform, _ = speed_picture.draw(tmp_path).axes
+    drawn = {line.get_label(): len(line.get_xdata()) for line in uniform.lines}
+    assert (drawn[EXACT], drawn['nano-astar']) == (1, 0)
 
 
 def test_memory_is_measured_in_a_process_of_its_own(tmp_path, monkeypatch):
