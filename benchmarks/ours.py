@@ -71,7 +71,8 @@ class Prepared:
 
 def ready_landmarks(manager: LandmarkManager, grid: GridGraph) -> Landmarks | None:
     """Return the landmarks that are admissible on a grid, if there are any."""
-    return manager.current(grid)
+    with manager.lend(grid) as landmarks:
+        return landmarks
 
 
 class Ours(NamedTuple):

@@ -123,7 +123,7 @@ def memory(results: dict[str, Any]) -> Table:
 def live(results: dict[str, Any]) -> Table:
     """Return a row for each size and way of taking live maps."""
     lines: Table = [
-        ('cells a side', 'maps', 'to the first plan', 'p90', 'other threads', 'had landmarks %')
+        ('cells a side', 'maps', 'to the first plan', 'p90', 'landmark upkeep', 'had landmarks %')
     ]
     for size, ways in sorted(results.items(), key=lambda item: int(item[0])):
         lines += [
@@ -132,7 +132,7 @@ def live(results: dict[str, Any]) -> Table:
                 way,
                 number(one['plan_ms']),
                 number(one['plan_p90_ms']),
-                number(one['background_ms']),
+                number(one['upkeep_ms']),
                 f'{100 * one["had_landmarks"]:.0f}',
             )
             for way, one in ways.items()
