@@ -21,6 +21,7 @@ from llm_astar_planner.instructions.specification import (
     StayIn,
     Visit,
 )
+from llm_astar_planner.planning._kernels.nearest import nearest_places
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.paper import METHODS
@@ -48,7 +49,8 @@ def compile_kernels() -> None:
                     (2, 20), (21, 20), method, time_limit=PATIENCE, any_angle=True, via=((12, 1),)
                 )
                 planner.plan(request)
-                planner.plan(replace(request, via=()))
+                plan = planner.plan(replace(request, via=()))
+                nearest_places(plan.path, np.zeros((1, 2)))
 
 
 def compile_instruction_kernels() -> None:

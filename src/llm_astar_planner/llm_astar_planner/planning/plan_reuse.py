@@ -13,6 +13,7 @@ from cachetools import LRUCache
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from numpy.typing import NDArray
 
+from llm_astar_planner.planning._kernels.nearest import nearest_places
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, ResultCode
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
@@ -155,6 +156,5 @@ class CachedWaypointSource:
 
 def nearest_on_path(path: NDArray[np.int32], point: tuple[float, float]) -> tuple[int, float]:
     """Return the index of a path's cell [n, 2] nearest to a point, and the distance in cells."""
-    distances = np.hypot(*(path - np.asarray(point)).T)
-    index = int(np.argmin(distances))
-    return index, float(distances[index])
+    place = int(nearest_places(path, np.array([point], dtype=np.float64))[0])
+    return place, math.dist(path[place], point)

@@ -15,6 +15,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_planner.planning._kernels.nearest import nearest_places
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.waypoints.source import Waypoint
@@ -104,11 +105,11 @@ def mark_out_of_order(
     """
     if len(path) == 0 or len(waypoints) < 2:
         return tuple(waypoints)
-    accepted, places = [], []
-    for i, point in enumerate(waypoints):
-        if point.status is WaypointStatus.ACCEPTED:
-            accepted.append(i)
-            places.append(int(np.argmin(np.hypot(*(path - (point.x, point.y)).T))))
+    accepted = [i for i, point in enumerate(waypoints) if point.status is WaypointStatus.ACCEPTED]
+    if len(accepted) < 2:
+        return tuple(waypoints)
+    points = np.array([(waypoints[i].x, waypoints[i].y) for i in accepted])
+    places = nearest_places(path, points).tolist()
     if sorted(places) == places:
         return tuple(waypoints)
     in_order = {accepted[i] for i in longest_rising_run(places)}

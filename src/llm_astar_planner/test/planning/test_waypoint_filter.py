@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.planning._kernels.nearest import nearest_places
 from llm_astar_planner.planning.waypoint_filter import (
     CheckedWaypoint,
     WaypointStatus,
@@ -132,3 +133,14 @@ def test_snapping_only_undoes_rounding_errors():
     assert snap(25.5) == 25.5
     assert np.isnan(snap(float('nan')))
     assert snap(float('inf')) == float('inf')
+
+
+@given(
+    st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), max_size=60),
+    st.lists(st.tuples(st.floats(-70.0, 70.0), st.integers(-9, 9)), max_size=8),
+)
+def test_the_nearest_places_on_a_path_are_found(steps, points):
+    path = np.cumsum([(0, 0), *steps], axis=0).astype(np.int32)
+    points = np.array([*points, path.mean(axis=0)], dtype=np.float64)
+    places = [int(np.square(path - point).sum(axis=1).argmin()) for point in points]
+    assert nearest_places(path, points).tolist() == places
