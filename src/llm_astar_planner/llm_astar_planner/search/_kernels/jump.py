@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.astar import (
     CANONICAL_SUCCESSORS,
+    CLOSED,
     EVERY_MOVE,
     EXHAUSTED,
     FOUND,
@@ -46,8 +47,6 @@ ENTRY = 3
 LONGEST_RUN = 128
 # ... and so many units after the estimate of its cost has begun to rise.
 RISE = 8 * 2378
-# The most entries that one expansion can make, with a margin.
-MOST_ENTRIES = 8 * LONGEST_RUN + 16
 
 # Slots of the control array. J_BEST may hold the cost of a path that is known already.
 (
@@ -303,10 +302,11 @@ def jump_search(
 ) -> int:
     """Run or resume an exact jump point search; return how the call ended.
 
-    A record is the newest queue entry of a cell and `generation << TAG_BITS`. After NEED_SPACE
-    call again with a longer pool that begins the same. RUNNING: at least `quota` scans were made.
-    Before the first call `control` is 0 but for J_BEST: only cheaper paths are looked for.
-    EXHAUSTED: there is none. The search holds the least bucket's cost as a lower bound.
+    A record is the g of a cell and its generation, with CLOSED once it is expanded: as in `astar`,
+    so that its `add_expanded` reads it. After NEED_SPACE call again with a longer pool that begins
+    the same. RUNNING: at least `quota` scans were made. Before the first call `control` is 0 but
+    for J_BEST: only cheaper paths are looked for. EXHAUSTED: there is none. The least bucket is a
+    lower bound.
     """
     height = moves.size // width
     row_stride = PLANES * ((width + 65) // 64)
@@ -317,6 +317,8 @@ def jump_search(
     extra = diagonal - straight
     tag = generation << TAG_BITS
     per_width = 1.0 / width
+    # The most entries that one expansion can make.
+    most = 8 * min(LONGEST_RUN, width, height) + 8
     far = heads.size - 1
     best = control[J_BEST]
     expansions = control[J_EXPANSIONS]
@@ -338,7 +340,7 @@ def jump_search(
         pool[0] = np.int64(start) << 32
         pool[1] = 0
         pool[2] = f << 3
-        records[2 * start] = 1
+        records[2 * start] = 0
         records[2 * start + 1] = tag
         top = 1
         storage = 1
@@ -372,17 +374,18 @@ def jump_search(
             break
         if scans >= quota:
             break
-        if ENTRY * (top + MOST_ENTRIES) > pool.size:
+        if ENTRY * (top + most) > pool.size:
             status = NEED_SPACE
             break
         entry = np.int64(heads[bucket])
         item = pool[ENTRY * entry - 3]
         heads[bucket] = item & 0xFFFFFFFF
         cell = item >> 32
-        if records[2 * cell] != entry:
-            continue
-        expansions += 1
         g = pool[ENTRY * entry - 2] >> 32
+        if records[2 * cell] != g:
+            continue
+        records[2 * cell + 1] = tag | CLOSED
+        expansions += 1
         y = np.int64((cell + 0.5) * per_width)
         x = cell - y * width
         delta_x = abs(x - goal_x)
@@ -456,7 +459,7 @@ def jump_search(
             other = pool[ENTRY * candidate] >> 32
             other_g = pool[ENTRY * candidate + 1]
             new = records[2 * other + 1] >> TAG_BITS != generation
-            if not new and other_g >= pool[ENTRY * np.int64(records[2 * other]) - 2] >> 32:
+            if not new and other_g >= records[2 * other]:
                 continue
             other_y = np.int64((other + 0.5) * per_width)
             delta_x = abs(other - other_y * width - goal_x)
@@ -474,7 +477,7 @@ def jump_search(
             move = pool[ENTRY * candidate + 2]
             storage += new
             top += 1
-            records[2 * other] = top
+            records[2 * other] = other_g
             records[2 * other + 1] = tag
             slot = far
             if other == goal:
