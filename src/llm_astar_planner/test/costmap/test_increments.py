@@ -1,6 +1,7 @@
 """Costmaps made from the one before against costmaps made from nothing."""
 
 import gc
+import tracemalloc
 import weakref
 
 import numpy as np
@@ -12,6 +13,8 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
+from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.landmarks import LandmarkManager
 
 RULES = [
     CostmapConfig(),
@@ -149,6 +152,36 @@ def test_the_costmap_before_is_not_kept_alive():
     del first
     gc.collect()
     assert [thing() for thing in held] == [None] * 3
+
+
+def test_memory_does_not_grow_over_two_hundred_maps():
+    random = np.random.default_rng(0)
+    landmarks, planner = LandmarkManager(), None
+    held = []
+    for number in range(200):
+        cells = np.zeros((150, 200), dtype=np.int8)
+        for y, x in random.integers(5, 145, (8, 2)):
+            cells[y : y + 4, x : x + 4] = 100
+        cells[:3] = cells[:, :3] = 0
+        grid_map = GridMap(cells, 0.05)
+        planner = Planner(grid_map, RULES[1], landmarks=landmarks, previous=planner).prepare()
+        planner.plan(PlanRequest((1, 1), (199, 1), max_suboptimality=1.1, time_limit=60.0))
+        if number == 50:
+            tracemalloc.start()
+        if number >= 60:
+            held.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    landmarks.close()
+    # Less than one layer of one of these maps.
+    assert np.median(held[-20:]) - np.median(held[:20]) < 150 * 200
+
+
+def test_idle_workspaces_are_bounded():
+    grid = GridGraph(np.zeros((1000, 1000), dtype=bool))
+    lent = [grid.borrow() for _ in range(30)]
+    for workspace in lent:
+        grid.give_back(workspace)
+    assert 2 * lent[0].nbytes < grid.nbytes < 100e6
 
 
 def test_plans_on_both_maps_stay_right_while_they_share_workspaces():

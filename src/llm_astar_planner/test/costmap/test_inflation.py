@@ -15,6 +15,7 @@ from llm_astar_planner.costmap.inflation import inflate
 from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
+from scipy import ndimage
 
 
 def post(size=21, value=100, resolution=0.05):
@@ -69,6 +70,33 @@ def test_inflation_is_what_its_definition_says(body):
     np.testing.assert_array_equal(blocked, expected_blocked)
     free = ~blocked
     np.testing.assert_array_equal(cost[free], expected_cost[free])
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_large_maps_are_inflated_as_by_scipys_distance_transform(seed):
+    """Over many bands of rows, and with radii up to more than the map."""
+    random = np.random.default_rng(seed)
+    shape = random.integers(1, 260, 2)
+    cells = random.choice([-1, 0, 40, 100], shape, p=[0.1, 0.8, 0.0995, 0.0005]).astype(np.int8)
+    robot, inflation = random.choice([0.0, 0.01, 0.2, 1.0, 10.0], 2)
+    rules = CostmapConfig(
+        robot_radius=robot,
+        inflation_radius=inflation,
+        cost_scaling_factor=0.5,
+        allow_unknown=False,
+    )
+    blocked, cost = inflate(GridMap(cells, 0.05), rules)
+    expected_blocked, expected_cost = cells < 0, cells
+    if robot or inflation:
+        lethal = cells == 100
+        distances = ndimage.distance_transform_edt(~lethal) if lethal.any() else np.inf
+        metres = 0.05 * np.sqrt(np.rint(np.square(np.broadcast_to(distances, shape))))
+        expected_blocked = expected_blocked | (metres <= robot + 1e-9)
+        graded = np.rint(98 * np.exp(-0.5 * np.maximum(metres - robot, 0.0)))
+        graded = np.where(metres <= inflation + 1e-9, graded, 0)
+        expected_cost = np.where(graded > 0, np.maximum(cells, graded), cells)
+    np.testing.assert_array_equal(blocked, expected_blocked | (cells == 100))
+    np.testing.assert_array_equal(cost, expected_cost)
 
 
 @settings(max_examples=60)
