@@ -42,8 +42,8 @@ GENERATED = (
     ('maze', 512, 20),
     ('city', 1024, 20),
     ('warehouse', 1024, 20),
-    ('city', 4096, 6),
-    ('boxes', 4096, 6),
+    ('city', 4096, 4),
+    ('boxes', 4096, 4),
     ('boxes', 8192, 3),
 )
 # The maps that are also timed with graded costs.

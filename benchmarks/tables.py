@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,17 @@ import numpy as np
 from benchmarks.ours import EXACT
 
 Table = list[tuple[str, ...]]
+Rows = list[dict[str, Any]]
+Cases = dict[str, dict[str, Any]]
+# Maps of up to so many cells are called so.
+SIZES = (
+    (4_000, '51x31'),
+    (2**16, '100²'),
+    (2**19, '512²'),
+    (2**22, '1024²'),
+    (2**25, '4096²'),
+    (2**27, '8192²'),
+)
 # A percentile of time ratios is taken over queries that take the exact search so long.
 WORTH_MS = 0.1
 
@@ -35,16 +46,19 @@ def report(folder: Path, *, markdown: bool) -> str:
     sections: list[tuple[str, Table]] = []
     for kind, graded in (('Uniform', False), ('Graded', True)):
         cases = {name: one for name, one in search.items() if one['graded'] is graded}
-        if cases:
-            sections += [
-                (
-                    f'{kind} costs: time / {EXACT}, median of rounds ± half the spread',
-                    ratios(cases),
-                ),
-                (f'{kind} costs: milliseconds of CPU a query', figures(cases, 'milliseconds')),
-                (f'{kind} costs: milliseconds to prepare a map', figures(cases, 'preparation_ms')),
-                (f'{kind} costs: means over cases', means(cases)),
-            ]
+        sections += [
+            (f'{kind} costs: time / {EXACT} (lowest to highest map)', by_size(cases, ratio)),
+            (f'{kind} costs: milliseconds a query', by_size(cases, mean_of('milliseconds'))),
+            (
+                f'{kind} costs: milliseconds a map before',
+                by_size(cases, mean_of('preparation_ms')),
+            ),
+            (f'{kind} costs: what the paths are like', paths(cases)),
+            (
+                f'{kind} costs: time / {EXACT} on each map, half the spread of rounds',
+                by_map(cases),
+            ),
+        ]
     sections += [
         ('Bytes a cell beside the map: peak / held', memory(load(folder, 'memory'))),
         ('Live maps: CPU milliseconds', live(load(folder, 'live'))),
@@ -54,57 +68,77 @@ def report(folder: Path, *, markdown: bool) -> str:
     return '\n\n'.join(f'{title}\n\n{draw(rows)}' for title, rows in sections if len(rows) > 1)
 
 
-def ratios(cases: dict[str, Any]) -> Table:
-    """Return a row for each planner and a column for each case: the ratio of times."""
-
-    def cell(row: dict[str, Any]) -> str:
-        spread = (row['ratio_high'] - row['ratio_low']) / 2
-        return '1' if row['planner'] == EXACT else f'{number(row["ratio"])}±{number(spread)}'
-
-    return by_planner(cases, cell)
-
-
-def figures(cases: dict[str, Any], field: str) -> Table:
-    """Return a row for each planner and a column for each case: one figure."""
-    return by_planner(cases, lambda row: number(row[field]))
-
-
-def by_planner(cases: dict[str, Any], cell: Any) -> Table:  # noqa: ANN401
-    """Return a table with a row for each planner and a column for each case."""
-    rows = {name: {row['planner']: row for row in one['rows']} for name, one in cases.items()}
-    lines: Table = [('', *cases)]
+def by_size(cases: Cases, cell: Callable[[Rows], str]) -> Table:
+    """Return a row for each planner and a column for each size of map, of `cell` of its rows."""
+    sizes: dict[str, list[dict[str, Any]]] = {}
+    for case in cases.values():
+        label = next(name for most, name in SIZES if case['cells'] <= most)
+        sizes.setdefault(label, []).append(case)
+    lines: Table = [('', *(f'{label} ({len(some)})' for label, some in sizes.items()))]
     for planner in planners(cases):
-        lines.append(
-            (planner, *(cell(own[planner]) if planner in own else '' for own in rows.values()))
-        )
+        columns = [rows_of(planner, some) for some in sizes.values()]
+        lines.append((planner, *(cell(rows) if rows else '' for rows in columns)))
     return lines
 
 
-def planners(cases: dict[str, Any]) -> list[str]:
+def rows_of(planner: str, cases: Iterable[dict[str, Any]]) -> Rows:
+    """Return a planner's rows of the cases that it took part in."""
+    return [row for case in cases for row in case['rows'] if row['planner'] == planner]
+
+
+def ratio(rows: Rows) -> str:
+    """Return the mean ratio of rows, and the lowest and the highest if there are several."""
+    values = [row['ratio'] for row in rows]
+    mean = number(geometric_mean(values))
+    return mean if len(rows) == 1 else f'{mean} ({number(min(values))}-{number(max(values))})'
+
+
+def mean_of(field: str) -> Callable[[Rows], str]:
+    """Return the function that makes the geometric mean of a field."""
+    return lambda rows: number(geometric_mean(max(row[field], 1e-6) for row in rows))
+
+
+def planners(cases: Cases) -> list[str]:
     """Return the names of all planners that were measured, in order."""
     return list(dict.fromkeys(row['planner'] for one in cases.values() for row in one['rows']))
 
 
-def means(cases: dict[str, Any]) -> Table:
-    """Return a row for each planner: its mean ratio over cases, and what its paths are like."""
+def by_map(cases: Cases) -> Table:
+    """Return a row for each map and a column for each planner: the ratio of times."""
+    names = planners(cases)
+    lines: Table = [('', *names)]
+    for case, one in cases.items():
+        known = {row['planner']: row for row in one['rows']}
+        cells = (
+            f'{number(known[name]["ratio"])}±{number(half_spread(known[name]))}'
+            if name in known
+            else ''
+            for name in names
+        )
+        lines.append((case, *cells))
+    return lines
+
+
+def half_spread(row: dict[str, Any]) -> float:
+    """Return half the spread of the ratio over the rounds."""
+    return float(row['ratio_high'] - row['ratio_low']) / 2
+
+
+def paths(cases: Cases) -> Table:
+    """Return a row for each planner: which of its paths are legal and optimal, and their cost."""
     lines: Table = [
-        ('', 'version', 'cases', 'time ratio', 'legal %', 'optimal %', 'length', 'published')
+        ('', 'version', 'maps', 'legal %', 'optimal %', 'mean cost', 'published lengths')
     ]
     for planner in planners(cases):
-        took_part = [
-            one for one in cases.values() if any(row['planner'] == planner for row in one['rows'])
-        ]
-        rows = [row for one in took_part for row in one['rows'] if row['planner'] == planner]
-        queries = [one['queries'] for one in took_part]
+        own = [one for one in cases.values() if rows_of(planner, [one])]
+        rows, queries = rows_of(planner, own), [one['queries'] for one in own]
         legal, optimal, excess = (
             float(np.average([row[field] for row in rows], weights=queries))
             for field in ('legal', 'optimal', 'excess')
         )
-        equal, known = (sum(one['published'] for one in some) for some in (rows, took_part))
-        ratio = number(geometric_mean(row['ratio'] for row in rows))
-        shares = (f'{100 * legal:.0f}', f'{100 * optimal:.0f}', f'{1 + excess:.3f}')
-        version = rows[0]['version']
-        lines.append((planner, version, str(len(rows)), ratio, *shares, f'{equal}/{known}'))
+        equal, known = (sum(one['published'] for one in some) for some in (rows, own))
+        shares = f'{100 * legal:.0f}', f'{100 * optimal:.0f}', f'{1 + excess:.3f}'
+        lines.append((planner, rows[0]['version'], str(len(own)), *shares, f'{equal}/{known}'))
     return lines
 
 

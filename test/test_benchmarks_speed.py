@@ -104,6 +104,7 @@ def test_what_was_measured_is_kept_and_printed_as_tables(tmp_path, monkeypatch, 
     again = capsys.readouterr()
     assert again.err == ''
     assert f'|{EXACT}|1|' in again.out
+    assert '|boxes 120|1±0|' in again.out
     rows = json.loads((tmp_path / 'search boxes 120.json').read_text())['rows']
     assert all(row['optimal'] == 1.0 for row in rows if row['planner'] in (EXACT, 'guided'))
     uniform, _ = speed_picture.draw(tmp_path).axes
