@@ -136,7 +136,7 @@ def test_snapping_only_undoes_rounding_errors():
 
 
 @given(
-    st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), max_size=60),
+    st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), max_size=300),
     st.lists(st.tuples(st.floats(-70.0, 70.0), st.integers(-9, 9)), max_size=8),
 )
 def test_the_nearest_places_on_a_path_are_found(steps, points):

@@ -22,13 +22,18 @@ def nearest_places(path: NDArray[np.int32], points: NDArray[np.float64]) -> NDAr
     for number in range(points.shape[0]):
         x = points[number, 0]
         y = points[number, 1]
+        # Not farther than the nearest of every 64th cell.
+        limit = np.inf
+        for index in range(0, path.shape[0], 64):
+            limit = min(limit, (path[index, 0] - x) ** 2 + (path[index, 1] - y) ** 2)
         least = np.inf
         index = 0
         while index < path.shape[0]:
             squared = (path[index, 0] - x) ** 2 + (path[index, 1] - y) ** 2
             if squared < least:
                 least = squared
+                limit = min(limit, least)
                 places[number] = index
             # A move brings the path nearer by its length at most.
-            index += max(1, int((math.sqrt(squared) - math.sqrt(least)) / math.sqrt(2.0)))
+            index += max(1, int((math.sqrt(squared) - math.sqrt(limit)) / math.sqrt(2.0)))
     return places
