@@ -29,6 +29,7 @@ from llm_astar_msgs_adapter.maps.places_file import load_places
 from numpy.typing import NDArray
 
 import llm_astar_planner
+from llm_astar_planner.search.any_angle import turning_points
 from llm_astar_planner.waypoints.source import SourceStatus
 
 # The method that takes the waypoints themselves as the path, called `llm_only` up to 0.1.0.
@@ -457,15 +458,6 @@ def parse_points(text: str) -> tuple[tuple[float, float], ...]:
 def format_points(points: Iterable[Iterable[float]]) -> str:
     """Write points as rows store them; `parse_points` is the inverse."""
     return ';'.join(','.join(f'{value:g}' for value in point) for point in points)
-
-
-def turning_points(path: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the first, the last and every cell of a path [n, 2] at which it turns."""
-    if len(path) < 3:
-        return path
-    steps = np.diff(path, axis=0)
-    turns = np.any(steps[1:] != steps[:-1], axis=1)
-    return np.asarray(path[np.concatenate([[True], turns, [True]])])
 
 
 def cells_along(points: NDArray[np.float64]) -> NDArray[np.int32]:

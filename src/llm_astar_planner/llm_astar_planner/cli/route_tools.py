@@ -19,7 +19,6 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.places_problems import map_outline
 from numpy.typing import NDArray
 
-from llm_astar_planner.benchmark.results import turning_points
 from llm_astar_planner.cli.map_files import DECIMALS, place_to_json
 from llm_astar_planner.cli.planning_options import PlanningOptions
 from llm_astar_planner.instructions.interpretation import (
@@ -37,6 +36,7 @@ from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, finite_or_none
+from llm_astar_planner.search.any_angle import turning_points
 from llm_astar_planner.search.result import Cell
 
 MAX_POINTS = 10_000

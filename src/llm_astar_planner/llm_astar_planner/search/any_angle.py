@@ -75,6 +75,15 @@ def string_pull(
     return AnyAnglePath(points, length, cost)
 
 
+def turning_points(path: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the first, the last and every cell of a path [n, 2] at which it turns."""
+    if len(path) < 3:
+        return path
+    steps = np.diff(path, axis=0)
+    turns = np.any(steps[1:] != steps[:-1], axis=1)
+    return np.asarray(path[np.concatenate([[True], turns, [True]])])
+
+
 def interpolate(points: NDArray[np.int32], spacing: float = 1.0) -> NDArray[np.float64]:
     """Return points along straight segments, at most `spacing` cells apart: float64 [m, 2].
 

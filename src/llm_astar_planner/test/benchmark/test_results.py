@@ -2,11 +2,10 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from benchmark_samples import rows_of, tasks_of, untimed
 from llm_astar_planner.benchmark.datasets.samples import load_samples
-from llm_astar_planner.benchmark.results import ResultsError, ResultsFolder, turning_points
+from llm_astar_planner.benchmark.results import ResultsError, ResultsFolder
 
 
 def test_a_damaged_row_is_named_and_the_last_of_equal_keys_counts(dataset, tmp_path):
@@ -36,9 +35,3 @@ def test_a_full_disk_is_reported_and_earlier_rows_stay(dataset, tmp_path):
         full.append(rows)
     assert folder.results.read_bytes() == kept
     assert [untimed(row) for row in folder.read()] == [untimed(row) for row in rows]
-
-
-def test_turning_points_keep_the_shape():
-    path = np.array([(0, 0), (1, 0), (2, 0), (3, 1), (4, 2), (4, 3)], dtype=np.int32)
-    assert turning_points(path).tolist() == [[0, 0], [2, 0], [4, 2], [4, 3]]
-    assert len(turning_points(path[:0])) == 0

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_planner.search import any_angle
 from llm_astar_planner.search._kernels import line_of_sight as kernels
-from llm_astar_planner.search.any_angle import can_see, interpolate, string_pull
+from llm_astar_planner.search.any_angle import can_see, interpolate, string_pull, turning_points
 from llm_astar_planner.search.astar import shortest_path
 from llm_astar_planner.search.grid_graph import GridGraph
 
@@ -156,3 +156,9 @@ def test_points_between_turns_are_evenly_spaced():
     assert points[5].tolist() == [4.0, 3.0]
     with pytest.raises(ValueError, match='spacing'):
         interpolate(points, spacing=0.0)
+
+
+def test_turning_points_keep_the_shape():
+    path = np.array([(0, 0), (1, 0), (2, 0), (3, 1), (4, 2), (4, 3)], dtype=np.int32)
+    assert turning_points(path).tolist() == [[0, 0], [2, 0], [4, 2], [4, 3]]
+    assert len(turning_points(path[:0])) == 0

@@ -21,7 +21,6 @@ from llm_astar_planner.benchmark.results import (
     cells_along,
     format_points,
     satisfied_column,
-    turning_points,
 )
 from llm_astar_planner.instructions.interpretation import (
     InstructionError,
@@ -34,6 +33,7 @@ from llm_astar_planner.instructions.interpretation import (
 from llm_astar_planner.instructions.specification import SpecificationError
 from llm_astar_planner.instructions.specification_json import from_json
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.search.any_angle import turning_points
 
 # A recorded path belongs to a request if it ends this near to the goal, in metres.
 GOAL_REACH = 0.5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -24,11 +25,14 @@ from llm_astar_planner.nodes.planner.diagnostics import PlanStatistics
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.types import Plan
-from llm_astar_planner.search.any_angle import interpolate
+from llm_astar_planner.search.any_angle import interpolate, turning_points
 
 # Reports that wait to be written, at most: a flood of goals waits for the oldest of them.
 MAX_REPORTS = 32
 LONGEST_WAIT = 1.0
+# Seconds to write a pose, publish it and send it as the answer.
+POSE_SECONDS = 15e-6
+LEAST_SECONDS = 0.001
 
 
 class PathWriter:
@@ -59,11 +63,25 @@ class PathWriter:
         self._last = (cells, path)
         return path
 
-    def write_plan(self, plan: Plan) -> Path:
-        """Write a plan's path; an any-angle path gets one pose per cell, as controllers expect."""
-        if plan.any_angle is None:
-            return self.write(plan.path)
-        return self.write(interpolate(plan.any_angle.points))
+    def write_plan(self, plan: Plan, deadline: float) -> tuple[Path, tuple[str, ...]]:
+        """Write a plan's path with one pose per cell, as controllers expect; return it.
+
+        If the time until `deadline` (monotonic seconds) is too short for that, only some of the
+        poses between two turns are written, and a warning is returned too.
+        """
+        time_left = max(deadline - time.monotonic(), LEAST_SECONDS)
+        shortened = plan.any_angle
+        length = len(plan.path) if shortened is None else shortened.length
+        spacing = length * POSE_SECONDS / time_left
+        if spacing <= 1.0:
+            cells = plan.path if shortened is None else interpolate(shortened.points)
+            return self.write(cells), ()
+        turns = turning_points(plan.path) if shortened is None else shortened.points
+        path = self.write(interpolate(turns, spacing))
+        warning = (
+            f'{len(path.poses)} poses are written, not one per cell: there was no time for it'
+        )
+        return path, (warning,)
 
 
 class PlanPublisher:

@@ -209,25 +209,26 @@ class RequestHandler:
         ends_as_it_arrives = self._settings.current['use_final_approach_orientation']
         goal_yaw = None if ends_as_it_arrives else poses.goals[-1].yaw
         writer = PathWriter(planner.grid_map, job.stamp, poses.start.yaw, goal_yaw)
+        deadline = job.begin + job.limit
         finish = min(FINISH_SECONDS, FINISH_SHARE * job.limit)
         request = self._converter.to_request(
             job.goal,
             poses,
             planner.grid_map,
-            max(LEAST_SECONDS, job.begin + job.limit - finish - time.monotonic()),
+            max(LEAST_SECONDS, deadline - finish - time.monotonic()),
             want_expanded=self._publisher.wants_expanded,
         )
         if self._instructions.current.instruction is not None:
             request = self._instructions.add_to(request, planner, poses)
         for plan in planner.plans(request, job.token.stop):
             if not plan.is_final:
-                path = writer.write(plan.path)
+                path, _ = writer.write_plan(plan, deadline)
                 if not job.token.reason:
                     self.publish(path, replan_reason)
                     if on_better is not None:
                         on_better()
         job.raise_if_cancelled()
-        path = writer.write_plan(plan)
+        path, left_out = writer.write_plan(plan, deadline)
         # Writing a long path takes time; a path that was cancelled meanwhile is not published.
         job.raise_if_cancelled()
         if plan.code is ResultCode.NONE:
@@ -235,8 +236,8 @@ class RequestHandler:
             if request.instruction is not None:
                 self._instructions.follow(path)
         self._publisher.publish_views(plan, planner.grid_map, job.stamp, writer.write)
-        if warnings:
-            plan = replace(plan, warnings=(*plan.warnings, *warnings))
+        if warnings or left_out:
+            plan = replace(plan, warnings=(*plan.warnings, *warnings, *left_out))
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
 
     def wait_for_map(self, job: Job) -> tuple[str, ...]:
