@@ -109,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
     maps = load_maps(dataset, args.limit, args.seed)
     config = benchmark_config(args, dataset, maps)
     if omits_baselines(args, maps):
-        names = ' and '.join(GRID_BASELINES)
+        names = ', '.join(GRID_BASELINES)
         message = f'on a grid only the baselines {names} are run; name others with --source'
         complain(args, message, OK)
     folder = ResultsFolder(args.out)

@@ -81,7 +81,7 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
     group.add_argument(
         '--source', type=names, default=[], metavar='NAMES',
         help=f'of {", ".join(SOURCE_NAMES)} (default: embedded and all baselines; the baselines '
-        f'are also added to every other source; on a grid only {" and ".join(GRID_BASELINES)}, '
+        f'are also added to every other source; on a grid only {", ".join(GRID_BASELINES)}, '
         'because the others need a visibility graph, which is slow there and refused on large '
         'maps)',
     )  # fmt: skip

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from llm_astar_planner.costmap._kernels import changes as kernels
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.inflation import inflate, inflated_again, inflation_reach
+from llm_astar_planner.search.coarse import CoarseGraph
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
@@ -125,6 +126,11 @@ class Costmap:
         if 'components' in layers:
             self.components = layers['components'].updated(self.blocked, windows)
         self._changes = windows
+
+    @cached_property
+    def coarse_graph(self) -> CoarseGraph:
+        """The tiles of `components` as a graph for rough routes."""
+        return CoarseGraph(self.components, self.grid_graph)
 
     @cached_property
     def line_of_sight(self) -> LineOfSightChecker:

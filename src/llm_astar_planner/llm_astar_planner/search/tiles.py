@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import tiles as kernels
 
-# About how many tiles a map has along its longer side.
+# The most tiles along the longer side of a grid, as long as tiles need not be larger than 32.
 TILES_A_SIDE = 256
-SMALLEST_SHIFT, LARGEST_SHIFT = 2, 5
 # The smallest shift whose tiles may have more than 255 components.
 LARGE_SHIFT = 5
 
@@ -53,15 +52,13 @@ class Tiles:
     ) -> Tiles:
         """Divide `blocked`, bool [height, width], into tiles of 2^shift cells a side: O(cells).
 
-        By default the side is such that there are up to 256 tiles along the longer side of the
-        grid, but at least 4 and at most 32 cells. Raises ValueError on a wrong shape.
+        By default the side is that of `default_shift`. Raises ValueError on a wrong shape.
         """
         grid = np.ascontiguousarray(blocked, dtype=np.bool_)
         if grid.ndim != 2 or grid.size == 0:
             raise ValueError(f'blocked: shape {grid.shape} is not [height, width]')
         if shift is None:
-            wanted = ((max(grid.shape) - 1) // TILES_A_SIDE).bit_length()
-            shift = min(max(wanted, SMALLEST_SHIFT), LARGEST_SHIFT)
+            shift = default_shift(max(grid.shape))
         rows, columns = (((size - 1) >> shift) + 1 for size in grid.shape)
         labels = np.empty(grid.shape, np.uint8 if shift < LARGE_SHIFT else np.uint16)
         changed = np.ones((rows, columns), dtype=np.bool_)
@@ -125,6 +122,16 @@ class Tiles:
         tile = (rows >> self.shift) * self.counts.shape[1] + (columns >> self.shift)
         number: int | NDArray[np.int32] = self.components[self.nodes[tile] + label]
         return number
+
+
+def default_shift(longer_side: int) -> int:
+    """Return the shift of the tiles of a grid, by its longer side in cells.
+
+    Tiles have 4 cells a side up to 256, 8 up to 2048, 16 up to 4096, 32 beyond.
+    """
+    if longer_side <= TILES_A_SIDE:
+        return 2
+    return min(max(((longer_side - 1) // TILES_A_SIDE).bit_length(), 3), LARGE_SHIFT)
 
 
 def joined(

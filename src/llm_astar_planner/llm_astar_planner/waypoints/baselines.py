@@ -1,8 +1,8 @@
 """Baseline sources: waypoints computed without a language model, to compare a model's with.
 
 `straight` ignores the map, `oracle` returns the corners of the shortest any-angle path, `noisy`
-and `reversed` degrade the oracle's answer, and `random` draws free cells. Every source gives the
-same answer to the same query.
+and `reversed` degrade the oracle's answer, `random` draws free cells, and `coarse` is in a module
+of its own. Every source gives the same answer to the same query.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from scipy.sparse.csgraph import dijkstra
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.visibility import LineOfSightChecker
+from llm_astar_planner.waypoints.coarse import CoarseSource
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     Waypoint,
@@ -71,7 +72,8 @@ def baseline_sources(seed: int = 0) -> dict[str, WaypointSource]:
         'random': partial(random_points, seed=seed),
         'reversed': reversed_points,
     }
-    return {name: BaselineSource(name, function) for name, function in points.items()}
+    sources: dict[str, WaypointSource] = {'coarse': CoarseSource()}
+    return sources | {name: BaselineSource(name, function) for name, function in points.items()}
 
 
 def straight_points(query: WaypointQuery) -> list[Waypoint]:

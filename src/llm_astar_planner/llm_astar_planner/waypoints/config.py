@@ -26,7 +26,8 @@ class SourceSettings:
         'embedded',
         'Where waypoints come from. `embedded` is a learned waypoint model, not an LLM; '
         '`endpoint` is a language model behind an OpenAI-compatible API; `replay` answers from '
-        'a recorded transcript; the last five are baselines to compare with',
+        'a recorded transcript; `coarse` is the cheapest route on a coarser map, without a model; '
+        'the last five are baselines to compare with',
         choices=SOURCE_NAMES,
     )
     base_url: str = parameter(

@@ -92,7 +92,7 @@ def test_cells_arrays_and_slices_give_the_same_numbers():
 
 
 @pytest.mark.parametrize(
-    ('longer', 'shift'), [(51, 2), (1000, 2), (1024, 2), (1025, 3), (4096, 4), (20000, 5)]
+    ('longer', 'shift'), [(51, 2), (256, 2), (257, 3), (2048, 3), (2049, 4), (4096, 4), (20000, 5)]
 )
 def test_the_side_of_a_tile_grows_with_the_map(longer, shift):
     assert Tiles.build(np.zeros((2, longer), dtype=bool)).shift == shift

@@ -32,7 +32,7 @@ METHOD_ORDER = (
     'astar', 'exact_astar', 'weighted_astar', 'dynamic_weighted_astar', WAYPOINTS_ONLY,
     'llm_astar', 'guided',
 )  # fmt: skip
-BASELINE_SOURCES = ('none', 'straight', 'oracle', 'noisy', 'random', 'reversed')
+BASELINE_SOURCES = ('none', 'coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 # The columns whose growth over the scales of the map is measured.
 GROWING_COLUMNS = ('operation', 'storage')
 

@@ -26,6 +26,7 @@ METHOD_LABELS = {
     'guided': 'guided (ours)',
 }
 SOURCE_LABELS = {
+    'coarse': 'the turns of the cheapest route on a coarser map',
     'straight': 'three points on the straight line',
     'oracle': 'the corners of the best path',
     'noisy': 'corners displaced by up to 3 cells',

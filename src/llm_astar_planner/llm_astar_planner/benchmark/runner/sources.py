@@ -19,7 +19,7 @@ from llm_astar_planner.waypoints.source import WaypointSource
 from llm_astar_planner.waypoints.transcript import read_transcript
 
 # The baselines that are cheap on any grid, because they need no visibility graph.
-GRID_BASELINES = ('straight', 'random')
+GRID_BASELINES = ('coarse', 'straight', 'random')
 EMBEDDED = 'embedded'
 # The embedded model is run twice: its greedy route, and the best of this many routes.
 BEST_OF = 8

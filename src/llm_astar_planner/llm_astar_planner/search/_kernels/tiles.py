@@ -3,7 +3,7 @@
 A tile has 2^shift cells a side, fewer at the right and lower edge of the grid; tiles are numbered
 row by row. Its connected free cells form local components, numbered from 1 in the order of their
 first cells. A contact says that a component of a tile touches one of a neighbouring tile: a
-uint32 of both numbers, which neighbour it is, and where on the border of the tile.
+uint32 of both numbers, which neighbour it is, and which cells of the tile's border.
 """
 
 from __future__ import annotations
@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 
 # The neighbours that a tile keeps its contacts with: +x, +y, +x+y, -x+y.
 EAST, SOUTH, SOUTH_EAST, SOUTH_WEST = range(4)
-# A contact: the number in the tile, that in the neighbour, the neighbour, the place on the border.
+# A contact: the number in the tile, that in the neighbour, the neighbour, and the first and the
+# last cell on the border, counted from the tile's corner.
 NUMBER_BITS = 10
 SIDE_SHIFT = 2 * NUMBER_BITS
-PLACE_SHIFT = SIDE_SHIFT + 2
+FIRST_SHIFT = SIDE_SHIFT + 2
+LAST_SHIFT = FIRST_SHIFT + 5
 NUMBER_MASK = (1 << NUMBER_BITS) - 1
 
 _jit: Any = njit(cache=True, nogil=True)
@@ -168,77 +170,87 @@ def tile_contacts(
 ) -> int:
     """Append the contacts of one tile to `contacts`, of which there are `count`; return how many.
 
-    Each run of cells that are free on both sides of the border is one contact, at its middle.
-    With corner cutting the diagonal neighbours across the border count too.
+    Each run of cells that are free on both sides of the border is one contact. With corner
+    cutting the diagonal neighbours across the border count too.
     """
     height, width = labels.shape
-    side = 1 << shift
     top = row << shift
     left = column << shift
-    bottom = min(top + side, height)
-    right = min(left + side, width)
+    bottom = min(top + (1 << shift), height)
+    right = min(left + (1 << shift), width)
     if right < width:
-        begin = -1
-        for y in range(top, bottom + 1):
-            is_open = y < bottom and labels[y, right - 1] != 0 and labels[y, right] != 0
-            if is_open and begin < 0:
-                begin = y
-            elif not is_open and begin >= 0:
-                middle = (begin + y - 1) >> 1
-                contacts[count] = pack(
-                    labels[middle, right - 1], labels[middle, right], EAST, middle - top
-                )
-                count += 1
-                begin = -1
-            if corner_cutting and y < bottom:
-                for other in (y - 1, y + 1):
-                    if top <= other < bottom and labels[y, right - 1] and labels[other, right]:
-                        contacts[count] = pack(
-                            labels[y, right - 1], labels[other, right], EAST, y - top
-                        )
-                        count += 1
+        count = border_contacts(
+            labels, top, right - 1, bottom - top, EAST, corner_cutting, contacts, count
+        )
     if bottom < height:
-        begin = -1
-        for x in range(left, right + 1):
-            is_open = x < right and labels[bottom - 1, x] != 0 and labels[bottom, x] != 0
-            if is_open and begin < 0:
-                begin = x
-            elif not is_open and begin >= 0:
-                middle = (begin + x - 1) >> 1
-                contacts[count] = pack(
-                    labels[bottom - 1, middle], labels[bottom, middle], SOUTH, middle - left
-                )
-                count += 1
-                begin = -1
-            if corner_cutting and x < right:
-                for other in (x - 1, x + 1):
-                    if left <= other < right and labels[bottom - 1, x] and labels[bottom, other]:
-                        contacts[count] = pack(
-                            labels[bottom - 1, x], labels[bottom, other], SOUTH, x - left
-                        )
-                        count += 1
+        count = border_contacts(
+            labels, bottom - 1, left, right - left, SOUTH, corner_cutting, contacts, count
+        )
     if corner_cutting and bottom < height:
-        if right < width and labels[bottom - 1, right - 1] and labels[bottom, right]:
-            contacts[count] = pack(
-                labels[bottom - 1, right - 1], labels[bottom, right], SOUTH_EAST, 0
-            )
+        number = np.int64(labels[bottom - 1, right - 1])
+        if right < width and number and labels[bottom, right]:
+            last = right - 1 - left
+            contacts[count] = pack(number, labels[bottom, right], SOUTH_EAST, last, last)
             count += 1
-        if left > 0 and labels[bottom - 1, left] and labels[bottom, left - 1]:
-            contacts[count] = pack(
-                labels[bottom - 1, left], labels[bottom, left - 1], SOUTH_WEST, 0
-            )
+        number = np.int64(labels[bottom - 1, left])
+        if left > 0 and number and labels[bottom, left - 1]:
+            contacts[count] = pack(number, labels[bottom, left - 1], SOUTH_WEST, 0, 0)
             count += 1
     return count
 
 
 @_jit
-def pack(number: Any, other: Any, neighbour: int, place: Any) -> Any:
+def border_contacts(
+    labels: NDArray[Any],
+    y: int,
+    x: int,
+    size: int,
+    neighbour: int,
+    corner_cutting: bool,
+    contacts: NDArray[np.uint32],
+    count: int,
+) -> int:
+    """Append the contacts across one border of a tile: `size` cells from (x, y) on."""
+    along_y = 1 if neighbour == EAST else 0
+    along_x = 1 - along_y
+    begin = -1
+    number = other = 0
+    for place in range(size + 1):
+        inner: Any = 0
+        outer: Any = 0
+        if place < size:
+            inner = np.int64(labels[y, x])
+            outer = np.int64(labels[y + along_x, x + along_y])
+        is_open = inner != 0 and outer != 0
+        if is_open and begin < 0:
+            begin = place
+            number = inner
+            other = outer
+        elif not is_open and begin >= 0:
+            contacts[count] = pack(number, other, neighbour, begin, place - 1)
+            count += 1
+            begin = -1
+        if corner_cutting and inner != 0:
+            for step in (-1, 1):
+                if 0 <= place + step < size:
+                    outer = labels[y + along_x + along_y * step, x + along_y + along_x * step]
+                    if outer != 0:
+                        contacts[count] = pack(inner, outer, neighbour, place, place)
+                        count += 1
+        y += along_y
+        x += along_x
+    return count
+
+
+@_jit
+def pack(number: Any, other: Any, neighbour: int, first: int, last: int) -> Any:
     """Return a contact."""
     return (
         np.int64(number)
         | np.int64(other) << NUMBER_BITS
         | neighbour << SIDE_SHIFT
-        | place << PLACE_SHIFT
+        | first << FIRST_SHIFT
+        | last << LAST_SHIFT
     )
 
 

@@ -1,0 +1,618 @@
+"""Compiled loops of the coarse route: A* over the components of tiles, and taut waypoints.
+
+A node is a local component of a tile (`_kernels.tiles`), at the free cell nearest to its centroid.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from llm_astar_planner.search._kernels.astar import STEP_X, STEP_Y
+from llm_astar_planner.search._kernels.line_of_sight import line_cost
+from llm_astar_planner.search._kernels.tiles import (
+    EAST,
+    FIRST_SHIFT,
+    LAST_SHIFT,
+    NUMBER_BITS,
+    NUMBER_MASK,
+    SIDE_SHIFT,
+    SOUTH,
+)
+
+_jit: Any = njit(cache=True, nogil=True)
+
+DIAGONAL = math.sqrt(2.0) - 1.0
+HALF_DIAGONAL = math.sqrt(0.5)
+# How a search ended: without a route, with one, or before either.
+NO_ROUTE, ROUTE, OUT_OF_WORK = range(3)
+# Halvings of the stretch along which a waypoint is moved, and rounds over all waypoints.
+HALVINGS = 5
+ROUNDS = 2
+
+
+@_jit
+def describe_nodes(
+    labels: NDArray[Any],
+    shift: int,
+    counts: NDArray[np.int32],
+    nodes: NDArray[np.int32],
+    cell_surcharge: NDArray[np.uint16],
+    places: NDArray[np.int64],
+    prices: NDArray[np.float32],
+    is_open: NDArray[np.bool_],
+) -> None:
+    """Fill in the middle of each node, and with graded costs the mean price of its cells.
+
+    The middle is the free cell nearest to the mean of the cells, y << 32 | x in `places`; a price
+    is the cost of a length of 1, and `prices` is empty on uniform costs. `is_open` [rows, columns]
+    becomes true for a tile that is free with all eight around it, none of them cut off by the
+    edge of the grid.
+    """
+    height, width = labels.shape
+    rows, columns = counts.shape
+    graded = cell_surcharge.size > 0
+    is_free = np.zeros((rows, columns), dtype=np.bool_)
+    sums = np.zeros((counts.max() + 1, 4), dtype=np.int64)
+    nearest = np.zeros(len(sums), dtype=np.int64)
+    for row in range(rows):
+        top = row << shift
+        bottom = min(top + (1 << shift), height)
+        for column in range(columns):
+            count = counts[row, column]
+            left = column << shift
+            right = min(left + (1 << shift), width)
+            first = nodes[row * columns + column]
+            sums[: count + 1] = 0
+            for y in range(top, bottom):
+                for x in range(left, right):
+                    number = labels[y, x]
+                    sums[number, 0] += 1
+                    sums[number, 1] += x
+                    sums[number, 2] += y
+                    if graded:
+                        sums[number, 3] += cell_surcharge[y * width + x]
+            is_free[row, column] = count > 0 and sums[1, 0] == 1 << 2 * shift
+            is_done = True
+            for number in range(1, count + 1):
+                if graded:
+                    prices[first + number] = 1.0 + sums[number, 3] / sums[number, 0] / 256.0
+                x = round(sums[number, 1] / sums[number, 0])
+                y = round(sums[number, 2] / sums[number, 0])
+                sums[number, 1] = x
+                sums[number, 2] = y
+                places[first + number] = y << 32 | x
+                nearest[number] = 0 if labels[y, x] == number else 2**62
+                is_done &= labels[y, x] == number
+            if is_done:
+                continue
+            for y in range(top, bottom):
+                for x in range(left, right):
+                    number = labels[y, x]
+                    off = (x - sums[number, 1]) ** 2 + (y - sums[number, 2]) ** 2
+                    if number and off < nearest[number]:
+                        nearest[number] = off
+                        places[first + number] = y << 32 | x
+    for row in range(1, rows - 1):
+        for column in range(1, columns - 1):
+            is_open[row, column] = is_free[row - 1 : row + 2, column - 1 : column + 2].all()
+
+
+@_jit
+def octile(x: Any, y: Any, to_x: Any, to_y: Any) -> float:
+    """Return the length in cells of the shortest 8-connected path on an empty grid."""
+    delta_x = abs(x - to_x)
+    delta_y = abs(y - to_y)
+    return max(delta_x, delta_y) + DIAGONAL * min(delta_x, delta_y)
+
+
+@_jit
+def neighbours(
+    labels: NDArray[Any],
+    shift: int,
+    corner_cutting: bool,
+    columns: int,
+    nodes: NDArray[np.int32],
+    starts: NDArray[np.int32],
+    contacts: NDArray[np.uint32],
+    number: int,
+    row: int,
+    column: int,
+    found: NDArray[np.int32],
+) -> int:
+    """Write the neighbours of local component `number` of a tile to `found`; return how many.
+
+    A row is a node, the least and the greatest x and y of the cells at which one may leave to it,
+    and the step in x and y there.
+    """
+    height, width = labels.shape
+    tile = row * columns + column
+    top = row << shift
+    left = column << shift
+    bottom = min(top + (1 << shift), height)
+    right = min(left + (1 << shift), width)
+    count = 0
+    for side in range(3):
+        # Contacts are kept with the tile to the left or above.
+        other_tile = tile
+        if side == 1:
+            if column == 0:
+                continue
+            other_tile -= 1
+        elif side == 2:
+            if row == 0:
+                continue
+            other_tile -= columns
+        for index in range(starts[other_tile], starts[other_tile + 1]):
+            contact = np.int64(contacts[index])
+            kind = (contact >> SIDE_SHIFT) & 3
+            inner = contact & NUMBER_MASK
+            outer = (contact >> NUMBER_BITS) & NUMBER_MASK
+            first = (contact >> FIRST_SHIFT) & 31
+            last = (contact >> LAST_SHIFT) & 31
+            if side == 0:
+                if inner != number or kind > SOUTH:
+                    continue
+                node = nodes[tile + (1 if kind == EAST else columns)] + outer
+            else:
+                if outer != number or kind != (EAST if side == 1 else SOUTH):
+                    continue
+                node = nodes[other_tile] + inner
+            is_east = kind == EAST
+            step = 1 if side == 0 else -1
+            if is_east:
+                border = right - 1 if side == 0 else left
+            else:
+                border = bottom - 1 if side == 0 else top
+            corner = top if is_east else left
+            begin = corner + first
+            end = corner + last
+            aside: Any = 0
+            if corner_cutting and first == last:
+                # The contact may be diagonal; its place is that in the tile it is kept with.
+                seen = border + step if side == 0 else border
+                limit = bottom if is_east else right
+                for shifted in (begin + 1, begin - 1, begin):
+                    if corner <= shifted < limit:
+                        label = labels[shifted, seen] if is_east else labels[seen, shifted]
+                        if label == outer:
+                            aside = shifted - begin
+                if side != 0:
+                    begin += aside
+                    end = begin
+                    aside = -aside
+            found[count, 0] = node
+            found[count, 1] = border if is_east else begin
+            found[count, 2] = border if is_east else end
+            found[count, 3] = begin if is_east else border
+            found[count, 4] = end if is_east else border
+            found[count, 5] = step if is_east else aside
+            found[count, 6] = aside if is_east else step
+            count += 1
+    for step_y in (-1, 1):
+        y = top if step_y < 0 else bottom - 1
+        if not 0 <= y + step_y < height:
+            continue
+        for step_x in (-1, 1):
+            x = left if step_x < 0 else right - 1
+            if not 0 <= x + step_x < width or labels[y, x] != number:
+                continue
+            other = labels[y + step_y, x + step_x]
+            is_wide = labels[y, x + step_x] != 0 and labels[y + step_y, x] != 0
+            if other != 0 and (is_wide or corner_cutting):
+                found[count, 0] = nodes[tile + step_y * columns + step_x] + other
+                found[count, 1] = x
+                found[count, 2] = x
+                found[count, 3] = y
+                found[count, 4] = y
+                found[count, 5] = step_x
+                found[count, 6] = step_y
+                count += 1
+    return count
+
+
+@_jit
+def open_neighbours(
+    shift: int,
+    columns: int,
+    nodes: NDArray[np.int32],
+    row: int,
+    column: int,
+    move_x: int,
+    move_y: int,
+    found: NDArray[np.int32],
+) -> int:
+    """Write the neighbours of an open tile to `found`, as `neighbours` does; return how many.
+
+    Reached by a move between open tiles, which is not 0, only the neighbours are tried that the
+    tile before does not reach as cheaply without this one, diagonal moves first.
+    """
+    count = 0
+    for step_y in (-1, 0, 1):
+        for step_x in (-1, 0, 1):
+            if step_x == 0 and step_y == 0:
+                continue
+            if move_x != 0 and move_y != 0:
+                if step_x == -move_x or step_y == -move_y:
+                    continue
+            elif (move_x != 0 or move_y != 0) and (step_x != move_x or step_y != move_y):
+                continue
+            found[count, 0] = nodes[(row + step_y) * columns + column + step_x] + 1
+            found[count, 1] = (column + (step_x > 0)) << shift
+            found[count, 2] = ((column + (step_x >= 0)) << shift) - (step_x >= 0)
+            found[count, 3] = (row + (step_y > 0)) << shift
+            found[count, 4] = ((row + (step_y >= 0)) << shift) - (step_y >= 0)
+            if step_x > 0:
+                found[count, 1] -= 1
+            if step_y > 0:
+                found[count, 3] -= 1
+            found[count, 5] = step_x
+            found[count, 6] = step_y
+            count += 1
+    return count
+
+
+@_jit
+def route(
+    labels: NDArray[Any],
+    shift: int,
+    corner_cutting: bool,
+    is_open: NDArray[np.bool_],
+    nodes: NDArray[np.int32],
+    starts: NDArray[np.int32],
+    contacts: NDArray[np.uint32],
+    places: NDArray[np.int64],
+    prices: NDArray[np.float32],
+    highest: float,
+    start: tuple[int, int],
+    goal: tuple[int, int],
+    generation: int,
+    costs: NDArray[np.float64],
+    parents: NDArray[np.int32],
+    stamps: NDArray[np.int32],
+    most: int,
+) -> tuple[int, int]:
+    """Find a cheapest route between two free cells (x, y) over the nodes.
+
+    Returns how that ended and the goal's node; at most `most` nodes are expanded. Written are, of
+    the nodes reached, their cost, in `parents` [nodes, 3] the node before and the cell (x, y) on
+    which the route enters, and in `stamps` generation << 1 | expanded. A node with the stamp of
+    another generation counts as never seen. `highest` is the highest price.
+    """
+    columns = is_open.shape[1]
+    start_x, start_y = start
+    goal_x, goal_y = goal
+    goal_row = goal_y >> shift
+    goal_column = goal_x >> shift
+    start_node = nodes[(start_y >> shift) * columns + (start_x >> shift)]
+    start_node += labels[start_y, start_x]
+    goal_node = nodes[goal_row * columns + goal_column] + labels[goal_y, goal_x]
+    graded = prices.size > 0
+    price = 1.0
+    other_price = 1.0
+    # A bucket holds the nodes whose f is within a quarter of a tile's side.
+    per_width = 4.0 / (1 << shift)
+    size = 64
+    while size < 64.0 * highest:
+        size *= 2
+    heads = np.zeros(size, dtype=np.int32)
+    pool = np.empty((1024, 2), dtype=np.int32)
+    found = np.empty(((12 << shift) + 4, 7), dtype=np.int32)
+    lowest = octile(start_x, start_y, goal_x, goal_y)
+    costs[start_node] = 0.0
+    parents[start_node, 0] = -1
+    stamps[start_node] = generation << 1
+    pool[0, 0] = start_node
+    pool[0, 1] = 0
+    heads[0] = 1
+    top = 1
+    live = 1
+    bucket = 0
+    expanded = 0
+    best = math.inf if start_node != goal_node else 0.0
+    while live > 0:
+        entry = heads[bucket & (size - 1)] - 1
+        if entry < 0:
+            bucket += 1
+            continue
+        if lowest + bucket / per_width >= best:
+            break
+        node = pool[entry, 0]
+        heads[bucket & (size - 1)] = pool[entry, 1]
+        live -= 1
+        if stamps[node] & 1:
+            continue
+        stamps[node] |= 1
+        expanded += 1
+        if expanded > most:
+            return OUT_OF_WORK, goal_node
+        if node == start_node:
+            x, y = start_x, start_y
+        else:
+            x, y = places[node] & 0xFFFFFFFF, places[node] >> 32
+        row = y >> shift
+        column = x >> shift
+        if is_open[row, column]:
+            move_x = move_y = 0
+            near_goal = abs(row - goal_row) <= 1 and abs(column - goal_column) <= 1
+            before = parents[node, 0]
+            if not (graded or near_goal or node == start_node or before == start_node):
+                move_x = column - ((places[before] & 0xFFFFFFFF) >> shift)
+                move_y = row - (places[before] >> 32 + shift)
+            count = open_neighbours(shift, columns, nodes, row, column, move_x, move_y, found)
+        else:
+            count = neighbours(
+                labels, shift, corner_cutting, columns, nodes, starts, contacts,
+                node - nodes[row * columns + column], row, column, found,
+            )  # fmt: skip
+        cost_here = costs[node]
+        if graded:
+            price = prices[node]
+        for index in range(count):
+            other = found[index, 0]
+            if other == goal_node:
+                to_x, to_y = goal_x, goal_y
+            else:
+                to_x, to_y = places[other] & 0xFFFFFFFF, places[other] >> 32
+            if graded:
+                other_price = prices[other]
+            is_new = stamps[other] >> 1 != generation
+            least = cost_here + octile(x, y, to_x, to_y) * min(price, other_price)
+            if not is_new and costs[other] <= least:
+                continue
+            leave_x = min(max((x + to_x) >> 1, found[index, 1]), found[index, 2])
+            leave_y = min(max((y + to_y) >> 1, found[index, 3]), found[index, 4])
+            enter_x = leave_x + found[index, 5]
+            enter_y = leave_y + found[index, 6]
+            half = 0.5 if found[index, 5] == 0 or found[index, 6] == 0 else HALF_DIAGONAL
+            cost = (
+                cost_here
+                + price * (octile(x, y, leave_x, leave_y) + half)
+                + other_price * (octile(enter_x, enter_y, to_x, to_y) + half)
+            )
+            f = cost + octile(to_x, to_y, goal_x, goal_y)
+            if f >= best or (not is_new and costs[other] <= cost):
+                continue
+            costs[other] = cost
+            parents[other, 0] = node
+            parents[other, 1] = enter_x
+            parents[other, 2] = enter_y
+            stamps[other] = generation << 1
+            if other == goal_node:
+                best = cost
+                continue
+            if top == pool.shape[0]:
+                grown = np.empty((2 * top, 2), dtype=np.int32)
+                grown[:top] = pool
+                pool = grown
+            slot = max(int((f - lowest) * per_width), bucket) & (size - 1)
+            pool[top, 0] = other
+            pool[top, 1] = heads[slot]
+            top += 1
+            heads[slot] = top
+            live += 1
+    return (ROUTE if best < math.inf else NO_ROUTE), goal_node
+
+
+@_jit
+def trace(
+    start: tuple[int, int],
+    goal: tuple[int, int],
+    goal_node: int,
+    places: NDArray[np.int64],
+    parents: NDArray[np.int32],
+) -> NDArray[np.int32]:
+    """Return the cells (x, y) of a route, int32 [n, 2]: of its nodes, and where it enters them."""
+    count = 1
+    node = goal_node
+    while parents[node, 0] >= 0:
+        node = parents[node, 0]
+        count += 2
+    points = np.empty((count, 2), dtype=np.int32)
+    node = goal_node
+    for index in range(count - 1, 0, -2):
+        points[index] = places[node] & 0xFFFFFFFF, places[node] >> 32
+        points[index - 1] = parents[node, 1], parents[node, 2]
+        node = parents[node, 0]
+    points[count - 1] = goal
+    points[0] = start
+    return points
+
+
+@_jit
+def taut(
+    blocked: NDArray[np.bool_],
+    cell_surcharge: NDArray[np.uint16],
+    corner_cutting: bool,
+    shift: int,
+    points: NDArray[np.int32],
+) -> NDArray[np.int32]:
+    """Return the turns [n, 2] of a route pulled taut, without its ends."""
+    points = fill_in(blocked, cell_surcharge, corner_cutting, shift, points)
+    points = pull(blocked, cell_surcharge, corner_cutting, points)
+    tighten(blocked, cell_surcharge, corner_cutting, points)
+    points = pull(blocked, cell_surcharge, corner_cutting, points)
+    return points[1 : len(points) - 1].copy()
+
+
+@_jit
+def fill_in(
+    blocked: NDArray[np.bool_],
+    cell_surcharge: NDArray[np.uint16],
+    corner_cutting: bool,
+    shift: int,
+    points: NDArray[np.int32],
+) -> NDArray[np.int32]:
+    """Return a route [n, 2] with a path of single moves wherever two points do not see another.
+
+    Two successive points are connected within the square of tiles around both.
+    """
+    height, width = blocked.shape
+    side = 2 << shift
+    onward = np.empty((side, side), dtype=np.int8)
+    queue = np.empty((side * side, 2), dtype=np.int32)
+    filled = np.empty((2 * len(points) + 64, 2), dtype=np.int32)
+    filled[0] = points[0]
+    count = 1
+    for index in range(1, len(points)):
+        from_x, from_y = points[index - 1]
+        x, y = points[index]
+        if line_cost(blocked, cell_surcharge, corner_cutting, from_x, from_y, x, y) < 0.0:
+            left = min(from_x, x) >> shift << shift
+            top = min(from_y, y) >> shift << shift
+            right = min(left + side, width)
+            bottom = min(top + side, height)
+            # Breadth first from the later point; `onward` is the move towards it.
+            onward[:] = -1
+            onward[y - top, x - left] = 8
+            queue[0] = x, y
+            last = 1
+            for first in range(side * side):
+                if onward[from_y - top, from_x - left] >= 0:
+                    break
+                at_x, at_y = queue[first]
+                for move in range(8):
+                    to_x = at_x - STEP_X[move]
+                    to_y = at_y - STEP_Y[move]
+                    if not (left <= to_x < right and top <= to_y < bottom):
+                        continue
+                    if onward[to_y - top, to_x - left] >= 0 or blocked[to_y, to_x]:
+                        continue
+                    if not corner_cutting and (blocked[at_y, to_x] or blocked[to_y, at_x]):
+                        continue
+                    onward[to_y - top, to_x - left] = move
+                    queue[last] = to_x, to_y
+                    last += 1
+            while from_x != x or from_y != y:
+                move = onward[from_y - top, from_x - left]
+                from_x += STEP_X[move]
+                from_y += STEP_Y[move]
+                if count + 1 == len(filled):
+                    filled = np.concatenate((filled, np.empty_like(filled)))
+                filled[count] = from_x, from_y
+                count += 1
+        else:
+            if count + 1 == len(filled):
+                filled = np.concatenate((filled, np.empty_like(filled)))
+            filled[count] = x, y
+            count += 1
+    return filled[:count]
+
+
+@_jit
+def pull(
+    blocked: NDArray[np.bool_],
+    cell_surcharge: NDArray[np.uint16],
+    corner_cutting: bool,
+    points: NDArray[np.int32],
+) -> NDArray[np.int32]:
+    """Return the points [n, 2] at which a route has to turn, with its ends.
+
+    From each point kept the route goes straight to a far one, as long as the line is free and
+    costs no more than the way along the points, of which each sees the next; the steps that are
+    tried double, then halve.
+    """
+    count = points.shape[0]
+    along = np.zeros(count)
+    for index in range(1, count):
+        x, y = points[index - 1]
+        to_x, to_y = points[index]
+        cost = line_cost(blocked, cell_surcharge, corner_cutting, x, y, to_x, to_y)
+        along[index] = along[index - 1] + cost
+    kept = np.empty_like(points)
+    kept[0] = points[0]
+    found = 1
+    index = 0
+    while index < count - 1:
+        x, y = points[index]
+        step = 1
+        far = index + 1  # the farthest known to be seen
+        grows = True
+        while step > 0:
+            probe = min(far + step, count - 1)
+            is_better = False
+            if probe > far:
+                to_x, to_y = points[probe]
+                cost = line_cost(blocked, cell_surcharge, corner_cutting, x, y, to_x, to_y)
+                is_better = 0.0 <= cost <= along[probe] - along[index] + 1e-6
+            if is_better:
+                far = probe
+            else:
+                grows = False
+            step = step * 2 if grows else step // 2
+        kept[found] = points[far]
+        found += 1
+        index = far
+    return kept[:found]
+
+
+@_jit
+def tighten(
+    blocked: NDArray[np.bool_],
+    cell_surcharge: NDArray[np.uint16],
+    corner_cutting: bool,
+    points: NDArray[np.int32],
+) -> None:
+    """Move each turn of a route towards the line between its neighbours while that is cheaper.
+
+    It stays in sight of both.
+    """
+    for _ in range(ROUNDS):
+        for index in range(1, points.shape[0] - 1):
+            x, y = points[index]
+            from_x, from_y = points[index - 1]
+            to_x, to_y = points[index + 1]
+            cost = through(
+                blocked, cell_surcharge, corner_cutting, from_x, from_y, x, y, to_x, to_y
+            )
+            delta_x = to_x - from_x
+            delta_y = to_y - from_y
+            length = delta_x * delta_x + delta_y * delta_y
+            if length == 0:
+                continue
+            share = ((x - from_x) * delta_x + (y - from_y) * delta_y) / length
+            share = min(max(share, 0.0), 1.0)
+            aim_x = from_x + share * delta_x
+            aim_y = from_y + share * delta_y
+            step = 0.5
+            part = 1.0
+            for _ in range(HALVINGS):
+                new_x = round(x + part * (aim_x - x))
+                new_y = round(y + part * (aim_y - y))
+                new_cost = through(
+                    blocked, cell_surcharge, corner_cutting,
+                    from_x, from_y, new_x, new_y, to_x, to_y,
+                )  # fmt: skip
+                if new_cost < cost:
+                    cost = new_cost
+                    points[index] = new_x, new_y
+                    part += step
+                else:
+                    part -= step
+                step *= 0.5
+                if part >= 1.0:
+                    break
+
+
+@_jit
+def through(
+    blocked: NDArray[np.bool_],
+    cell_surcharge: NDArray[np.uint16],
+    corner_cutting: bool,
+    from_x: int,
+    from_y: int,
+    x: int,
+    y: int,
+    to_x: int,
+    to_y: int,
+) -> float:
+    """Return the cost of two straight lines over (x, y), inf where one is blocked."""
+    first = line_cost(blocked, cell_surcharge, corner_cutting, from_x, from_y, x, y)
+    if first < 0.0:
+        return math.inf
+    second = line_cost(blocked, cell_surcharge, corner_cutting, x, y, to_x, to_y)
+    return first + second if second >= 0.0 else math.inf

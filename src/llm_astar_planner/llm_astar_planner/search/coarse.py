@@ -1,0 +1,92 @@
+"""A cheapest route over the tiles of a grid, as the few cells at which it turns.
+
+The nodes are the connected parts of each tile, so a door of one cell is never lost: where cells
+connect, the nodes do. The cost of a route is that of the shortest moves between the middles of
+the parts, over the borders where they touch, times the mean price of the cells of each part.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llm_astar_planner.search._kernels import coarse as kernels
+from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.tiles import Tiles
+
+# A workspace that has served so many queries is not used again.
+LAST_GENERATION = 2**30 - 1
+EVERY_NODE = 2**62
+
+
+class RouteWorkspace:
+    """What one running query writes for each node; `_kernels.coarse.route` describes it."""
+
+    def __init__(self, nodes: int) -> None:
+        """Make a workspace for so many nodes."""
+        self.generation = 0
+        self.costs = np.zeros(nodes)
+        self.parents = np.zeros((nodes, 3), dtype=np.int32)
+        self.stamps = np.zeros(nodes, dtype=np.int32)
+
+
+class CoarseGraph:
+    """The nodes of a grid's tiles, prepared for routes. Many threads may use it at once."""
+
+    def __init__(self, tiles: Tiles, grid: GridGraph) -> None:
+        """Find the middle of each node and, with graded costs, its price: O(cells).
+
+        `tiles` are those of the grid.
+        """
+        self._tiles = tiles
+        self._grid = grid
+        nodes = tiles.components.size
+        self._places = np.zeros(nodes, dtype=np.int64)
+        self._prices = np.ones(nodes if grid.cell_surcharge.size else 0, dtype=np.float32)
+        self._is_open = np.zeros(tiles.counts.shape, dtype=np.bool_)
+        kernels.describe_nodes(
+            tiles.labels, tiles.shift, tiles.counts, tiles.nodes, grid.cell_surcharge,
+            self._places, self._prices, self._is_open,
+        )  # fmt: skip
+        self._highest_price = float(self._prices.max(initial=1.0))
+        self._spare: list[RouteWorkspace] = []
+
+    def turns(self, start: Cell, goal: Cell, most: int = EVERY_NODE) -> NDArray[np.int32] | None:
+        """Return the cells (x, y), int32 [n, 2], at which a route turns between start and goal.
+
+        They are free, and each sees the one before and the next. None where there is no route.
+        Raises ValueError for a cell off the grid, and TimeoutError where more than `most` nodes
+        would have to be expanded.
+        """
+        tiles, grid = self._tiles, self._grid
+        grid.index(start)
+        grid.index(goal)
+        component = tiles[start[1], start[0]]
+        if component == 0 or component != tiles[goal[1], goal[0]]:
+            return None
+        points = self._route(start, goal, most)
+        rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
+        return kernels.taut(*rules, tiles.shift, points)
+
+    def _route(self, start: Cell, goal: Cell, most: int) -> NDArray[np.int32]:
+        """Return the cells of a cheapest route, start and goal included: int32 [n, 2]."""
+        tiles = self._tiles
+        try:
+            workspace = self._spare.pop()
+        except IndexError:
+            workspace = RouteWorkspace(self._places.size)
+        workspace.generation += 1
+        ended, node = kernels.route(
+            tiles.labels, tiles.shift, tiles.corner_cutting, self._is_open, tiles.nodes,
+            tiles.starts, tiles.contacts, self._places, self._prices, self._highest_price,
+            start, goal, workspace.generation, workspace.costs, workspace.parents,
+            workspace.stamps, most,
+        )  # fmt: skip
+        if ended == kernels.ROUTE:
+            points = kernels.trace(start, goal, node, self._places, workspace.parents)
+        if workspace.generation < LAST_GENERATION:
+            self._spare.append(workspace)
+        if ended != kernels.ROUTE:
+            raise TimeoutError(f'no route after {most} nodes')
+        return points
