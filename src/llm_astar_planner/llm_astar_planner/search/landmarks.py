@@ -28,7 +28,7 @@ from llm_astar_planner.search.stop import StopFlag, no_stop
 COUNT = 8
 MAX_COUNT = 32
 # More than COUNT landmarks are measured only while they fit in so many bytes.
-_SMALL_BYTES = 16 * 1024 * 1024
+_SMALL_BYTES = 32 * 1024 * 1024
 # Fewer than COUNT, or none, if these would not fit: at 4000 x 4000 cells two take 128 MB, and
 # what else is held for the map, 14 bytes a cell, should not be more than doubled.
 MAX_BYTES = 64 * 1024 * 1024

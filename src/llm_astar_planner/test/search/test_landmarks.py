@@ -141,6 +141,15 @@ def edges(freest):
     return scipy.sparse.csr_array((lengths.astype(float), (cells, others)), shape=shape)
 
 
+def assert_covers(freest, union):
+    """The first map has all moves of the second, at no higher cost, and the same both ways."""
+    assert not (union.moves & ~freest.moves).any()
+    if union.cell_surcharge.size:
+        assert (freest.cell_surcharge <= union.cell_surcharge)[union.moves != 0].all()
+    matrix = edges(freest)
+    assert (matrix != matrix.T).nnz == 0
+
+
 class Union:
     """What was ever legal, at its least cost, written down by the rule."""
 
@@ -173,7 +182,8 @@ def test_repaired_distances_equal_new_ones_on_what_was_ever_free(graded, corner_
             union.add(grid)
             assert landmarks.is_admissible_on(grid)
             if step % 5 == 0:
-                assert_exact(landmarks, union)
+                assert_exact(landmarks, landmarks.freest)
+                assert_covers(landmarks.freest, union)
 
 
 def test_corners_may_be_cut_from_one_map_to_the_next():
@@ -181,7 +191,8 @@ def test_corners_may_be_cut_from_one_map_to_the_next():
     landmarks = Landmarks.build(GridGraph(blocked), count=4)
     cutting = GridGraph(blocked, corner_cutting=True)
     assert list(landmarks.repair(landmarks.merge(cutting)))[-1]
-    assert_exact(landmarks, Union(cutting))
+    assert_exact(landmarks, landmarks.freest)
+    assert_covers(landmarks.freest, Union(cutting))
     assert landmarks.merge(GridGraph(blocked)).size == 0
 
 

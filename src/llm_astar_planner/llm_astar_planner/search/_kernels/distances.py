@@ -75,7 +75,7 @@ def propagate(
     ring = heads.size - 1
     bucket, seed = control[D_BUCKET], control[D_SEED]
     free, top, live = control[D_FREE], control[D_TOP], control[D_LIVE]
-    offsets, lengths = steps(width, straight, diagonal)
+    offsets, _ = steps(width, straight, diagonal)
     count = 0
     status = FOUND
     # The bucket of the next seed.
@@ -130,11 +130,11 @@ def propagate(
             break
         came = (item >> _MOVE_SHIFT & 15) << 8
         mask = np.int64(CANONICAL_SUCCESSORS[came | moves[cell]])
-        while mask:
-            move = LOWEST[mask]
-            mask &= mask - 1
+        for move in range(8):
+            if mask >> move & 1 == 0:
+                continue
+            length = straight if move < 4 else diagonal
             other = cell + offsets[move]
-            length = lengths[move]
             other_g = g + length
             if graded:
                 other_g += length * (np.int64(cell_surcharge[cell]) + cell_surcharge[other]) >> 9
@@ -171,9 +171,9 @@ def merge_freer(
 ) -> tuple[int, int, int]:
     """Add to the second map what is freer on the first: its moves and its lower surcharges.
 
-    Surcharges count where a cell has moves. Writes the numbers of the cells that changed to
-    `changed` [cells]. Returns how many they are, how many of them had no moves before, and how
-    many cells are now stricter on the first map than on the second.
+    Surcharges count where a cell has moves. Of the cells that changed writes those that had no
+    moves before to the front of `changed` [cells], the others to its end. Returns how many of
+    each there are, and how many cells are now stricter on the first map than on the second.
     """
     graded = cell_surcharge.size > 0
     blocks = moves.size // 256
@@ -182,7 +182,7 @@ def merge_freer(
     graded_blocks = blocks if graded else 0
     new_cost = cell_surcharge[: 256 * graded_blocks].view(np.uint64).reshape(graded_blocks, 64)
     old_cost = least_surcharge[: 256 * graded_blocks].view(np.uint64).reshape(graded_blocks, 64)
-    count = new_cells = stricter = 0
+    freed = cheaper_cells = stricter = 0
     # Most blocks of 256 cells are equal: compare them eight bytes at a time.
     for block in range(blocks + 1):
         differ = np.uint64(block == blocks)
@@ -201,12 +201,138 @@ def merge_freer(
                 if graded and (least == 0 or cheaper):
                     least_surcharge[cell] = cell_surcharge[cell]
                 least_moves[cell] |= mask
-                changed[count] = cell
-                count += 1
-                new_cells += least == 0
+                if least == 0:
+                    changed[freed] = cell
+                    freed += 1
+                else:
+                    cheaper_cells += 1
+                    changed[moves.size - cheaper_cells] = cell
             elif mask != least or (graded and cell_surcharge[cell] != least_surcharge[cell]):
                 stricter += 1
-    return count, new_cells, stricter
+    return freed, cheaper_cells, stricter
+
+
+@_jit
+def free_isolated(
+    moves: NDArray[np.uint8],
+    cell_surcharge: NDArray[np.uint16],
+    width: int,
+    limit: int,
+    freed: NDArray[np.int64],
+    marks: NDArray[np.uint8],
+    changed: NDArray[np.int64],
+) -> int:
+    """Remove each isolated obstacle that has lost one of the cells `freed`: it is moving.
+
+    That is a group of at most `limit` blocked cells. Around it the surcharges that fall with the
+    distance from it become 0. `marks` [cells] is zero at first. Writes the cells whose moves or
+    surcharge change to `changed` [cells]; returns their number.
+    """
+    height = moves.size // width
+    count = 0
+    for start in freed:
+        for turn in range(8):
+            first = neighbour(start, turn, width, height)
+            if first < 0 or moves[first] != 0 or marks[first] != 0:
+                continue
+            # The group of blocked cells around this one, at changed[count:end].
+            changed[count] = first
+            marks[first] = 1
+            end, done = count + 1, count
+            isolated = True
+            while done < end and isolated:
+                for move in range(8):
+                    other = neighbour(changed[done], move, width, height)
+                    if other >= 0 and moves[other] == 0:
+                        if marks[other] == 2 or end - count == limit:
+                            isolated = False
+                        elif marks[other] == 0:
+                            marks[other] = 1
+                            changed[end] = other
+                            end += 1
+                done += 1
+            if not isolated:
+                for index in range(count, end):
+                    marks[changed[index]] = 2
+                continue
+            count = remove(moves, cell_surcharge, width, 8 * limit, marks, changed, count, end)
+    return count
+
+
+@_jit
+def remove(
+    moves: NDArray[np.uint8],
+    cell_surcharge: NDArray[np.uint16],
+    width: int,
+    limit: int,
+    marks: NDArray[np.uint8],
+    changed: NDArray[np.int64],
+    begin: int,
+    end: int,
+) -> int:
+    """Free the cells changed[begin:end] and lower the surcharges around them; see above.
+
+    Appends at most `limit` cells more to `changed`; returns where they end.
+    """
+    height = moves.size // width
+    graded = cell_surcharge.size > 0
+    last = end
+    for index in range(begin, end):
+        for move in range(8):
+            other = neighbour(changed[index], move, width, height)
+            if other >= 0 and marks[other] == 0 and moves[other] != 0:
+                marks[other] = 3
+                changed[last] = other
+                last += 1
+    for index in range(begin, last):
+        moves[changed[index]] |= moves_among(moves, marks, changed[index], width, height)
+    index = end
+    while graded and index < last and last - end < limit:
+        cell = changed[index]
+        index += 1
+        for move in range(8):
+            other = neighbour(cell, move, width, height)
+            if other < 0 or marks[other] != 0 or moves[other] == 0:
+                continue
+            if 0 < cell_surcharge[other] <= cell_surcharge[cell]:
+                marks[other] = 3
+                changed[last] = other
+                last += 1
+    for index in range(begin, last):
+        marks[changed[index]] = 0
+        if graded:
+            cell_surcharge[changed[index]] = 0
+    return last
+
+
+@_jit
+def neighbour(cell: int, move: int, width: int, height: int) -> int:
+    """Return the cell that a move leads to, -1 if that is off the grid."""
+    y = cell // width
+    x = cell - y * width + STEP_X[move]
+    y += STEP_Y[move]
+    return y * width + x if 0 <= x < width and 0 <= y < height else -1
+
+
+@_jit
+def moves_among(
+    moves: NDArray[np.uint8], marks: NDArray[np.uint8], cell: int, width: int, height: int
+) -> int:
+    """Return the moves that a cell gains when the cells marked 1 become free."""
+    free = removed = gained = 0
+    for move in range(8):
+        other = neighbour(cell, move, width, height)
+        if other >= 0:
+            removed |= (marks[other] == 1) << move
+            free |= (moves[other] != 0) << move
+    free |= removed
+    for move in range(8):
+        # A diagonal needs both cells beside it.
+        beside = 1 << move - 4 | 1 << (move - 3) % 4 if move >= 4 else 0
+        needed = beside | 1 << move
+        if free & needed == needed and (marks[cell] == 1 or removed & needed):
+            gained |= 1 << move
+    return gained
 
 
 @_jit
