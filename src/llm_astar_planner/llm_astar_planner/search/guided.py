@@ -26,11 +26,18 @@ from llm_astar_planner.search.stop import StopFlag, no_stop
 
 # How greedily waypoints are followed: the weight of the cost to go.
 WEIGHT = 1.2
-# The expansions that waypoints may cost, as a multiple of the plain search's. One costs about
-# twice as much time as one of the plain search, and that one, with landmarks, takes less than
-# half of the time of one without: so both together take at most twice the time of a plain A*.
-WORK_FACTOR = 2.0
-WORK_FACTOR_WITHOUT_LANDMARKS = 0.5
+# The expansions that waypoints may cost, per move that a path has at least: most good waypoints
+# need no more, and a plain A* expands one cell for each of these moves.
+HEAD_START = 2.0
+# Those that they may cost beyond, per expansion of the plain search next to it. One takes twice
+# as long as one of the plain search, four times on uniform costs without landmarks (measured in
+# docs/performance.md): so waypoints cost as much time at most as the search without any.
+WORK_FACTOR = 0.5
+WORK_FACTOR_PLAIN = 0.2
+# If a path has so many moves, the plain search begins with so many expansions, or one per move:
+# an easy query is answered before the waypoints cost anything.
+FAR = 64
+PLAIN_FIRST = 512
 # A path passes a waypoint that it comes within so many cells of.
 PASSING_RADIUS = 3.0
 _BUCKETS = 2048
@@ -69,7 +76,7 @@ class GuidedSearch:
     at `deadline` (monotonic seconds, looked at between slices of the search) and when another
     thread sets `stop[0] = 1`; the expanded cells of a search cancelled that way are not returned.
     `weight` is how greedily waypoints are followed; `work_factor` limits the expansions that they
-    may cost, as a multiple of those of the search without any (None: 2, without landmarks 0.5).
+    may cost, as a multiple of those of the search without any (None: as many as take its time).
     """
 
     def __init__(
@@ -299,14 +306,14 @@ class _Run:
         self.plain = PlainSearch(grid, query.start, query.goal, landmarks)
         self.waypoint_search: WaypointSearch | None = None
         self.waypoints: NDArray[np.float64] | None = None
+        self.fewest_moves = self.plain_first = 0
         self.status = self.plain.status
         self.best = plain_kernels.NO_PATH
         self.solution: AnytimeSolution | None = None
         self.first = (0, math.inf)
-        factor = query.work_factor
-        if factor is None:
-            factor = WORK_FACTOR if len(self.plain.active) else WORK_FACTOR_WITHOUT_LANDMARKS
-        self.work_factor = factor
+        plain_costs = not len(self.plain.active) and not grid.cell_surcharge.size
+        measured = WORK_FACTOR_PLAIN if plain_costs else WORK_FACTOR
+        self.work_factor = measured if query.work_factor is None else query.work_factor
 
     @property
     def expansions(self) -> int:
@@ -333,13 +340,18 @@ class _Run:
         if self.query.inbox:
             self.take_waypoints()
         plain, led = self.plain, self.waypoint_search
-        if led is None or led.status is not None:
+        if self.waypoints is None or (led is not None and led.status is not None):
             return self.step_plain(EXPANSION_SLICE)
-        allowed = int(self.work_factor * max(plain.expansions, plain.fewest_moves))
-        allowed -= led.expansions
-        if allowed <= 0:
+        if plain.expansions < self.plain_first:
+            return self.step_plain(self.plain_first - plain.expansions)
+        if led is None:
+            led = self.waypoint_search = WaypointSearch(self.query, plain)
+            led.follow(self.waypoints)
+        allowed = max(HEAD_START * self.fewest_moves, self.work_factor * plain.expansions)
+        quota = min(int(allowed) - led.expansions, EXPANSION_SLICE)
+        if quota <= 0:
             return self.step_plain(max(_MIN_PLAIN_STEP, plain.expansions // _PLAIN_SHARE))
-        led.advance(min(allowed, EXPANSION_SLICE), plain.best)
+        led.advance(quota, plain.best)
         if led.status is SearchStatus.EXHAUSTED:
             # No path costs less than the best one known, if there is one.
             plain.learn(led.best, led.best)
@@ -367,11 +379,13 @@ class _Run:
         if self.best < plain_kernels.NO_PATH:
             return
         self.waypoints = points
-        if self.waypoint_search is None:
-            self.waypoint_search = WaypointSearch(self.query, self.plain)
-        self.waypoint_search.follow(points)
-        # Its first bound is what the estimate says of the start.
-        self.step_plain(0)
+        if self.waypoint_search is not None:
+            self.waypoint_search.follow(points)
+            return
+        # The bound at first is what the estimate says of the start.
+        self.plain.advance(0)
+        self.fewest_moves = moves = self.plain.fewest_moves
+        self.plain_first = max(moves, PLAIN_FIRST) if moves >= FAR else 0
 
     def take_solution(self, searched: PlainSearch | WaypointSearch) -> AnytimeSolution | None:
         """Note the path that the records now hold and return it, None if it is a worse one.

@@ -13,8 +13,7 @@ from llm_astar_planner.search._kernels import astar as kernels
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import (
-    WORK_FACTOR,
-    WORK_FACTOR_WITHOUT_LANDMARKS,
+    HEAD_START,
     GuidedSearch,
     guided,
 )
@@ -65,9 +64,8 @@ def test_the_suboptimality_bound_holds_and_the_work_is_limited(
     reach = max(abs(start[0] - goal[0]), abs(start[1] - goal[1]))
     none = guided(grid, start, goal, [], landmarks=landmarks).expansions
     known = none if math.isfinite(truth) else max(none, reach)
-    factor = WORK_FACTOR if with_landmarks else WORK_FACTOR_WITHOUT_LANDMARKS
     assert result.plain_expansions <= none
-    assert result.guided_expansions <= factor * known
+    assert result.guided_expansions <= HEAD_START * known
     assert result.expansions == result.guided_expansions + result.plain_expansions
     if math.isinf(truth):
         assert result.status is SearchStatus.EXHAUSTED
@@ -111,7 +109,7 @@ def test_good_waypoints_save_most_of_the_work():
     followed = guided(grid, (5, 2), (55, 58), corners(exact), work_factor=1000.0)
     assert followed.expansions < 0.35 * exact.expansions
     assert followed.cost <= 1.02 * exact.cost
-    assert followed.plain_expansions == 0
+    assert followed.plain_expansions <= 4
 
 
 def test_without_a_requested_bound_it_ends_at_the_first_path():
@@ -120,7 +118,7 @@ def test_without_a_requested_bound_it_ends_at_the_first_path():
     first = guided(grid, (5, 2), (55, 58), corners(exact), work_factor=1000.0)
     assert first.expansions == first.first_expansions
     assert first.cost == first.first_cost
-    assert first.plain_expansions == 0
+    assert first.plain_expansions <= 4
     bounded = guided(
         grid, (5, 2), (55, 58), corners(exact), work_factor=1000.0, max_suboptimality=1.0
     )
