@@ -43,15 +43,18 @@ class PlainSearch:
         self.grid = grid
         self.start, self.goal = grid.index(start), grid.index(goal)
         self.best = kernels.NO_PATH
-        self.bound = self.expansions = self.storage = 0
+        self.bound = grid.octile(start, goal)
+        self.expansions = self.storage = 0
         self.status: SearchStatus | None = None
         self.distances, self.active = NO_DISTANCES, NONE_ACTIVE
         if landmarks is not None:
             active = landmarks.active(grid, start, goal)
             if active is None:
                 self.status = SearchStatus.EXHAUSTED
-            else:
+            elif len(active):
                 self.distances, self.active = landmarks.distances, active
+                (row, distance), *_ = active.tolist()
+                self.bound = abs(int(landmarks.distances[row, self.start]) - distance)
         # A free goal that no move leaves cannot be entered either.
         enclosed = self.start != self.goal and not grid.moves[self.goal]
         if enclosed or grid.blocked[start[1], start[0]] or grid.blocked[goal[1], goal[0]]:
@@ -62,16 +65,6 @@ class PlainSearch:
         self._control = workspace.control
         self._control[:] = 0
         self._control[kernels.A_BEST] = kernels.NO_PATH
-
-    @property
-    def fewest_moves(self) -> int:
-        """The least number of moves of any path, by the estimate of the start."""
-        grid = self.grid
-        across = abs(self.start % grid.width - self.goal % grid.width)
-        moves = max(across, abs(self.start // grid.width - self.goal // grid.width))
-        if grid.cell_surcharge.size:
-            return moves
-        return max(moves, int(self._control[kernels.A_ESTIMATE]) // grid.diagonal)
 
     def advance(self, quota: int) -> None:
         """Expand up to `quota` cells; set `status` if that ends the search.
@@ -85,7 +78,8 @@ class PlainSearch:
             self.generation, workspace.records, workspace.pool, workspace.heads, control, quota,
         )  # fmt: skip
         self.best = int(control[kernels.A_BEST])
-        self.bound = min(int(control[kernels.A_BUCKET]) << kernels.BUCKET_BITS, self.best)
+        floor = min(int(control[kernels.A_BUCKET]) << kernels.BUCKET_BITS, self.best)
+        self.bound = max(self.bound, floor)
         self.expansions = int(control[kernels.A_EXPANSIONS])
         self.storage = int(control[kernels.A_STORAGE])
         if ended == kernels.FOUND:

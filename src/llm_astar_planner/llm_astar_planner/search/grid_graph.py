@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import astar as kernels
 from llm_astar_planner.search._kernels import moves as move_kernels
-from llm_astar_planner.search.jump import PackedGrid
+from llm_astar_planner.search.packed_grid import PackedGrid
 from llm_astar_planner.search.result import Cell
 
 # Units of length, (straight, diagonal): 3363 / 2378 is sqrt(2) to 6e-8. The coarse pair is for

@@ -20,6 +20,7 @@ from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import guided as kernels
 from llm_astar_planner.search.astar import EXPANSION_SLICE, PathTooLongError, PlainSearch
 from llm_astar_planner.search.grid_graph import GridGraph, as_grid
+from llm_astar_planner.search.jump import JumpSearch
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
 from llm_astar_planner.search.stop import StopFlag, no_stop
@@ -30,14 +31,16 @@ WEIGHT = 1.2
 # need no more, and a plain A* expands one cell for each of these moves.
 HEAD_START = 2.0
 # Those that they may cost beyond, per expansion of the plain search next to it. One takes twice
-# as long as one of the plain search, four times on uniform costs without landmarks (measured in
-# docs/performance.md): so waypoints cost as much time at most as the search without any.
+# as long as one of jump points or with landmarks, up to four times as long as one without either
+# (docs/performance.md), so waypoints take at most about as much time as that search.
 WORK_FACTOR = 0.5
 WORK_FACTOR_PLAIN = 0.2
 # If a path has so many moves, the plain search begins with so many expansions, or one per move:
 # an easy query is answered before the waypoints cost anything.
 FAR = 64
 PLAIN_FIRST = 512
+# Without landmarks jump points pay where there are so few, in parts of the cells.
+MOST_JUMP_POINTS = 0.2
 # A path passes a waypoint that it comes within so many cells of.
 PASSING_RADIUS = 3.0
 _BUCKETS = 2048
@@ -220,6 +223,22 @@ class _Query:
         return plain.best * kernels.ONE <= plain.bound * limit
 
 
+def plain_search(
+    grid: GridGraph, start: Cell, goal: Cell, landmarks: Landmarks | None
+) -> PlainSearch:
+    """Return the exact search that is the fastest for a query.
+
+    On uniform costs without corner cutting jump points are, but for near goals, where packing
+    the map does not pay, and for maps full of them without landmarks.
+    """
+    far = max(abs(start[0] - goal[0]), abs(start[1] - goal[1])) >= FAR
+    if not far or grid.cell_surcharge.size or grid.corner_cutting:
+        return PlainSearch(grid, start, goal, landmarks)
+    if landmarks is None and grid.packed.jump_points > MOST_JUMP_POINTS * grid.moves.size:
+        return PlainSearch(grid, start, goal)
+    return JumpSearch(grid, start, goal, landmarks)
+
+
 class WaypointSearch:
     """The search along waypoints: its records, its queue and its counts.
 
@@ -303,7 +322,7 @@ class _Run:
 
     def __init__(self, query: _Query, grid: GridGraph, landmarks: Landmarks | None) -> None:
         self.query = query
-        self.plain = PlainSearch(grid, query.start, query.goal, landmarks)
+        self.plain = plain_search(grid, query.start, query.goal, landmarks)
         self.waypoint_search: WaypointSearch | None = None
         self.waypoints: NDArray[np.float64] | None = None
         self.fewest_moves = self.plain_first = 0
@@ -311,8 +330,8 @@ class _Run:
         self.best = plain_kernels.NO_PATH
         self.solution: AnytimeSolution | None = None
         self.first = (0, math.inf)
-        plain_costs = not len(self.plain.active) and not grid.cell_surcharge.size
-        measured = WORK_FACTOR_PLAIN if plain_costs else WORK_FACTOR
+        is_plain = type(self.plain) is PlainSearch and not len(self.plain.active)
+        measured = WORK_FACTOR_PLAIN if is_plain else WORK_FACTOR
         self.work_factor = measured if query.work_factor is None else query.work_factor
 
     @property
@@ -382,9 +401,11 @@ class _Run:
         if self.waypoint_search is not None:
             self.waypoint_search.follow(points)
             return
-        # The bound at first is what the estimate says of the start.
-        self.plain.advance(0)
-        self.fewest_moves = moves = self.plain.fewest_moves
+        (x, y), (goal_x, goal_y) = self.query.start, self.query.goal
+        moves, grid = max(abs(x - goal_x), abs(y - goal_y)), self.plain.grid
+        if not grid.cell_surcharge.size:
+            moves = max(moves, self.plain.bound // grid.diagonal)
+        self.fewest_moves = moves
         self.plain_first = max(moves, PLAIN_FIRST) if moves >= FAR else 0
 
     def take_solution(self, searched: PlainSearch | WaypointSearch) -> AnytimeSolution | None:

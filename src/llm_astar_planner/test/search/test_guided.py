@@ -221,8 +221,7 @@ def test_without_waypoints_it_is_an_exact_search_that_landmarks_speed_up():
 
 def test_waypoints_may_arrive_while_it_runs(monkeypatch):
     monkeypatch.setattr('llm_astar_planner.search.guided.EXPANSION_SLICE', 4096)
-    blocked = winding(201)
-    grid = GridGraph(blocked)
+    grid = GridGraph(winding(201), corner_cutting=True)
     exact = exact_astar(grid, (5, 2), (195, 198))
     search = GuidedSearch(grid, (5, 2), (195, 198))
     plain = kernels.astar
@@ -318,7 +317,6 @@ def test_a_very_long_path_is_searched_in_coarse_units():
         result = guided(huge, (0, 0), (399, 1), waypoints, max_suboptimality=1.0)
         assert result.length == fine.length
         assert result.suboptimality_bound == 1.0
-        assert bool(result.guided_expansions) == bool(waypoints)
 
 
 @pytest.mark.parametrize('seed', [216, 458, 1909, 2343])

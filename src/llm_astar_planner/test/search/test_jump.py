@@ -13,8 +13,9 @@ from grids import assert_path, dijkstra
 from llm_astar_msgs_adapter.maps.movingai import load_map
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.grid_graph import GridGraph
-from llm_astar_planner.search.jump import PackedGrid, jump_search
+from llm_astar_planner.search.jump import jump_search
 from llm_astar_planner.search.landmarks import Landmarks
+from llm_astar_planner.search.packed_grid import PackedGrid
 from llm_astar_planner.search.result import SearchStatus
 from llm_astar_planner.search.stop import no_stop
 
@@ -233,7 +234,7 @@ def test_grids_of_another_kind_are_refused():
 def test_a_cost_beyond_32_bits_is_refused():
     grid = GridGraph(np.zeros((2, 400), dtype=bool))
     grid.straight, grid.diagonal = (value * 4000 for value in (2378, 3363))
-    with pytest.raises(OverflowError, match='does not fit'):
+    with pytest.raises(OverflowError):
         jump_search(grid, (0, 0), (399, 1), stop=no_stop())
 
 
@@ -242,7 +243,7 @@ def test_a_raised_stop_flag_and_a_passed_deadline_end_the_search():
     blocked = random.random((600, 600)) < 0.35
     blocked[:30, :30] = False
     blocked[-3:, -3:] = True
-    blocked[-2, -2] = False  # cannot be reached: the search goes everywhere
+    blocked[-2, -2:] = False  # cannot be reached: the search goes everywhere
     grid = GridGraph(blocked)
     everywhere = jump_search(grid, (0, 0), (598, 598), stop=no_stop())
     assert everywhere.status is SearchStatus.EXHAUSTED

@@ -89,9 +89,8 @@ RUNNING, FOUND, EXHAUSTED, STOPPED, NEED_SPACE, OVERFLOW = range(6)
 
 # Slots of the control array of the exact search.
 (
-    A_STARTED, A_ESTIMATE, A_BUCKET, A_BEST, A_EXPANSIONS, A_STORAGE, A_FREE, A_TOP, A_LIVE,
-    A_SIZE,
-) = range(10)  # fmt: skip
+    A_STARTED, A_BUCKET, A_BEST, A_EXPANSIONS, A_STORAGE, A_FREE, A_TOP, A_LIVE, A_SIZE,
+) = range(9)  # fmt: skip
 
 _jit: Any = njit(cache=True, nogil=True)
 
@@ -184,7 +183,6 @@ def astar(
         for number in range(landmarks):
             distance = np.int64(landmark_distances[active[number, 0], start])
             estimate = max(estimate, abs(distance - active[number, 1]))
-        control[A_ESTIMATE] = estimate
         bucket: Any = estimate >> BUCKET_BITS
         records[2 * start] = 0
         records[2 * start + 1] = tag

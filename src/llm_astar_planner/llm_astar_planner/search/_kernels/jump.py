@@ -388,8 +388,8 @@ def jump_search(
         expansions += 1
         y = np.int64((cell + 0.5) * per_width)
         x = cell - y * width
-        delta_x = abs(x - goal_x)
-        delta_y = abs(y - goal_y)
+        delta_x = abs(int(x) - goal_x)
+        delta_y = abs(int(y) - goal_y)
         rise = g + straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y) + RISE
         row = EVERY_MOVE if cell == start else (pool[ENTRY * entry - 1] & 7) << 8
         mask = np.int64(CANONICAL_SUCCESSORS[row | moves[cell]])
@@ -462,8 +462,8 @@ def jump_search(
             if not new and other_g >= records[2 * other]:
                 continue
             other_y = np.int64((other + 0.5) * per_width)
-            delta_x = abs(other - other_y * width - goal_x)
-            delta_y = abs(other_y - goal_y)
+            delta_x = abs(int(other - other_y * width) - goal_x)
+            delta_y = abs(int(other_y) - goal_y)
             estimate = straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
             for landmark in range(active.shape[0]):
                 distance = np.int64(landmark_distances[active[landmark, 0], other])
@@ -544,33 +544,9 @@ def trace(
 
 
 @_jit
-def solve(
-    moves: NDArray[np.uint8],
-    words: NDArray[np.int64],
-    width: int,
-    straight: int,
-    diagonal: int,
-    start: int,
-    goal: int,
-    landmark_distances: NDArray[np.int32],
-    active: NDArray[np.int64],
-    generation: int,
-    records: NDArray[np.int32],
-    pool: NDArray[np.int64],
-    heads: NDArray[np.int32],
-    control: NDArray[np.int64],
-    quota: int,
-    path: NDArray[np.int32],
-) -> tuple[int, int, int]:
-    """Run or resume `jump_search`, then `trace` if it has found a path.
-
-    Returns how it ended and the numbers of the path's cells and of its diagonal moves.
-    """
-    status = jump_search(
-        moves, words, width, straight, diagonal, start, goal, landmark_distances, active,
-        generation, records, pool, heads, control, quota,
-    )  # fmt: skip
-    if control[J_GOAL] == 0:
-        return status, 0, 0
-    count, diagonals = trace(width, control[J_GOAL], pool, path)
-    return status, count, diagonals
+def add_reached(records: NDArray[np.int32], generation: int, reached: NDArray[np.bool_]) -> None:
+    """Set `reached` [height, width] where a cell has an entry of this generation."""
+    flat = reached.reshape(-1)
+    for cell in range(flat.size):
+        if records[2 * cell + 1] >> TAG_BITS == generation:
+            flat[cell] = True
