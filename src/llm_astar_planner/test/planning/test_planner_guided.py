@@ -166,13 +166,11 @@ def test_better_plans_come_as_they_are_found_and_only_get_better():
 def test_a_cancelled_search_keeps_the_path_it_had():
     """Cancelled at its first path, it answers with that one instead of proving on."""
     stop = no_stop()
-    cells = np.zeros((400, 400), dtype=np.int8)
-    cells[30:380, 200] = 100
-    cells[70, 200] = 0
-    planner = Planner(GridMap(cells)).prepare()
-    request = PlanRequest(
-        (100, 210), (300, 212), source=Source([(200, 385)]), max_suboptimality=1.0
-    )
+    cells = np.zeros((41, 41), dtype=np.int8)
+    cells[:, 20] = 100
+    cells[[0, 24], 20] = 0
+    planner = Planner(GridMap(cells))
+    request = PlanRequest((0, 20), (40, 20), source=Source([(20, 0)]), max_suboptimality=1.0)
     full = planner.plan(request)
     assert full.expansions > full.first_expansions
     for plan in planner.plans(request, stop):  # noqa: B007 - the last one counts
