@@ -146,7 +146,7 @@ class LlmClientNode(Node):
             if grid_map is None:
                 raise NoMapError('no map has arrived yet')
             if costmap is None or costmap.grid_map is not grid_map or costmap.config != config:
-                costmap = Costmap(grid_map, config)
+                costmap = Costmap(grid_map, config, previous=costmap)
                 costmap.prepare()
                 self._costmap = costmap
             return costmap

@@ -75,10 +75,9 @@ class MapManager:
         newest = self.newest
         return None if newest is None else time.monotonic() - newest.arrived
 
-    @property
-    def landmark_bytes(self) -> int:
-        """Memory of the landmarks in bytes."""
-        return self._landmarks.nbytes
+    def landmark_statistics(self) -> dict[str, float]:
+        """Return what the landmarks cost and how often plans had them, for /diagnostics."""
+        return self._landmarks.statistics()
 
     def take(self, grid_map: GridMap) -> None:
         """Plan on this map as soon as it is ready."""
@@ -151,7 +150,8 @@ class MapManager:
             is_same = before is not None and before.grid_map.digest == grid_map.digest
             if before is not None and is_same and before.config == config:
                 return before
-            return Planner(grid_map, config, landmarks=self._landmarks).prepare(wait=False)
+            planner = Planner(grid_map, config, landmarks=self._landmarks, previous=before)
+            return planner.prepare(wait=False)
         except Exception as error:  # noqa: BLE001 - no map may end the thread
             problem = f'{type(error).__name__}: {error}'
             self._logger.error(f'map refused, {self.name} stays: {problem}')

@@ -236,8 +236,8 @@ class PlannerServer:
             'map_digest': planner.grid_map.digest if planner else None,
             'map_age': None if age is None else round(age, 3),
             'llm_client_ready': self._client is not None and self._client.ready,
-            'landmark_bytes': self._maps.landmark_bytes,
             'last_path': self._monitor.state,
+            **{name: round(value, 3) for name, value in self._maps.landmark_statistics().items()},
             **self._instructions.values(),
             **self._publisher.statistics.values(),
         }
