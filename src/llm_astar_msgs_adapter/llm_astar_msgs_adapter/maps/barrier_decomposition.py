@@ -47,15 +47,15 @@ def decompose_barriers(blocked: NDArray[np.bool_], limit: int = 30) -> BarrierMa
     if limit < 1:
         raise ValueError(f'limit: {limit} is not 1 or more')
     height, width = blocked.shape
-    factor = 1
+    coarse, factor = blocked, 1
     while max(height, width) > MAX_SIDE * factor:
-        factor *= 2
+        coarse, factor = halve(coarse), 2 * factor
     while True:
-        coarse = coarsen(blocked, factor)
-        chosen, complete = cover(coarse, limit)
-        if complete or min(coarse.shape) < 2 * COARSEST_SIDE:
+        is_last = min(coarse.shape) < 2 * COARSEST_SIDE
+        chosen, complete = cover(coarse, limit, only_all=not is_last)
+        if complete or is_last:
             break
-        factor *= 2
+        coarse, factor = halve(coarse), 2 * factor
     barriers: dict[bool, list[Barrier]] = {True: [], False: []}
     for stretch in chosen:
         barriers[stretch.horizontal].append(to_barrier(stretch, factor, (height, width)))
@@ -66,6 +66,14 @@ def decompose_barriers(blocked: NDArray[np.bool_], limit: int = 30) -> BarrierMa
         horizontal_barriers=tuple(sorted(barriers[True])),
         vertical_barriers=tuple(sorted(barriers[False])),
     )
+
+
+def halve(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return `coarsen(cells, 2)`, ten times as fast."""
+    height, width = cells.shape
+    padded = np.pad(cells, ((0, height % 2), (0, width % 2)))
+    rows = padded[::2] | padded[1::2]
+    return np.asarray(rows[:, ::2] | rows[:, 1::2])
 
 
 def coarsen(cells: NDArray[np.bool_], factor: int, minimum: int = 1) -> NDArray[np.bool_]:
@@ -82,35 +90,57 @@ def coarsen(cells: NDArray[np.bool_], factor: int, minimum: int = 1) -> NDArray[
     return np.asarray(np.count_nonzero(blocks, axis=(1, 3)) >= minimum)
 
 
-def cover(blocked: NDArray[np.bool_], limit: int) -> tuple[list[Stretch], bool]:
-    """Choose up to `limit` stretches, each for the cells it adds; tell whether they cover all."""
+def cover(
+    blocked: NDArray[np.bool_], limit: int, *, only_all: bool = False
+) -> tuple[list[Stretch], bool]:
+    """Choose up to `limit` stretches, each for the cells it adds; tell whether they cover all.
+
+    With `only_all` none are chosen where it is plain that they could not cover all.
+    """
     missing = blocked.copy()
     missing[[0, -1], :] = False
     missing[:, [0, -1]] = False
-    found = stretches(blocked, horizontal=True) + stretches(blocked, horizontal=False)
+    found = [stretches(blocked), stretches(blocked.T)]
+    counts = np.concatenate([count_cells(missing, found[0]), count_cells(missing.T, found[1])])
+    most = np.sort(counts)[-limit:].sum()
+    if only_all and most < np.count_nonzero(missing):
+        return [], False
+    ends = np.concatenate(found).tolist()
     # What a stretch adds only shrinks, so an old count is an upper bound: lazy greedy cover.
-    queue = [(-int(stretch.cells(missing).sum()), i) for i, stretch in enumerate(found)]
+    queue = [(-count, i) for i, count in enumerate(counts.tolist())]
     heapq.heapify(queue)
     chosen: list[Stretch] = []
     while queue and len(chosen) < limit:
         _, i = heapq.heappop(queue)
-        gain = int(found[i].cells(missing).sum())
+        stretch = Stretch(i < len(found[0]), *ends[i])
+        gain = int(np.count_nonzero(stretch.cells(missing)))
         if gain and queue and -gain > queue[0][0]:
             heapq.heappush(queue, (-gain, i))
         elif gain:
-            chosen.append(found[i])
-            found[i].cells(missing)[:] = False
+            chosen.append(stretch)
+            stretch.cells(missing)[:] = False
     return chosen, not missing.any()
 
 
-def stretches(blocked: NDArray[np.bool_], *, horizontal: bool) -> list[Stretch]:
-    """Return the longest possible stretches of blocked cells along rows or columns."""
-    lines = blocked if horizontal else blocked.T
-    padded = np.pad(lines, ((0, 0), (1, 1))).astype(np.int8)
+def stretches(blocked: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the longest possible stretches of blocked cells along the rows.
+
+    int64 [n, 3]: the row of each, its first and its last cell.
+    """
+    padded = np.pad(blocked, ((0, 0), (1, 1))).view(np.int8)
     change = np.diff(padded, axis=1)
     line, first = np.nonzero(change == 1)
     _, end = np.nonzero(change == -1)
-    return [Stretch(horizontal, int(a), int(b), int(c) - 1) for a, b, c in zip(line, first, end)]
+    return np.column_stack((line, first, end - 1))
+
+
+def count_cells(cells: NDArray[np.bool_], stretches: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return how many cells are set in each of the stretches [n, 3] along the rows of `cells`."""
+    line, first, last = stretches.T
+    before = np.zeros((cells.shape[0], cells.shape[1] + 1), dtype=np.int64)
+    np.cumsum(cells, axis=1, out=before[:, 1:])
+    counts: NDArray[np.int64] = before[line, last + 1] - before[line, first]
+    return counts
 
 
 def to_barrier(stretch: Stretch, factor: int, shape: tuple[int, int]) -> Barrier:

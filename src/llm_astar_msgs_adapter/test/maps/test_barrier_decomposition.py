@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from llm_astar_msgs_adapter.maps.barrier_decomposition import coarsen, decompose_barriers
+from llm_astar_msgs_adapter.maps.barrier_decomposition import coarsen, decompose_barriers, halve
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 
 WIDTH, HEIGHT = 51, 31
@@ -90,3 +90,10 @@ def test_a_coarse_cell_is_set_where_enough_of_its_cells_are():
     np.testing.assert_array_equal(coarsen(cells, 2), [[1, 0], [0, 0], [0, 1]])
     np.testing.assert_array_equal(coarsen(cells, 2, minimum=2), [[1, 0], [0, 0], [0, 0]])
     assert coarsen(cells, 1) is cells
+
+
+@pytest.mark.parametrize('shape', [(1, 1), (7, 10), (8, 5), (30, 31)])
+def test_halving_is_coarsening_by_two(shape):
+    cells = np.random.default_rng(1).random(shape) < 0.2
+    np.testing.assert_array_equal(halve(cells), coarsen(cells, 2))
+    np.testing.assert_array_equal(halve(halve(cells)), coarsen(cells, 4))
