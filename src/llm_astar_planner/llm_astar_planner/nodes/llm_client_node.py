@@ -35,6 +35,7 @@ from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import run_node
 from llm_astar_planner.nodes.interpretation_server import InterpretationServer
+from llm_astar_planner.planning.compile import compile_map_kernels
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER, costmap_config, source_config
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
@@ -88,6 +89,8 @@ class LlmClientNode(Node):
         self.add_post_set_parameters_callback(lambda _: self.adopt_source())
         self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', REPORTS)
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
+        # In the background, since a caller waits for no answer anyway.
+        threading.Thread(target=compile_map_kernels, name='compiler', daemon=True).start()
         self._entities = Entities(self)
         MapSubscription(self._entities, self.on_map)
         self._interpretations = InterpretationServer(self._entities, self._new_interpreter)

@@ -8,6 +8,7 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
 from llm_astar_planner.instructions.specification import (
     SHOULD,
@@ -37,6 +38,7 @@ def compile_kernels() -> None:
     Takes about a minute the first time and half a second after that.
     """
     compile_search_kernels()
+    compile_map_kernels()
     cells = np.zeros((24, 24), dtype=np.int8)
     cells[4:, 12] = 50
     for config in (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0)):
@@ -51,6 +53,18 @@ def compile_kernels() -> None:
                 planner.plan(request)
                 plan = planner.plan(replace(request, via=()))
                 nearest_places(plan.path, np.zeros((1, 2)))
+
+
+def compile_map_kernels() -> None:
+    """Compile what a costmap takes, from nothing and in increments, or load it from the cache."""
+    cells = np.zeros((24, 24), dtype=np.int8)
+    for config in (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0)):
+        costmap: Costmap | None = None
+        for occupancy in (FREE, OCCUPIED):
+            cells[10:, 12] = occupancy
+            costmap = Costmap(GridMap(cells), config, previous=costmap)
+            costmap.prepare()
+            costmap.line_of_sight.clear([(0, 0)], [(1, 1)])
 
 
 def compile_instruction_kernels() -> None:

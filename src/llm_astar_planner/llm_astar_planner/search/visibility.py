@@ -7,40 +7,52 @@ where a line of sight is free, 8-connected moves that may cut corners can follow
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
-import shapely
 from numpy.typing import ArrayLike, NDArray
+
+from llm_astar_planner.search._kernels import walls as kernels
+
+# Ends of lines up to this many cells from the first are computed in 64 bits.
+MOST_CELLS = 1 << 24
 
 
 class LineOfSightChecker:
     """The walls of one grid; `blocked` is bool [height, width]."""
 
     def __init__(self, blocked: NDArray[np.bool_]) -> None:
-        """Find the walls of a grid."""
-        lines = np.concatenate([runs_along_rows(blocked), runs_along_rows(blocked.T)[..., ::-1]])
-        padded = np.pad(blocked, 1)
-        has_neighbour = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
-        isolated = np.argwhere(blocked & ~has_neighbour)[:, ::-1]
-        self._ends = np.unique(np.concatenate([lines.reshape(-1, 2), isolated]), axis=0)
-        walls = np.concatenate(
-            [np.asarray(shapely.linestrings(lines)), np.asarray(shapely.points(isolated))]
-        )
-        self._tree = shapely.STRtree(walls)
+        """Take a grid."""
+        self._padded = np.pad(blocked, 1)
 
-    @property
+    @cached_property
     def ends(self) -> NDArray[np.intp]:
         """The cells (x, y) at which walls end, [n, 2]."""
-        ends: NDArray[np.intp] = self._ends
-        return ends
+        padded = self._padded
+        blocked = padded[1:-1, 1:-1]
+        lines = np.concatenate([runs_along_rows(blocked), runs_along_rows(blocked.T)[..., ::-1]])
+        has_neighbour = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
+        isolated = np.argwhere(blocked & ~has_neighbour)[:, ::-1]
+        return np.unique(np.concatenate([lines.reshape(-1, 2), isolated]), axis=0)
 
     def clear(self, begins: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
-        """Tell for each line from `begins` to `ends`, both [n, 2] cells, whether it is free."""
-        pairs = np.stack([np.asarray(begins, float), np.asarray(ends, float)], axis=1)
-        free = np.ones(len(pairs), dtype=bool)
-        if len(pairs):
-            hits = self._tree.query(shapely.linestrings(pairs), predicate='intersects')
-            free[hits[0]] = False
-        return free
+        """Tell for each line from `begins` to `ends`, both [n, 2] cells, whether it is free.
+
+        Exact for any finite ends, on the map or off it, between cells too.
+        """
+        pairs = [np.asarray(points, float).reshape(-1, 2) for points in (begins, ends)]
+        lines = np.concatenate(pairs, axis=1)
+        if (np.abs(lines) <= MOST_CELLS).all() and (lines == np.rint(lines)).all():
+            free: NDArray[np.bool_] = kernels.lines_are_free(self._padded, lines.astype(np.int64))
+            return free
+        return np.array([self.is_clear(line) for line in lines.tolist()], dtype=np.bool_)
+
+    def is_clear(self, line: list[float]) -> bool:
+        """Tell it for a line with any ends: x and y of both. In Python's unlimited integers."""
+        ratios = [number.as_integer_ratio() for number in line]
+        scale = max(below for _, below in ratios)
+        ends = [above * (scale // below) for above, below in ratios]
+        return bool(kernels.line_is_free.py_func(self._padded, *ends, scale))
 
     def clear_along(self, points: ArrayLike) -> bool:
         """Tell whether the polyline through `points` [n, 2] touches no wall."""
