@@ -108,6 +108,10 @@ class GridMap:
             == (other.resolution, other.origin, other.frame_id)
         )
 
+    def is_equal_to(self, other: GridMap) -> bool:
+        """Tell whether both maps have the same cells at the same places: faster than digests."""
+        return self.is_laid_out_as(other) and np.array_equal(self.cells, other.cells)
+
     def contains(self, cell: tuple[int, int]) -> bool:
         """Tell whether the cell (x, y) lies on the map."""
         return 0 <= cell[0] < self.width and 0 <= cell[1] < self.height

@@ -1,4 +1,5 @@
 import math
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -75,6 +76,8 @@ def test_different_maps_have_different_digests():
     ]
     assert len({grid.digest for grid in maps}) == len(maps)
     assert GridMap(CELLS.copy()).digest == maps[0].digest
+    assert GridMap(CELLS.copy()).is_equal_to(maps[0])
+    assert not any(one.is_equal_to(other) for one, other in combinations(maps, 2))
 
 
 @pytest.mark.parametrize(

@@ -146,8 +146,7 @@ class MapManager:
             config = self._config()
             if grid_map is None:
                 return None
-            # The digest is computed here first, on this thread, so that no caller waits for it.
-            is_same = before is not None and before.grid_map.digest == grid_map.digest
+            is_same = before is not None and before.grid_map.is_equal_to(grid_map)
             if before is not None and is_same and before.config == config:
                 return before
             planner = Planner(grid_map, config, landmarks=self._landmarks, previous=before)
