@@ -114,7 +114,8 @@ class GridMap:
 
     def contains(self, cell: tuple[int, int]) -> bool:
         """Tell whether the cell (x, y) lies on the map."""
-        return 0 <= cell[0] < self.width and 0 <= cell[1] < self.height
+        height, width = self.cells.shape
+        return bool(0 <= cell[0] < width and 0 <= cell[1] < height)
 
     def blocked(
         self, occupied_threshold: int = 65, *, allow_unknown: bool = True

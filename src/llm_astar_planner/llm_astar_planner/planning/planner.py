@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -40,7 +39,13 @@ from llm_astar_planner.search.any_angle import AnyAnglePath, string_pull
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.paper import GUIDED
-from llm_astar_planner.search.result import BoundedResult, Cell, SearchResult, SearchStatus
+from llm_astar_planner.search.result import (
+    BoundedResult,
+    Cell,
+    SearchResult,
+    SearchStatus,
+    empty_path,
+)
 from llm_astar_planner.search.stop import no_stop
 
 # The part of the time for the search where a path at any angle is asked for: it takes time too.
@@ -164,14 +169,16 @@ class Planner:
         length. With via points no source is asked: they are the waypoints.
         """
         cells = [endpoints.start, *request.via, endpoints.goal]
-        lengths = [math.dist(*pair) for pair in pairwise(cells)]
-        shares = [1.0 + length + sum(lengths) / len(lengths) for length in lengths]
+        lengths = list(map(math.dist, cells[:-1], cells[1:]))
+        average = 1.0 + sum(lengths) / len(lengths)
+        shares_left = sum(lengths) + len(lengths) * average
         source = None if request.via else request.source
         is_whole = cells == [request.start, request.goal]
         graph = self.costmap.grid_graph
-        for number, (start, goal) in enumerate(pairwise(cells)):
+        for start, goal, length in zip(cells[:-1], cells[1:], lengths):
             now = time.monotonic()
-            time_left = (deadline - now) * shares[number] / sum(shares[number:])
+            time_left = (deadline - now) * (average + length) / shares_left
+            shares_left -= average + length
             part = request
             if not is_whole:
                 part = replace(request, start=start, goal=goal, source=source)
@@ -226,8 +233,10 @@ class Planner:
 
         What cannot be computed until the `deadline` (monotonic seconds) is left out.
         """
-        first = segments[0] if segments else None
-        expanded = NOT_SEARCHED.expanded
+        fields: dict[str, Any] = {
+            'expanded': NOT_SEARCHED.expanded,
+            'warnings': endpoints.warnings,
+        }
         expansions = storage = 0
         seconds_source = seconds_search = 0.0
         for segment in segments:
@@ -236,16 +245,10 @@ class Planner:
             expansions += segment.result.expansions
             storage += segment.result.storage
             if segment.result is not NOT_SEARCHED:
-                expanded = segment.result.expanded
-        if request.want_expanded and expanded.size == 0:
-            expanded = np.zeros(self.grid_map.cells.shape, dtype=np.bool_)
-        fields: dict[str, Any] = {
-            'expanded': expanded,
-            'expansions': expansions,
-            'storage': storage,
-            'checked_waypoints': first.checked_waypoints if first else (),
-            'warnings': endpoints.warnings,
-        }
+                fields['expanded'] = segment.result.expanded
+        if request.want_expanded and fields['expanded'].size == 0:
+            fields['expanded'] = np.zeros(self.grid_map.cells.shape, dtype=np.bool_)
+        fields |= {'expansions': expansions, 'storage': storage}
         if result is not None:
             fields |= self.path_fields(segments, result)
             if request.any_angle and fields['is_final']:
@@ -253,13 +256,18 @@ class Planner:
                     fields['any_angle'] = self.any_angle_path(segments, deadline)
                 except TimeoutError as error:
                     fields['warnings'] = (*endpoints.warnings, str(error))
+        # Where there are via points, no source is asked.
+        first = segments[0] if segments else None
+        if first and first.checked_waypoints:
+            path = empty_path() if result is None else result.path
+            fields['checked_waypoints'] = mark_out_of_order(first.checked_waypoints, path)
+            fields['guided_by'] = first.reply.label if first.guiding_waypoints else 'none'
         return Plan(
             code=ResultCode.NONE if failure is None else failure.code,
             message=str(failure) if failure else success_message(segments[0], result),
             method=request.method,
             start=endpoints.start,
             goal=endpoints.goal,
-            guided_by=first.reply.label if first and first.guiding_waypoints else 'none',
             source='none' if request.source is None else request.source.name,
             reply=first.reply if first else NOT_ASKED,
             seconds_source=seconds_source,
@@ -286,7 +294,6 @@ class Planner:
             'storage': result.storage,
             'expanded': result.expanded,
             'is_final': segments[-1].result is not NOT_SEARCHED,
-            'checked_waypoints': mark_out_of_order(segments[0].checked_waypoints, result.path),
             'clearance': metrics.clearance,
             'unknown_length': metrics.unknown_length,
             'turns': metrics.turns,

@@ -212,12 +212,10 @@ def halved():
 
 @pytest.mark.parametrize('method', METHODS)
 def test_a_search_past_its_time_is_a_timeout_not_no_path(halved, method):
-    begin = time.monotonic()
     plan = halved.plan(PlanRequest((800, 1900), (1200, 1900), method, time_limit=0.005))
     assert plan.code is ResultCode.TIMEOUT
     assert 'out of time after' in plan.message
     assert len(plan.path) == 0
-    assert time.monotonic() - begin < 2.0
 
 
 @pytest.mark.parametrize('method', METHODS)

@@ -229,7 +229,6 @@ def test_a_search_ends_at_its_deadline(name):
     result = PAPER_METHODS[name](blocked, start, goal, [(900, 1950), goal], options)
     assert result.status is SearchStatus.STOPPED
     assert result.expansions > 0
-    assert time.monotonic() - begin < 2.0
     past = PAPER_METHODS[name](blocked, start, start, [], SearchOptions(deadline=begin))
     assert (past.status, past.expansions) == (SearchStatus.STOPPED, 0)
 

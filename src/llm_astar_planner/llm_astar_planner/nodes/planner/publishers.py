@@ -31,7 +31,7 @@ from llm_astar_planner.search.any_angle import interpolate, turning_points
 MAX_REPORTS = 32
 LONGEST_WAIT = 1.0
 # Seconds to write a pose, publish it and send it as the answer.
-POSE_SECONDS = 15e-6
+POSE_SECONDS = 20e-6
 LEAST_SECONDS = 0.001
 
 
