@@ -170,6 +170,8 @@ class GridGraph:
         """Bytes held by the grid and its idle workspaces; not `blocked`, which may be shared."""
         idle = list(self._spare) + ([] if self._coarse is None else list(self._coarse._spare))
         own = self.moves.nbytes + self.cell_surcharge.nbytes
+        if 'packed' in vars(self):
+            own += self.packed.nbytes
         return own + sum(workspace.nbytes for workspace in idle)
 
     @cached_property

@@ -94,10 +94,6 @@ class JumpSearch(PlainSearch):
         units = straights * grid.straight + diagonals * grid.diagonal
         return path[len(path) - count :].copy(), straights + diagonals * math.sqrt(2.0), units
 
-    def add_expanded(self, expanded: NDArray[np.bool_]) -> None:
-        """Set `expanded` [height, width] at the jump points that this search has reached."""
-        kernels.add_reached(self.workspace.records, self.generation, expanded)
-
 
 def jump_search(
     grid: GridGraph,

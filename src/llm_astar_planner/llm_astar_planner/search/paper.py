@@ -17,6 +17,7 @@ from llm_astar_planner.search.any_angle import can_see, string_pull
 from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import guided
+from llm_astar_planner.search.jump import jump_search
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
 from llm_astar_planner.search.stop import StopFlag, no_stop
@@ -145,6 +146,8 @@ def compile_kernels() -> None:
             for bound in (None, 1.0):
                 guided(grid, start, goal, waypoints, max_suboptimality=bound, landmarks=landmarks)
         guided(grid, start, goal, waypoints, work_factor=0.0)
+        if cost is None:
+            jump_search(grid, start, goal, stop=no_stop())
         result = exact_astar(grid, start, goal)
         can_see(grid, start, goal)
         string_pull(grid, result.path)

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from grids import assert_path, dijkstra
 from llm_astar_msgs_adapter.maps.movingai import load_map
-from llm_astar_planner.search.astar import exact_astar
+from llm_astar_planner.search.astar import exact_astar, run
 from llm_astar_planner.search.grid_graph import GridGraph
-from llm_astar_planner.search.jump import jump_search
+from llm_astar_planner.search.jump import JumpSearch, jump_search
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.packed_grid import PackedGrid
 from llm_astar_planner.search.result import SearchStatus
@@ -272,3 +272,32 @@ def test_many_threads_may_share_a_grid():
     for thread in threads:
         thread.join()
     assert costs == [expected] * 80
+
+
+def test_the_expanded_cells_are_the_jump_points_taken_from_the_queue():
+    blocked = np.zeros((9, 20), dtype=bool)
+    blocked[:6, 8] = True
+    search = JumpSearch(GridGraph(blocked), (1, 1), (18, 1))
+    run(search, no_stop(), math.inf)
+    expanded = np.zeros_like(blocked)
+    search.add_expanded(expanded)
+    search.close()
+    # From the start to the cell past the end of the wall, and from there to the goal.
+    assert search.expansions == expanded.sum() == 2
+    assert expanded[1, 1]
+    assert expanded[6, 9]
+
+
+def test_only_paths_cheaper_than_one_known_are_looked_for():
+    blocked = np.zeros((20, 20), dtype=bool)
+    blocked[5, :15] = True
+    grid = GridGraph(blocked)
+    optimum = round(exact_astar(grid, (2, 2), (3, 12)).cost * grid.straight)
+    for known, is_better in [(optimum, False), (optimum + 1, True)]:
+        search = JumpSearch(grid, (2, 2), (3, 12))
+        search.learn(known)
+        run(search, no_stop(), math.inf)
+        assert search.best == search.bound == optimum
+        if is_better:
+            assert search.path()[2] == optimum
+        search.close()

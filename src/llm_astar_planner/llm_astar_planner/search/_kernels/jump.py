@@ -541,12 +541,3 @@ def trace(
             if row >= 0:
                 path[row, 0] = x
                 path[row, 1] = y
-
-
-@_jit
-def add_reached(records: NDArray[np.int32], generation: int, reached: NDArray[np.bool_]) -> None:
-    """Set `reached` [height, width] where a cell has an entry of this generation."""
-    flat = reached.reshape(-1)
-    for cell in range(flat.size):
-        if records[2 * cell + 1] >> TAG_BITS == generation:
-            flat[cell] = True
