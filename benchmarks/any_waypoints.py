@@ -13,8 +13,8 @@ from functools import partial
 
 import numpy as np
 from llm_astar_planner.search.astar import exact_astar
-from llm_astar_planner.waypoints.baselines import baseline_sources
-from llm_astar_planner.waypoints.learned.source import EmbeddedSource
+from llm_astar_planner.waypoints.config import SourceSettings
+from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.source import WaypointQuery
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -27,6 +27,7 @@ TURNS = 3
 MOST_QUERIES = 40
 # The embedded model is for maps of few barriers and takes long elsewhere.
 EMBEDDED_CELLS = 20_000
+SOURCES = ('coarse', 'embedded', 'straight')
 
 
 def measure(case: SpeedCase) -> list[dict[str, object]]:
@@ -80,16 +81,12 @@ def waypoint_sets(
     yield 'oracle reversed', turns[::-1]
     yield 'random 1', random.uniform(0.0, (width, height), (1, 2))
     yield 'random 8', random.uniform(0.0, (width, height), (8, 2))
-    sources = [source for name, source in baseline_sources().items() if name in USED]
-    if blocked.size <= EMBEDDED_CELLS:
-        sources.append(EmbeddedSource(1))
-    for source in sources:
-        reply = source.waypoints(WaypointQuery(prepared.planner.costmap, *query))
-        yield source.name, np.array(reply.waypoints, dtype=np.float64).reshape(-1, 2)
+    for name in SOURCES:
+        if name != 'embedded' or blocked.size <= EMBEDDED_CELLS:
+            source = make_source(SourceSettings(source=name))
+            reply = source.waypoints(WaypointQuery(prepared.planner.costmap, *query))
+            yield name, np.array(reply.waypoints, dtype=np.float64).reshape(-1, 2)
     yield from hostile_sets(prepared, query)
-
-
-USED = frozenset({'straight', 'random', 'coarse'})
 
 
 def hostile_sets(prepared: Prepared, query: Query) -> Iterator[tuple[str, Points]]:

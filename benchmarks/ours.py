@@ -16,7 +16,8 @@ from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import guided
 from llm_astar_planner.search.landmarks import LandmarkManager, Landmarks
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.baselines import baseline_sources
+from llm_astar_planner.waypoints.config import SourceSettings
+from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.source import WaypointQuery
 from numpy.typing import NDArray
 
@@ -33,8 +34,9 @@ PATIENCE_S = 120.0
 class Prepared:
     """What our searches need on one map, made once, with the CPU milliseconds that took.
 
-    `grid_ms` is for the moves alone, `planner_ms` for all that `Planner` prepares in the calling
-    thread, `landmarks_ms` for the landmarks, which a thread measures in the background.
+    `grid_ms` is for the moves alone, `packed_ms` for the bits of the search for jump points,
+    `coarse_ms` for the graph of coarse routes, `planner_ms` for all that `Planner` prepares in the
+    calling thread, `landmarks_ms` for the landmarks, which a thread measures in the background.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -50,8 +52,14 @@ class Prepared:
         costmap = self.planner.costmap
         self.grid = costmap.grid_graph
         begin = time.thread_time()
-        GridGraph(costmap.blocked, cost=costmap.cost if problem.graded else None)
+        grid = GridGraph(costmap.blocked, cost=costmap.cost if problem.graded else None)
         self.grid_ms = (time.thread_time() - begin) * 1e3
+        begin = time.thread_time()
+        _ = problem.graded or grid.packed
+        self.packed_ms = (time.thread_time() - begin) * 1e3
+        begin = time.thread_time()
+        _ = costmap.coarse_graph
+        self.coarse_ms = (time.thread_time() - begin) * 1e3
 
     @cached_property
     def landmarks(self) -> Landmarks | None:
@@ -102,7 +110,7 @@ def prepare_oracle(prepared: Prepared, bound: float | None) -> Plan:
 
 def prepare_coarse(prepared: Prepared, bound: float | None) -> Plan:
     """Return the guided search with the waypoints of `coarse`, whose time is included."""
-    source, costmap = baseline_sources()['coarse'], prepared.planner.costmap
+    source, costmap = make_source(SourceSettings(source='coarse')), prepared.planner.costmap
 
     def plan(start: Cell, goal: Cell) -> NDArray[Any]:
         reply = source.waypoints(WaypointQuery(costmap, start, goal))
@@ -149,35 +157,41 @@ def run_guided(
     ).path
 
 
-def grid_only(prepared: Prepared) -> float:
+def moves_ms(prepared: Prepared) -> float:
     """Return what preparing the moves took, in milliseconds."""
     return prepared.grid_ms
 
 
-def grid_and_landmarks(prepared: Prepared) -> float:
-    """Return what preparing the moves and measuring landmarks took, in milliseconds."""
-    return prepared.grid_ms + prepared.landmarks_ms
+def search_ms(prepared: Prepared) -> float:
+    """Return what the guided search needs without landmarks, in milliseconds."""
+    return prepared.grid_ms + prepared.packed_ms
 
 
-def everything(prepared: Prepared) -> float:
-    """Return what preparing a `Planner` and its landmarks took, in milliseconds."""
-    return prepared.planner_ms + prepared.landmarks_ms
+def landmarks_ms(prepared: Prepared) -> float:
+    """Return what the guided search needs with landmarks, in milliseconds."""
+    return search_ms(prepared) + prepared.landmarks_ms
+
+
+def planner_ms(prepared: Prepared) -> float:
+    """Return what a `Planner` needs, landmarks included, in milliseconds."""
+    return prepared.planner_ms + prepared.packed_ms + prepared.landmarks_ms
+
+
+def coarse_ms(prepared: Prepared) -> float:
+    """Return what a `Planner` with coarse waypoints needs, in milliseconds."""
+    return planner_ms(prepared) + prepared.coarse_ms
 
 
 def our_rows() -> list[Ours]:
-    """Return our rows; those of `coarse` only where this version has it."""
-    rows = [
-        Ours(EXACT, prepare_exact, grid_only),
-        Ours('guided', partial(prepare_guided, landmarks=True), grid_and_landmarks),
-        Ours('guided, no landmarks', partial(prepare_guided, landmarks=False), grid_only),
-        Ours('guided, oracle, 1.1', partial(prepare_oracle, bound=BOUND), grid_and_landmarks),
-        Ours(
-            'guided, oracle, best effort', partial(prepare_oracle, bound=None), grid_and_landmarks
-        ),
-        Ours('guided, coarse, 1.1', partial(prepare_coarse, bound=BOUND), everything),
-        Ours('guided, coarse, best effort', partial(prepare_coarse, bound=None), everything),
-        Ours('Planner.plan', partial(prepare_planner, any_angle=False), everything),
-        Ours('Planner.plan, any_angle', partial(prepare_planner, any_angle=True), everything),
+    """Return our rows."""
+    return [
+        Ours(EXACT, prepare_exact, moves_ms),
+        Ours('guided', partial(prepare_guided, landmarks=True), landmarks_ms),
+        Ours('guided, no landmarks', partial(prepare_guided, landmarks=False), search_ms),
+        Ours('guided, oracle, 1.1', partial(prepare_oracle, bound=BOUND), landmarks_ms),
+        Ours('guided, oracle, best effort', partial(prepare_oracle, bound=None), landmarks_ms),
+        Ours('guided, coarse, 1.1', partial(prepare_coarse, bound=BOUND), coarse_ms),
+        Ours('guided, coarse, best effort', partial(prepare_coarse, bound=None), coarse_ms),
+        Ours('Planner.plan', partial(prepare_planner, any_angle=False), planner_ms),
+        Ours('Planner.plan, any_angle', partial(prepare_planner, any_angle=True), planner_ms),
     ]
-    known = 'coarse' in baseline_sources()
-    return [row for row in rows if known or 'coarse' not in row.name]
