@@ -70,7 +70,8 @@ class PlanRequest:
       times the cheapest, 1 or more; None takes its first path.
     - `search_while_waiting`: `guided` starts after 30 ms, even if the waypoints are not there
       yet. They may then come too late to be used.
-    - `any_angle`: also return a path with straight segments at any angle.
+    - `any_angle`: also return a path with straight segments at any angle. The search then gets
+      90 % of the time; if the rest is too short for it, it is left out with a warning.
     - `want_expanded`: whether the plan has the picture of expanded cells.
     - `sample`: which benchmark sample this is, if it is one.
     - `tolerance`, `start_tolerance`: metres. An unreachable goal is replaced by the nearest
@@ -145,7 +146,7 @@ class Plan:
       what occupied and inflated cells cost) are in cells.
     - `suboptimality_bound`: the cost is proven to be at most this many times the least possible;
       NaN if the method proves nothing.
-    - `any_angle`: the path shortened at any angle, if requested and valid.
+    - `any_angle`: the path shortened at any angle, if requested, valid and found in time.
     - `expansions`, `first_expansions`: all expansions, and those up to the first path.
       `storage`: the states that ever got a g (the paper's storage).
     - `expanded`: bool [height, width], the expanded cells; [0, 0] if not requested. Incomplete
