@@ -36,8 +36,6 @@ MAX_BYTES = 64 * 1024 * 1024
 MIN_COUNT = 2
 # Landmarks that one query uses.
 MAX_ACTIVE = 4
-# Cells tried as the first source, to find the largest connected area.
-_SEEDS = 8
 # Landmarks are measured anew when so much of the map is stricter than what they were measured on
 # that their bounds are weak. Moving obstacles with their inflation cover less: 1 % at 1000 x 1000.
 STALE_SHARE = 1 / 8
@@ -60,26 +58,6 @@ def landmark_count(grid: GridGraph, count: int | None, max_bytes: int) -> int:
         count = max(COUNT, min(MAX_COUNT, _SMALL_BYTES // row_bytes))
     fitting = min(count, max_bytes // row_bytes)
     return fitting if fitting >= min(MIN_COUNT, count) else 0
-
-
-def from_largest_area(
-    rows: DistanceRows, distances: NDArray[np.int32], free: NDArray[np.int64], stop: StopFlag
-) -> NDArray[np.int32] | None:
-    """Return the distances from a cell in the largest connected area that a few tries find.
-
-    `distances` is row 0 of `rows`, `free` the numbers of the free cells. None if stopped.
-    """
-    best: NDArray[np.int32] | None = None
-    most = 0
-    for source in free[:: max(1, free.size // _SEEDS)]:
-        if not rows.fill(0, int(source), stop):
-            return None
-        reached = int(np.count_nonzero(distances >= 0))
-        if reached > most:
-            most, best = reached, distances.copy()
-        if 2 * most > free.size:
-            break
-    return best
 
 
 class Landmarks:
@@ -113,14 +91,13 @@ class Landmarks:
         free, `stop` was raised or a distance does not fit 32 bits.
         """
         count = landmark_count(grid, count, max_bytes)
-        free = np.flatnonzero(grid.moves)
-        if count == 0 or free.size == 0:
+        if count == 0:
             return None
         stop = no_stop() if stop is None else stop
         freest = FreestMap(grid)
         distances = np.empty((count, grid.moves.size), dtype=np.int32)
         rows = DistanceRows(freest, distances)
-        nearest = from_largest_area(rows, distances[0], free, stop)
+        nearest = rows.largest_area(stop)
         for row in range(len(distances)):
             if nearest is None or not rows.fill(row, int(nearest.argmax()), stop):
                 return None
@@ -164,6 +141,20 @@ class Landmarks:
         gaps = np.abs(self.distances[active[:, 0], grid.index(start)] - active[:, 1])
         return float(gaps.max(initial=grid.octile(start, goal))) / self.freest.straight
 
+    def bound_gain(self, grid: GridGraph) -> float:
+        """Return the mean of bound over octile distance, of a few dozen pairs of reached cells.
+
+        1: no gain. The pairs are drawn at random, the same at each call.
+        """
+        drawn = np.random.default_rng(0).integers(0, grid.moves.size, 256)
+        reached = drawn[self.distances[0, drawn] >= 0][:64].tolist()
+        cells = [(number % grid.width, number // grid.width) for number in reached]
+        pairs = [pair for pair in zip(cells[::2], cells[1::2]) if pair[0] != pair[1]]
+        gains = [
+            self.lower_bound(grid, *pair) * grid.straight / grid.octile(*pair) for pair in pairs
+        ]
+        return sum(gains) / len(gains) if gains else 1.0
+
     def is_admissible_on(self, grid: GridGraph) -> bool:
         """Tell whether the bounds hold on `grid`: no cell was freed and none became cheaper."""
         return is_alike(self.freest, grid) and self.freest.covers(grid)
@@ -204,9 +195,9 @@ class LandmarkManager:
         self._admitted: weakref.WeakSet[GridGraph] = weakref.WeakSet()
         self._repair: Iterator[bool] | None = None  # begun and not finished
         self._readers = 0
-        # The map that others are being built on, and whether it was the last one tried.
+        # The map that others are being built on, and the last one tried, which is not kept alive.
         self._building: GridGraph | None = None
-        self._tried: GridGraph | None = None
+        self._tried: weakref.WeakSet[GridGraph] = weakref.WeakSet()
         self._thread: threading.Thread | None = None
         self._stop_build, self._stop_repair = no_stop(), no_stop()
         self._closed = False
@@ -227,8 +218,8 @@ class LandmarkManager:
             self._newest = grid
             if self._building is not None and not is_alike(self._building, grid):
                 self._stop_build[0] = 1
+            self._tally['maps'] += 1
             if self._repair is None and not self._closed:
-                self._tally['maps'] += 1
                 self._follow()
                 self._repair_now()
             if self._has_work() and self._thread is None:
@@ -272,14 +263,20 @@ class LandmarkManager:
         self.wait()
 
     def statistics(self) -> dict[str, float]:
-        """Return what the landmarks cost and how often they were there, in plain figures.
+        """Return what the landmarks cost and how often they helped, in plain figures.
 
         Times are CPU milliseconds: of all builds, and of comparing and repairing for a mean map.
+        The availability is the share of searches that had them, the gain that of their bounds
+        over the octile distance (1: none). What they saved is not known without searching again.
         """
         with self._changed:
-            tally, landmarks = self._tally, self._landmarks
+            tally, landmarks, grid = self._tally, self._landmarks, self._newest
+            gain = 1.0
+            if landmarks is not None and grid is not None and self._usable(grid):
+                gain = landmarks.bound_gain(grid)
             return {
                 'landmarks': 0 if landmarks is None else landmarks.count,
+                'landmark_bound_gain': gain,
                 'landmark_bytes': self.nbytes,
                 'landmark_builds': tally['builds'],
                 'landmark_build_ms': tally['build_ms'],
@@ -306,7 +303,7 @@ class LandmarkManager:
             return True
         if self._landmarks is None or self._is_stale():
             fits = landmark_count(self._newest, self._count, self._max_bytes) > 0
-            return fits and self._tried is not self._newest
+            return fits and self._newest not in self._tried
         return self._newest not in self._admitted
 
     def _is_stale(self) -> bool:
@@ -374,7 +371,7 @@ class LandmarkManager:
 
     def _build(self, grid: GridGraph) -> None:
         """Measure new landmarks; those there are serve until the new ones replace them."""
-        self._building = self._tried = grid
+        self._building, self._tried = grid, weakref.WeakSet((grid,))
         stop = self._stop_build = no_stop()
         self._changed.release()
         began = time.thread_time()
@@ -389,7 +386,7 @@ class LandmarkManager:
         self._tally['built_at'] = self._tally['maps']
         self._building = None
         if stop[0]:
-            self._tried = None
+            self._tried.clear()
         elif landmarks is not None:
             self._landmarks, self._repair = landmarks, None
             self._admitted = weakref.WeakSet((grid,))

@@ -71,6 +71,13 @@ def test_in_a_corridor_the_bound_is_exact():
     assert abs(landmarks.lower_bound(grid, (0, 0), (0, 2)) - truth) < 1e-5
 
 
+def test_the_gain_is_that_over_the_octile_distance():
+    blocked = np.zeros((31, 30), dtype=bool)
+    assert Landmarks.build(GridGraph(blocked)).bound_gain(GridGraph(blocked)) == 1.0
+    blocked[1::4, :29] = blocked[3::4, 1:] = True
+    assert Landmarks.build(GridGraph(blocked)).bound_gain(GridGraph(blocked)) > 5.0
+
+
 def test_they_prove_that_cells_are_not_connected():
     blocked = np.zeros((3, 9), dtype=bool)
     blocked[:, 4] = True
@@ -250,6 +257,7 @@ def test_the_manager_repairs_what_becomes_freer(manager):
     figures = manager.statistics()
     assert (figures['landmark_builds'], figures['landmark_repairs']) == (1, 1)
     assert figures['landmark_availability'] == 5 / 7
+    assert figures['landmark_bound_gain'] == 1.0
 
 
 def test_what_is_lent_does_not_change(manager):

@@ -294,7 +294,7 @@ def remove(
             other = neighbour(cell, move, width, height)
             if other < 0 or marks[other] != 0 or moves[other] == 0:
                 continue
-            if 0 < cell_surcharge[other] <= cell_surcharge[cell]:
+            if 0 < cell_surcharge[other] < cell_surcharge[cell]:
                 marks[other] = 3
                 changed[last] = other
                 last += 1
