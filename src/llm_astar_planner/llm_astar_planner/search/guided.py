@@ -43,7 +43,7 @@ PLAIN_FIRST = 512
 MOST_JUMP_POINTS = 0.2
 # A path passes a waypoint that it comes within so many cells of.
 PASSING_RADIUS = 3.0
-_BUCKETS = 2048
+MIN_BUCKETS, MAX_BUCKETS = 2048, 65536
 # The fewest expansions of the plain search at a time; later this share of those done.
 _MIN_PLAIN_STEP = 4
 _PLAIN_SHARE = 4
@@ -260,7 +260,7 @@ class WaypointSearch:
             round(query.weight * kernels.ONE), round(PASSING_RADIUS * grid.straight),
             *[0] * (kernels.G_SIZE - kernels.G_FREE),
         ])  # fmt: skip
-        self._heads = np.zeros(_BUCKETS + 1, dtype=np.int32)
+        self._heads = np.zeros(0, dtype=np.int32)
         self._targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
 
     @property
@@ -277,13 +277,16 @@ class WaypointSearch:
             grid.diagonal - grid.straight, targets,
         )  # fmt: skip
         self._targets = targets = targets[:count]
-        # The window of the queue covers about the keys of a path half as long again as the way
-        # along the targets; keys beyond it only take more time.
+        # The queue's window covers about the keys of a path half as long again as the way along
+        # the targets, in buckets of half a cell or less: within one the order is lost.
         span = 1.5 * self._weight * float(targets[0, 2]) + 64.0 * grid.straight
-        shift = max(plain_kernels.BUCKET_BITS, math.ceil(math.log2(span / _BUCKETS)))
+        buckets = 1 << math.ceil(math.log2(2.0 * span / grid.straight))
+        buckets = min(max(buckets, MIN_BUCKETS), MAX_BUCKETS)
+        shift = max(plain_kernels.BUCKET_BITS, math.ceil(math.log2(span / buckets)))
+        before, self._heads = self._heads, np.zeros(buckets + 1, dtype=np.int32)
         kernels.follow(
-            self.workspace.records, self.workspace.pool, self.workspace.keys, self._heads, targets,
-            plain.distances, plain.active, shift, self._control,
+            self.workspace.records, self.workspace.pool, self.workspace.keys, before, self._heads,
+            targets, plain.distances, plain.active, shift, self._control,
         )  # fmt: skip
 
     def advance(self, quota: int, best: int) -> None:

@@ -15,9 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.astar import (
-    CANONICAL_SUCCESSORS,
     CLOSED,
-    EVERY_MOVE,
     EXHAUSTED,
     FOUND,
     LIMIT,
@@ -168,6 +166,7 @@ def follow(
     records: NDArray[np.int32],
     pool: NDArray[np.int64],
     keys: NDArray[np.int64],
+    before: NDArray[np.int32],
     heads: NDArray[np.int32],
     targets: NDArray[np.int64],
     landmark_distances: NDArray[np.int32],
@@ -175,7 +174,10 @@ def follow(
     shift: int,
     control: NDArray[np.int64],
 ) -> None:
-    """Rebuild the queue for new targets from the open cells, at first from the start alone."""
+    """Fill the new, empty `heads` for new targets from the open cells, at first the start alone.
+
+    `before` holds the heads until now.
+    """
     width, goal, straight = control[G_WIDTH], control[G_GOAL], control[G_STRAIGHT]
     extra = control[G_DIAGONAL] - straight
     goal_x, goal_y = goal % width, goal // width
@@ -190,7 +192,7 @@ def follow(
         cells[0] = start
         count = 1
     else:
-        for head in heads:
+        for head in before:
             entry = np.int64(head)
             while entry:
                 cell = pool[entry - 1] >> 32
@@ -198,7 +200,6 @@ def follow(
                     cells[count] = cell
                     count += 1
                 entry = pool[entry - 1] & 0xFFFFFFFF
-    heads[:] = 0
     last = heads.size - 1
     lowest = np.int64(NO_PATH)
     for number in range(count):
@@ -249,8 +250,7 @@ def advance(
     a path cheaper than control[G_BEST], which the caller may lower between calls. RUNNING: the
     quota is used up. NEED_SPACE and OVERFLOW are those of `_kernels/astar`.
     """
-    start, goal, width = control[G_START], control[G_GOAL], control[G_WIDTH]
-    generation = control[G_GENERATION]
+    goal, width, generation = control[G_GOAL], control[G_WIDTH], control[G_GENERATION]
     straight, weight, radius = control[G_STRAIGHT], control[G_WEIGHT], control[G_RADIUS]
     extra = control[G_DIAGONAL] - straight
     free, top, live = control[G_FREE], control[G_TOP], control[G_LIVE]
@@ -303,8 +303,8 @@ def advance(
         # Its successors head for the first target that the cell has not passed.
         index = advance_target(targets, index, x, y, straight, extra, radius)
         target_x, target_y, rest = targets[index, 0], targets[index, 1], targets[index, 2]
-        row = EVERY_MOVE if graded or cell == start else (cell_tag & 7) << 8
-        mask = np.int64(CANONICAL_SUCCESSORS[row | moves[cell]])
+        # Every move: canonical ones alone could not turn where the targets do.
+        mask = np.int64(moves[cell])
         while mask:
             move = LOWEST[mask]
             mask &= mask - 1
