@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag, no_stop
+from llm_astar_planner.search.stop import POLL_PERIOD_S, StopFlag
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     WaypointQuery,
@@ -71,7 +71,7 @@ class QueryTask:
         self._time_limit = time_limit
         self._begin = time.monotonic()
         self.deadline = self._begin + time_limit
-        self._stop = no_stop()
+        self._stop = np.zeros(1, dtype=np.uint8)
         self._lock = threading.Lock()
         self._done = threading.Event()
         self._answer: tuple[WaypointReply, float] | None = None
@@ -151,7 +151,8 @@ class QueryQueue:
         self._most_waiting = waiting
         self._changed = threading.Condition()
         self._waiting: deque[QueryTask] = deque()
-        self._running: set[QueryTask] = set()
+        # Each with its deadline.
+        self._running: dict[QueryTask, float] = {}
         self._idle = self._threads = 0
 
     def put(self, task: QueryTask) -> None:
@@ -159,7 +160,7 @@ class QueryQueue:
         refused, reason = None, NEWER_CAME
         with self._changed:
             now = time.monotonic()
-            free = self._at_a_time - sum(one.deadline > now for one in self._running)
+            free = self._at_a_time - sum(map(now.__lt__, self._running.values()))
             if free == self._at_a_time and len(self._running) == self._most_threads:
                 refused, reason = task, f'{len(self._running)} queries have not come back yet'
             else:
@@ -183,7 +184,7 @@ class QueryQueue:
                 return
             task.run()
             with self._changed:
-                self._running.discard(task)
+                self._running.pop(task, None)
             # A thread that waits must not keep a map alive.
             del task
 
@@ -194,10 +195,10 @@ class QueryQueue:
             self._idle += 1
             while True:
                 now = time.monotonic()
-                ends = [one.deadline for one in self._running if one.deadline > now]
+                ends = [end for end in self._running.values() if end > now]
                 if self._waiting and len(ends) < self._at_a_time:
                     task = self._waiting.pop()
-                    self._running.add(task)
+                    self._running[task] = task.deadline
                     break
                 # One that runs may exceed its time limit meanwhile, and free its place.
                 patience = min(IDLE_SECONDS, min(ends) - now) if self._waiting else IDLE_SECONDS

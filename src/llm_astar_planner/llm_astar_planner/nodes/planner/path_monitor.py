@@ -67,9 +67,9 @@ class PathMonitor:
         with self._changed:
             self._to_remember = response
             self._changed.notify()
-        newest = self._maps.planner
-        if newest is not None and newest is not response.planner:
-            self.check(newest)  # the map changed while the path was planned
+        newest = self._maps.newest
+        if newest is not None and newest.planner is not response.planner:
+            self.check(newest.planner)  # the map changed while the path was planned
 
     def forget(self) -> None:
         """Stop watching: no robot follows the path any more."""
