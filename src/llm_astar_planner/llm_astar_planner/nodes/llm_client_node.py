@@ -94,11 +94,8 @@ class LlmClientNode(Node):
         self._entities = Entities(self)
         MapSubscription(self._entities, self.on_map)
         self._interpretations = InterpretationServer(self._entities, self._new_interpreter)
-        self.create_service(
-            GetPlan,
-            '~/get_waypoints',
-            self.on_get_waypoints,
-            callback_group=LimitedCallbackGroup(CALLERS),
+        self._entities.service(
+            GetPlan, '~/get_waypoints', self.on_get_waypoints, LimitedCallbackGroup(CALLERS)
         )
         self.create_timer(1.0, self.publish_health, callback_group=ReentrantCallbackGroup())
         self.get_logger().info(f'ready; waypoints by {self._source.name}')

@@ -11,6 +11,8 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.service import Service
 
+from llm_astar_planner.nodes.common.qos import CALLS
+
 
 class Entities:
     """Creates entities on a node and destroys all of them in `close`."""
@@ -41,8 +43,10 @@ class Entities:
     def service(
         self, kind: type, name: str, callback: Callable[[Any, Any], Any], group: CallbackGroup
     ) -> Service:
-        """Create a service."""
-        made = self.node.create_service(kind, name, callback, callback_group=group)
+        """Create a service that loses no request of many callers."""
+        made = self.node.create_service(
+            kind, name, callback, qos_profile=CALLS, callback_group=group
+        )
         self._undo.append(lambda: self.node.destroy_service(made))
         return made
 

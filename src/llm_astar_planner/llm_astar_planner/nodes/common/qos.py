@@ -13,3 +13,6 @@ REPORTS = QoSProfile(
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 # Map updates: none may be lost, since each changes another part of the map.
 UPDATES = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+# Requests that wait until a thread is free, and their answers: with the default of 10, those of
+# many callers at once would be lost.
+CALLS = QoSProfile(depth=256, reliability=ReliabilityPolicy.RELIABLE)
