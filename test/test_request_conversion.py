@@ -17,6 +17,7 @@ from llm_astar_msgs_adapter.messages.writing import path_to_message, pose_to_mes
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.nodes.common.tf import PATIENCE, POLL_PERIOD_S, FrameError, Frames
 from llm_astar_planner.nodes.planner import nav2_server
+from llm_astar_planner.nodes.planner.map_manager import PlanningMap
 from llm_astar_planner.nodes.planner.nav2_server import (
     PathAction,
     PathValidityService,
@@ -113,7 +114,7 @@ def answered(buffer, max_planning_time=LONG, token=None):
     handler = RequestHandler(
         node,
         settings,
-        SimpleNamespace(planner=Planner(MAP)),
+        SimpleNamespace(newest=PlanningMap(Planner(MAP), 0.0), is_preparing=False),
         RequestConverter(settings, Frames(buffer), None),
         publisher=Mock(wants_expanded=False),
         replans=PreemptingGoalSlot(),

@@ -259,8 +259,8 @@ class RequestHandler:
 
     def failed(self, job: Job, code: ResultCode, message: str) -> PlanResponse:
         """Return the response to a goal that never came to planning, with an empty path."""
-        planner = self._maps.planner
-        frame_id = planner.grid_map.frame_id if planner else ''
+        newest = self._maps.newest
+        frame_id = newest.planner.grid_map.frame_id if newest else ''
         not_drawn = np.zeros((0, 0), dtype=np.bool_)
         plan = Plan(code, message, '', (0, 0), (0, 0), not_drawn)
         return PlanResponse(job.goal, plan, path_to_message([], frame_id, job.stamp), job.begin)
