@@ -105,11 +105,14 @@ def mark_out_of_order(
     """
     if len(path) == 0 or len(waypoints) < 2:
         return tuple(waypoints)
-    accepted = [i for i, point in enumerate(waypoints) if point.status is WaypointStatus.ACCEPTED]
+    accepted, points = [], []
+    for i, point in enumerate(waypoints):
+        if point.status is WaypointStatus.ACCEPTED:
+            accepted.append(i)
+            points.append((point.x, point.y))
     if len(accepted) < 2:
         return tuple(waypoints)
-    points = np.array([(waypoints[i].x, waypoints[i].y) for i in accepted])
-    places = nearest_places(path, points).tolist()
+    places = nearest_places(path, np.array(points)).tolist()
     if sorted(places) == places:
         return tuple(waypoints)
     in_order = {accepted[i] for i in longest_rising_run(places)}
