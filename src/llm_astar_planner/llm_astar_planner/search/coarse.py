@@ -52,8 +52,8 @@ class CoarseGraph:
         self._highest_price = float(self._prices.max(initial=1.0))
         self._spare: list[RouteWorkspace] = []
 
-    def turns(self, start: Cell, goal: Cell, most: int = EVERY_NODE) -> NDArray[np.int32] | None:
-        """Return the cells (x, y), int32 [n, 2], at which a route turns between start and goal.
+    def turns(self, start: Cell, goal: Cell, most: int = EVERY_NODE) -> NDArray[np.int64] | None:
+        """Return the cells (x, y), int64 [n, 2], at which a route turns between start and goal.
 
         They are free, and each sees the one before and the next. None where there is no route.
         Raises ValueError for a cell off the grid, and TimeoutError where more than `most` nodes
@@ -69,8 +69,8 @@ class CoarseGraph:
         rules = grid.blocked, grid.cell_surcharge, grid.corner_cutting
         return kernels.taut(*rules, tiles.shift, points)
 
-    def _route(self, start: Cell, goal: Cell, most: int) -> NDArray[np.int32]:
-        """Return the cells of a cheapest route, start and goal included: int32 [n, 2]."""
+    def _route(self, start: Cell, goal: Cell, most: int) -> NDArray[np.int64]:
+        """Return the cells of a cheapest route, start and goal included: int64 [n, 2]."""
         tiles = self._tiles
         try:
             workspace = self._spare.pop()
@@ -90,3 +90,10 @@ class CoarseGraph:
         if ended != kernels.ROUTE:
             raise TimeoutError(f'no route after {most} nodes')
         return points
+
+
+def compile_kernels() -> None:
+    """Compile what routes run, or load it from numba's cache, so that the first need not."""
+    blocked = np.zeros((24, 24), dtype=np.bool_)
+    blocked[4:, 12] = True
+    CoarseGraph(Tiles.build(blocked), GridGraph(blocked)).turns((2, 20), (21, 20))

@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.search._kernels import tiles as kernels
 
-# The most tiles along the longer side of a grid, as long as tiles need not be larger than 32.
-TILES_A_SIDE = 256
-# The smallest shift whose tiles may have more than 255 components.
-LARGE_SHIFT = 5
+# Grids of up to so many cells along the longer side have tiles of 2^2 and of 2^3 cells a side.
+SMALL_GRID, MEDIUM_GRID = 256, 512
+# A tile of 2^4 cells a side has at most 128 components: a byte holds their numbers.
+LARGEST_SHIFT = 4
 
 Index = int | slice | NDArray[np.integer[Any]]
 
@@ -32,12 +32,12 @@ class Tiles:
     cutting cells that share a side are connected (a diagonal step that cuts no corner can be
     walked as two straight ones), with it also those that share a corner. Immutable.
 
-    `labels` [height, width] (uint8, uint16 for large tiles) holds the numbers of the local
+    `labels`, uint8 [height, width], holds the numbers of the local
     components; node `nodes[t] + n` is number n of tile t, and `components` [nodes] are the
     numbers of their components. `contacts` of tile t begin at `starts[t]`, see `_kernels.tiles`.
     """
 
-    labels: NDArray[Any]
+    labels: NDArray[np.uint8]
     shift: int
     corner_cutting: bool
     counts: NDArray[np.int32]
@@ -52,7 +52,8 @@ class Tiles:
     ) -> Tiles:
         """Divide `blocked`, bool [height, width], into tiles of 2^shift cells a side: O(cells).
 
-        By default the side is that of `default_shift`. Raises ValueError on a wrong shape.
+        `shift` is at most 4; by default it is that of `default_shift`. Raises ValueError on a
+        wrong shape.
         """
         grid = np.ascontiguousarray(blocked, dtype=np.bool_)
         if grid.ndim != 2 or grid.size == 0:
@@ -60,7 +61,7 @@ class Tiles:
         if shift is None:
             shift = default_shift(max(grid.shape))
         rows, columns = (((size - 1) >> shift) + 1 for size in grid.shape)
-        labels = np.empty(grid.shape, np.uint8 if shift < LARGE_SHIFT else np.uint16)
+        labels = np.empty(grid.shape, dtype=np.uint8)
         changed = np.ones((rows, columns), dtype=np.bool_)
         counts = np.empty((rows, columns), dtype=np.int32)
         kernels.label_tiles(grid, corner_cutting, shift, changed, labels, counts)
@@ -127,15 +128,13 @@ class Tiles:
 def default_shift(longer_side: int) -> int:
     """Return the shift of the tiles of a grid, by its longer side in cells.
 
-    Tiles have 4 cells a side up to 256, 8 up to 2048, 16 up to 4096, 32 beyond.
+    Tiles have 4 cells a side up to 256 cells, 8 up to 512, and 16 beyond.
     """
-    if longer_side <= TILES_A_SIDE:
-        return 2
-    return min(max(((longer_side - 1) // TILES_A_SIDE).bit_length(), 3), LARGE_SHIFT)
+    return 2 if longer_side <= SMALL_GRID else 3 if longer_side <= MEDIUM_GRID else LARGEST_SHIFT
 
 
 def joined(
-    labels: NDArray[Any],
+    labels: NDArray[np.uint8],
     counts: NDArray[np.int32],
     changed: NDArray[np.bool_],
     old: tuple[NDArray[np.int32], NDArray[np.uint32]],

@@ -1,8 +1,8 @@
 """The `coarse` source: the turns of a cheapest route on a coarser map, without any model.
 
-On maps of more than 256 cells a side the route is found on tiles of 8 to 32 cells, in which parts
-that do not connect are kept apart, so it passes wherever the cells connect, through doors of one
-cell too. It is pulled taut on the cells themselves.
+The route is found on tiles of 4 to 16 cells a side, in which parts that do not connect are kept
+apart, so it passes wherever the cells connect, through doors of one cell too. It is pulled taut
+on the cells themselves.
 """
 
 from __future__ import annotations

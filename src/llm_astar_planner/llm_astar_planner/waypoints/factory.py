@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
+from llm_astar_planner.search.coarse import compile_kernels
 from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.cache import CachedSource
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SettingsError, SourceSettings
@@ -47,6 +48,8 @@ def make_source(settings: SourceSettings, dataset: Dataset = None) -> WaypointSo
         return ReplaySource(settings.transcript, settings.model, settings.prompt, dataset)
     if settings.source == 'endpoint':
         return make_endpoint_source(settings, dataset)
+    if settings.source == 'coarse':
+        compile_kernels()
     return baseline_sources()[settings.source]
 
 

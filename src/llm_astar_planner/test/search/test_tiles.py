@@ -33,7 +33,7 @@ def random_grid(random, height, width):
     seed=st.integers(0, 2**32 - 1),
     height=st.integers(1, 90),
     width=st.integers(1, 90),
-    shift=st.sampled_from([None, 2, 3, 4, 5]),
+    shift=st.sampled_from([None, 2, 3, 4]),
     corner_cutting=st.booleans(),
 )
 def test_any_grid_is_parted_as_by_scipy(seed, height, width, shift, corner_cutting):
@@ -42,7 +42,7 @@ def test_any_grid_is_parted_as_by_scipy(seed, height, width, shift, corner_cutti
 
 
 @pytest.mark.parametrize('corner_cutting', [False, True])
-@pytest.mark.parametrize('shift', [2, 4, 5])
+@pytest.mark.parametrize('shift', [2, 3, 4])
 def test_the_most_components_that_a_tile_can_have_are_told_apart(shift, corner_cutting):
     step = 2 if corner_cutting else 1
     y, x = np.ogrid[:70, :70]
@@ -53,7 +53,7 @@ def test_the_most_components_that_a_tile_can_have_are_told_apart(shift, corner_c
 
 
 @pytest.mark.parametrize('corner_cutting', [False, True])
-@pytest.mark.parametrize('shift', [2, 3, 5])
+@pytest.mark.parametrize('shift', [2, 3, 4])
 def test_updates_equal_tiles_from_nothing_and_leave_the_old_ones_alone(shift, corner_cutting):
     random = np.random.default_rng(shift)
     height, width = 61, 83
@@ -92,15 +92,15 @@ def test_cells_arrays_and_slices_give_the_same_numbers():
 
 
 @pytest.mark.parametrize(
-    ('longer', 'shift'), [(51, 2), (256, 2), (257, 3), (2048, 3), (2049, 4), (4096, 4), (20000, 5)]
+    ('longer', 'shift'), [(51, 2), (256, 2), (257, 3), (512, 3), (513, 4), (20000, 4)]
 )
 def test_the_side_of_a_tile_grows_with_the_map(longer, shift):
     assert Tiles.build(np.zeros((2, longer), dtype=bool)).shift == shift
 
 
-def test_memory_is_a_few_bytes_a_cell():
+def test_memory_is_less_than_two_bytes_a_cell():
     blocked = np.random.default_rng(1).random((1024, 1024)) < 0.2
-    assert Tiles.build(blocked).nbytes < 3.5 * blocked.size
+    assert Tiles.build(blocked).nbytes < 1.7 * blocked.size
 
 
 def test_wrong_shapes_are_refused():

@@ -30,14 +30,13 @@ DIAGONAL = math.sqrt(2.0) - 1.0
 HALF_DIAGONAL = math.sqrt(0.5)
 # How a search ended: without a route, with one, or before either.
 NO_ROUTE, ROUTE, OUT_OF_WORK = range(3)
-# Halvings of the stretch along which a waypoint is moved, and rounds over all waypoints.
-HALVINGS = 5
-ROUNDS = 2
+# Halvings of the stretch along which a turn is moved.
+HALVINGS = 4
 
 
 @_jit
 def describe_nodes(
-    labels: NDArray[Any],
+    labels: NDArray[np.uint8],
     shift: int,
     counts: NDArray[np.int32],
     nodes: NDArray[np.int32],
@@ -112,7 +111,7 @@ def octile(x: Any, y: Any, to_x: Any, to_y: Any) -> float:
 
 @_jit
 def neighbours(
-    labels: NDArray[Any],
+    labels: NDArray[np.uint8],
     shift: int,
     corner_cutting: bool,
     columns: int,
@@ -258,7 +257,7 @@ def open_neighbours(
 
 @_jit
 def route(
-    labels: NDArray[Any],
+    labels: NDArray[np.uint8],
     shift: int,
     corner_cutting: bool,
     is_open: NDArray[np.bool_],
@@ -405,14 +404,14 @@ def trace(
     goal_node: int,
     places: NDArray[np.int64],
     parents: NDArray[np.int32],
-) -> NDArray[np.int32]:
-    """Return the cells (x, y) of a route, int32 [n, 2]: of its nodes, and where it enters them."""
+) -> NDArray[np.int64]:
+    """Return the cells (x, y) of a route, int64 [n, 2]: of its nodes, and where it enters them."""
     count = 1
     node = goal_node
     while parents[node, 0] >= 0:
         node = parents[node, 0]
         count += 2
-    points = np.empty((count, 2), dtype=np.int32)
+    points = np.empty((count, 2), dtype=np.int64)
     node = goal_node
     for index in range(count - 1, 0, -2):
         points[index] = places[node] & 0xFFFFFFFF, places[node] >> 32
@@ -429,8 +428,8 @@ def taut(
     cell_surcharge: NDArray[np.uint16],
     corner_cutting: bool,
     shift: int,
-    points: NDArray[np.int32],
-) -> NDArray[np.int32]:
+    points: NDArray[np.int64],
+) -> NDArray[np.int64]:
     """Return the turns [n, 2] of a route pulled taut, without its ends."""
     points = fill_in(blocked, cell_surcharge, corner_cutting, shift, points)
     points = pull(blocked, cell_surcharge, corner_cutting, points)
@@ -445,8 +444,8 @@ def fill_in(
     cell_surcharge: NDArray[np.uint16],
     corner_cutting: bool,
     shift: int,
-    points: NDArray[np.int32],
-) -> NDArray[np.int32]:
+    points: NDArray[np.int64],
+) -> NDArray[np.int64]:
     """Return a route [n, 2] with a path of single moves wherever two points do not see another.
 
     Two successive points are connected within the square of tiles around both.
@@ -454,8 +453,8 @@ def fill_in(
     height, width = blocked.shape
     side = 2 << shift
     onward = np.empty((side, side), dtype=np.int8)
-    queue = np.empty((side * side, 2), dtype=np.int32)
-    filled = np.empty((2 * len(points) + 64, 2), dtype=np.int32)
+    queue = np.empty((side * side, 2), dtype=np.int64)
+    filled = np.empty((2 * len(points) + 64, 2), dtype=np.int64)
     filled[0] = points[0]
     count = 1
     for index in range(1, len(points)):
@@ -508,8 +507,8 @@ def pull(
     blocked: NDArray[np.bool_],
     cell_surcharge: NDArray[np.uint16],
     corner_cutting: bool,
-    points: NDArray[np.int32],
-) -> NDArray[np.int32]:
+    points: NDArray[np.int64],
+) -> NDArray[np.int64]:
     """Return the points [n, 2] at which a route has to turn, with its ends.
 
     From each point kept the route goes straight to a far one, as long as the line is free and
@@ -555,47 +554,44 @@ def tighten(
     blocked: NDArray[np.bool_],
     cell_surcharge: NDArray[np.uint16],
     corner_cutting: bool,
-    points: NDArray[np.int32],
+    points: NDArray[np.int64],
 ) -> None:
     """Move each turn of a route towards the line between its neighbours while that is cheaper.
 
     It stays in sight of both.
     """
-    for _ in range(ROUNDS):
-        for index in range(1, points.shape[0] - 1):
-            x, y = points[index]
-            from_x, from_y = points[index - 1]
-            to_x, to_y = points[index + 1]
-            cost = through(
-                blocked, cell_surcharge, corner_cutting, from_x, from_y, x, y, to_x, to_y
-            )
-            delta_x = to_x - from_x
-            delta_y = to_y - from_y
-            length = delta_x * delta_x + delta_y * delta_y
-            if length == 0:
-                continue
-            share = ((x - from_x) * delta_x + (y - from_y) * delta_y) / length
-            share = min(max(share, 0.0), 1.0)
-            aim_x = from_x + share * delta_x
-            aim_y = from_y + share * delta_y
-            step = 0.5
-            part = 1.0
-            for _ in range(HALVINGS):
-                new_x = round(x + part * (aim_x - x))
-                new_y = round(y + part * (aim_y - y))
-                new_cost = through(
-                    blocked, cell_surcharge, corner_cutting,
-                    from_x, from_y, new_x, new_y, to_x, to_y,
-                )  # fmt: skip
-                if new_cost < cost:
-                    cost = new_cost
-                    points[index] = new_x, new_y
-                    part += step
-                else:
-                    part -= step
-                step *= 0.5
-                if part >= 1.0:
-                    break
+    for index in range(1, points.shape[0] - 1):
+        x, y = points[index]
+        from_x, from_y = points[index - 1]
+        to_x, to_y = points[index + 1]
+        cost = through(blocked, cell_surcharge, corner_cutting, from_x, from_y, x, y, to_x, to_y)
+        delta_x = to_x - from_x
+        delta_y = to_y - from_y
+        length = delta_x * delta_x + delta_y * delta_y
+        if length == 0:
+            continue
+        share = ((x - from_x) * delta_x + (y - from_y) * delta_y) / length
+        share = min(max(share, 0.0), 1.0)
+        aim_x = from_x + share * delta_x
+        aim_y = from_y + share * delta_y
+        step = 0.5
+        part = 1.0
+        for _ in range(HALVINGS):
+            new_x = round(x + part * (aim_x - x))
+            new_y = round(y + part * (aim_y - y))
+            new_cost = through(
+                blocked, cell_surcharge, corner_cutting,
+                from_x, from_y, new_x, new_y, to_x, to_y,
+            )  # fmt: skip
+            if new_cost < cost:
+                cost = new_cost
+                points[index] = new_x, new_y
+                part += step
+            else:
+                part -= step
+            step *= 0.5
+            if part >= 1.0:
+                break
 
 
 @_jit

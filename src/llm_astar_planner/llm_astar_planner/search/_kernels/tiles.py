@@ -33,7 +33,7 @@ def label_tiles(
     corner_cutting: bool,
     shift: int,
     changed: NDArray[np.bool_],
-    labels: NDArray[Any],
+    labels: NDArray[np.uint8],
     counts: NDArray[np.int32],
 ) -> None:
     """Give numbers to the local components of the tiles marked in `changed` [rows, columns].
@@ -59,7 +59,7 @@ def label_tiles(
 def label_tile(
     blocked: NDArray[np.bool_],
     corner_cutting: bool,
-    labels: NDArray[Any],
+    labels: NDArray[np.uint8],
     parents: NDArray[np.int32],
     top: int,
     bottom: int,
@@ -130,7 +130,7 @@ def join(parents: NDArray[np.int32], one: int, other: int) -> int:
 
 @_jit
 def find_contacts(
-    labels: NDArray[Any],
+    labels: NDArray[np.uint8],
     corner_cutting: bool,
     shift: int,
     stale: NDArray[np.bool_],
@@ -160,7 +160,7 @@ def find_contacts(
 
 @_jit
 def tile_contacts(
-    labels: NDArray[Any],
+    labels: NDArray[np.uint8],
     corner_cutting: bool,
     shift: int,
     row: int,
@@ -201,7 +201,7 @@ def tile_contacts(
 
 @_jit
 def border_contacts(
-    labels: NDArray[Any],
+    labels: NDArray[np.uint8],
     y: int,
     x: int,
     size: int,
@@ -214,10 +214,11 @@ def border_contacts(
     along_y = 1 if neighbour == EAST else 0
     along_x = 1 - along_y
     begin = -1
-    number = other = 0
+    number: Any = np.int64(0)
+    other: Any = number
     for place in range(size + 1):
-        inner: Any = 0
-        outer: Any = 0
+        inner: Any = np.int64(0)
+        outer: Any = inner
         if place < size:
             inner = np.int64(labels[y, x])
             outer = np.int64(labels[y + along_x, x + along_y])
@@ -233,7 +234,9 @@ def border_contacts(
         if corner_cutting and inner != 0:
             for step in (-1, 1):
                 if 0 <= place + step < size:
-                    outer = labels[y + along_x + along_y * step, x + along_y + along_x * step]
+                    outer = np.int64(
+                        labels[y + along_x + along_y * step, x + along_y + along_x * step]
+                    )
                     if outer != 0:
                         contacts[count] = pack(inner, outer, neighbour, place, place)
                         count += 1
