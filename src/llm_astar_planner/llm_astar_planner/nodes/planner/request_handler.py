@@ -222,7 +222,8 @@ class RequestHandler:
             request = self._instructions.add_to(request, planner, poses)
         for plan in planner.plans(request, job.token.stop):
             if not plan.is_final:
-                path, _ = writer.write_plan(plan, deadline)
+                # Half of the time left is for the search and the final path.
+                path, _ = writer.write_plan(plan, (time.monotonic() + deadline) / 2.0)
                 if not job.token.reason:
                     self.publish(path, replan_reason)
                     if on_better is not None:
