@@ -78,8 +78,8 @@ class PlainSearch:
             self.generation, workspace.records, workspace.pool, workspace.heads, control, quota,
         )  # fmt: skip
         self.best = int(control[kernels.A_BEST])
-        floor = min(int(control[kernels.A_BUCKET]) << kernels.BUCKET_BITS, self.best)
-        self.bound = max(self.bound, floor)
+        floor = int(control[kernels.A_BASE] + (control[kernels.A_BUCKET] << kernels.BUCKET_BITS))
+        self.bound = max(self.bound, min(floor, self.best))
         self.expansions = int(control[kernels.A_EXPANSIONS])
         self.storage = int(control[kernels.A_STORAGE])
         if ended == kernels.FOUND:

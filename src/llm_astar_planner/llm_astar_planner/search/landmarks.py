@@ -122,7 +122,7 @@ class Landmarks:
         return stricter or freest.new_cells > freest.free
 
     def active(self, grid: GridGraph, start: Cell, goal: Cell) -> NDArray[np.int64] | None:
-        """Choose the landmarks that prove most for a query, more than the octile distance.
+        """Choose the landmarks that prove most for a query.
 
         Returns int64 [k, 2]: a landmark's row and its distance to the goal, in units.
         None if they prove that no path joins the cells.

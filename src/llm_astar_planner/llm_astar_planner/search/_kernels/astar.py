@@ -89,8 +89,8 @@ RUNNING, FOUND, EXHAUSTED, STOPPED, NEED_SPACE, OVERFLOW = range(6)
 
 # Slots of the control array of the exact search.
 (
-    A_STARTED, A_BUCKET, A_BEST, A_EXPANSIONS, A_STORAGE, A_FREE, A_TOP, A_LIVE, A_SIZE,
-) = range(9)  # fmt: skip
+    A_STARTED, A_BASE, A_BUCKET, A_BEST, A_EXPANSIONS, A_STORAGE, A_FREE, A_TOP, A_LIVE, A_SIZE,
+) = range(10)  # fmt: skip
 
 _jit: Any = njit(cache=True, nogil=True)
 
@@ -105,8 +105,8 @@ def choose_landmarks(
 ) -> int:
     """Fill `active` [k, 2] with the landmarks that prove most for a query; return their number.
 
-    A landmark is its row and its distance to the goal. Those that prove no more than the octile
-    distance are left out. Returns -1 if they prove that no path joins the cells.
+    A landmark is its row and its distance to the goal. Those that prove less than half of the
+    octile distance are left out. Returns -1 if they prove that no path joins the cells.
     """
     count = 0
     most = active.shape[0]
@@ -116,7 +116,7 @@ def choose_landmarks(
         if (first < 0) != (last < 0):
             return -1
         gap = abs(first - last)
-        if first < 0 or gap <= octile:
+        if first < 0 or 2 * gap <= octile:
             continue
         # Insertion into the list, the largest gap first.
         place = count
@@ -183,11 +183,13 @@ def astar(
         for number in range(landmarks):
             distance = np.int64(landmark_distances[active[number, 0], start])
             estimate = max(estimate, abs(distance - active[number, 1]))
-        bucket: Any = estimate >> BUCKET_BITS
+        # Buckets begin at the estimate: where that is exact, the first path ends the search.
+        base: Any = estimate
+        bucket: Any = 0
         records[2 * start] = 0
         records[2 * start + 1] = tag
         pool[0] = np.int64(start) << 32
-        heads[bucket & ring] = 1
+        heads[0] = 1
         best = control[A_BEST] if start != goal else 0
         expansions = 0
         storage = 1
@@ -195,6 +197,7 @@ def astar(
         top = 1
         live = 1
     else:
+        base = control[A_BASE]
         bucket = control[A_BUCKET]
         best = control[A_BEST]
         expansions = control[A_EXPANSIONS]
@@ -207,7 +210,7 @@ def astar(
     while True:
         while live > 0 and heads[bucket & ring] == 0:
             bucket += 1
-        if live == 0 or bucket << BUCKET_BITS >= best:
+        if live == 0 or base + (bucket << BUCKET_BITS) >= best:
             status = FOUND if best < NO_PATH else EXHAUSTED
             break
         if expansions >= limit:
@@ -264,7 +267,7 @@ def astar(
                     if other == goal:
                         best = other_g
                     else:
-                        slot = (f >> BUCKET_BITS) & ring
+                        slot = (f - base >> BUCKET_BITS) & ring
                         if free:
                             entry = free
                             free = pool[entry - 1]
@@ -274,6 +277,7 @@ def astar(
                         pool[entry - 1] = other << 32 | heads[slot]
                         heads[slot] = entry
                         live += 1
+    control[A_BASE] = base
     control[A_BUCKET] = bucket
     control[A_BEST] = best
     control[A_EXPANSIONS] = expansions
