@@ -39,8 +39,6 @@ WORK_FACTOR_PLAIN = 0.2
 # an easy query is answered before the waypoints cost anything.
 FAR = 64
 PLAIN_FIRST = 512
-# A map of so few cells is searched in less time than it takes to start.
-SMALL_MAP = 4096
 # Without landmarks jump points pay where there are so few, in parts of the cells.
 MOST_JUMP_POINTS = 0.2
 # A path passes a waypoint that it comes within so many cells of.
@@ -235,9 +233,7 @@ def plain_search(
     """
     far = max(abs(start[0] - goal[0]), abs(start[1] - goal[1])) >= FAR
     if not far or grid.cell_surcharge.size or grid.corner_cutting:
-        # With landmarks every move makes for fewer expansions, canonical ones for less time.
-        every_move = landmarks is not None and grid.moves.size <= SMALL_MAP
-        return PlainSearch(grid, start, goal, landmarks, every_move=every_move)
+        return PlainSearch(grid, start, goal, landmarks)
     if landmarks is None and grid.packed.jump_points > MOST_JUMP_POINTS * grid.moves.size:
         return PlainSearch(grid, start, goal)
     return JumpSearch(grid, start, goal, landmarks)
