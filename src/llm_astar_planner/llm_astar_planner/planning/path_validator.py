@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning._kernels import path_checks as kernels
@@ -17,8 +17,6 @@ from llm_astar_planner.search.result import Cell
 
 # Less than the costmap's own rounding, so that no cell which is free there is blocked here.
 ROUNDING = 5e-7
-
-
 FAULTS = {
     kernels.OUTSIDE: 'it leaves the map at',
     kernels.OBSTACLE: 'it hits an obstacle at',
@@ -42,10 +40,10 @@ class PathMetrics(NamedTuple):
 
 
 class CollisionChecker:
-    """Independent collision checker for final paths: `checker[rows, columns]` is blocked cells.
+    """What the last check holds paths against: a map and the robot's radius.
 
-    It reads the map's cells and measures distances to lethal ones in them, around the cells that
-    it is asked about. Nothing is prepared for a map.
+    It reads the map's cells and measures distances to lethal ones in them, around the path.
+    Nothing is prepared for a map.
     """
 
     def __init__(self, grid_map: GridMap, config: CostmapConfig) -> None:
@@ -66,31 +64,10 @@ class CollisionChecker:
 
     def measure(self, path: NDArray[np.int32]) -> PathMetrics:
         """Measure a path of single moves [n, 2], n > 0."""
-        squared, unknown, turns = kernels.measure(*self.rules[:3], as_cells(path))
+        cells = np.ascontiguousarray(path, np.int64)
+        squared, unknown, turns = kernels.measure(*self.rules[:3], cells)
         clearance = math.inf if squared == kernels.NO_LETHAL else math.sqrt(squared)
         return PathMetrics(clearance * self._resolution, unknown * self._resolution, turns)
-
-    def __getitem__(
-        self, places: tuple[NDArray[np.int32], NDArray[np.int32]]
-    ) -> NDArray[np.bool_]:
-        """Tell which of the cells at `rows, columns`, int [n] each, are blocked: bool [n]."""
-        rows, columns = places
-        cells = as_cells(np.column_stack((columns, rows)))
-        blocked: NDArray[np.bool_] = kernels.are_blocked(*self.rules, cells)
-        return blocked
-
-    def distances(self, cells: NDArray[np.int32]) -> NDArray[np.float64]:
-        """Return the distance of cells (x, y) [n, 2] to the nearest lethal one: float64 [n].
-
-        In cells, from centre to centre; inf on a map without lethal cells.
-        """
-        squared = kernels.nearest_lethals(*self.rules[:3], as_cells(cells))
-        return np.where(squared == kernels.NO_LETHAL, np.inf, np.sqrt(squared))
-
-
-def as_cells(path: ArrayLike) -> NDArray[np.int64]:
-    """Return cells (x, y) [n, 2] as the kernels take them, so that each is compiled once."""
-    return np.array(path, dtype=np.int64, order='C')
 
 
 def path_problem(
@@ -109,7 +86,8 @@ def path_problem(
     if len(path) == 0:
         return 'it is empty'
     ends = int(start[0]), int(start[1]), int(goal[0]), int(goal[1])
-    fault, n = kernels.path_fault(*checker.rules, as_cells(path), ends, corner_cutting)
+    cells = np.ascontiguousarray(path, np.int64)
+    fault, n = kernels.path_fault(*checker.rules, cells, ends, corner_cutting)
     if fault == kernels.FINE:
         return None
     if fault == kernels.ENDS:
@@ -119,7 +97,10 @@ def path_problem(
 
 def via_problem(path: NDArray[np.int32], via: Sequence[Cell]) -> str | None:
     """Say which via point a path [n, 2] does not pass in their order, or None."""
-    missed = kernels.first_missed(as_cells(path), as_cells(via)) if via else -1
+    if not via:
+        return None
+    cells = np.ascontiguousarray(path, np.int64), np.ascontiguousarray(via, np.int64)
+    missed = kernels.first_missed(*cells)
     return None if missed < 0 else f'it does not pass via {missed + 1} {via[missed]} in its turn'
 
 
@@ -142,7 +123,7 @@ def segments_problem(
     of cells, both cells at the corner's sides must be free too, unless `corner_cutting`. (The
     search has its own line of sight; this one is written apart from it on purpose.)
     """
-    cells = as_cells(points)
+    cells = np.ascontiguousarray(points, np.int64)
     for begin, end in pairwise(cells):
         fault, x, y = kernels.segment_fault(*checker.rules, begin, end, corner_cutting)
         if fault == kernels.CORNER:

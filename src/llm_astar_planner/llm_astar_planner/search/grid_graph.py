@@ -210,7 +210,7 @@ class GridGraph:
 
     def give_back(self, workspace: Workspace) -> None:
         """Return a workspace that no kernel uses any more."""
-        if len(self._spare) < max(2, IDLE_BYTES // workspace.nbytes):
+        if len(self._spare) < max(2, IDLE_BYTES // workspace.records.nbytes):
             self._spare.append(workspace)
 
     def coarse(self) -> GridGraph:

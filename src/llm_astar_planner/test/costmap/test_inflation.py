@@ -12,7 +12,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.inflation import inflate
-from llm_astar_planner.planning.path_validator import CollisionChecker
+from llm_astar_planner.planning.path_validator import CollisionChecker, path_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from scipy import ndimage
@@ -103,13 +103,10 @@ def test_large_maps_are_inflated_as_by_scipys_distance_transform(seed):
 @given(bodies())
 def test_the_collision_checker_blocks_the_cells_that_inflation_blocks(body):
     grid_map, rules = body
-    rows, columns = np.indices(grid_map.cells.shape).reshape(2, -1)
-    barred = CollisionChecker(grid_map, rules)[rows, columns]
-    np.testing.assert_array_equal(barred, inflate(grid_map, rules)[0].ravel())
-    lethal = np.argwhere(grid_map.cells >= rules.occupied_threshold)[:, ::-1]
-    cells = np.column_stack((columns, rows))
-    least = [np.hypot(*(lethal - cell).T).min(initial=np.inf) for cell in cells]
-    np.testing.assert_allclose(CollisionChecker(grid_map, rules).distances(cells), least)
+    checker, blocked = CollisionChecker(grid_map, rules), inflate(grid_map, rules)[0]
+    for y, x in np.ndindex(blocked.shape):
+        problem = path_problem(np.array([[x, y]]), checker, (x, y), (x, y), corner_cutting=True)
+        assert (problem is not None) == blocked[y, x]
 
 
 def test_a_cell_at_exactly_the_radius_is_inscribed_as_in_nav2():

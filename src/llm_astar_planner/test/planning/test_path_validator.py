@@ -132,18 +132,19 @@ def random_walk(shape, random):
 
 
 @pytest.mark.parametrize('seed', range(150))
-def test_distances_clearance_and_blocked_cells_are_those_of_a_k_d_tree(seed):
+def test_clearance_and_blocked_cells_are_those_of_a_k_d_tree(seed):
     grid_map, config, random = random_map(seed)
     checker, least = CollisionChecker(grid_map, config), distances_to_lethal(grid_map)
-    rows, columns = np.indices(grid_map.cells.shape).reshape(2, -1)
-    some = random.permutation(len(rows))[:200]
-    places = np.column_stack((columns, rows))[some]
-    np.testing.assert_allclose(checker.distances(places), least.ravel()[some])
     radius = config.robot_radius / grid_map.resolution
     blocked = least <= (radius + 1e-7 if radius else 0.0)
     if not config.allow_unknown:
         blocked |= grid_map.cells < 0
-    np.testing.assert_array_equal(checker[rows[some], columns[some]], blocked.ravel()[some])
+    for y, x in np.argwhere(least >= 0.0)[random.permutation(least.size)[:100]].tolist():
+        cell = np.array([[x, y]])
+        clearance = least[y, x] * grid_map.resolution
+        assert checker.measure(cell).clearance == pytest.approx(clearance)
+        problem = path_problem(cell, checker, (x, y), (x, y), corner_cutting=False)
+        assert (problem is not None) == blocked[y, x]
     for _ in range(20):
         path = random_walk(grid_map.cells.shape, random)
         x, y = path.T

@@ -140,17 +140,6 @@ def has_lethal(tile: NDArray[np.int8], threshold: int) -> bool:
 
 
 @_jit
-def nearest_lethals(
-    cells: NDArray[np.int8], tiles: NDArray[np.uint8], threshold: int, places: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Return the squared distance of each place (x, y) [n, 2] to the nearest lethal cell."""
-    nearest = np.empty(len(places), dtype=np.int64)
-    for n in range(len(places)):
-        nearest[n] = nearest_lethal(cells, tiles, threshold, places[n, 0], places[n, 1], NO_LETHAL)
-    return nearest
-
-
-@_jit
 def is_blocked(
     cells: NDArray[np.int8],
     tiles: NDArray[np.uint8],
@@ -248,23 +237,6 @@ def any_blocked(
         if value >= threshold or (value < 0 and not allow_unknown):
             return True
     return reach > 0 and squared_clearance(cells, tiles, threshold, places, reach + 1) <= reach
-
-
-@_jit
-def are_blocked(
-    cells: NDArray[np.int8],
-    tiles: NDArray[np.uint8],
-    threshold: int,
-    allow_unknown: bool,
-    reach: int,
-    places: NDArray[np.int64],
-) -> NDArray[np.bool_]:
-    """Tell which of the places (x, y) [n, 2] on the map are blocked."""
-    blocked = np.empty(len(places), dtype=np.bool_)
-    for n in range(len(places)):
-        x, y = places[n]
-        blocked[n] = is_blocked(cells, tiles, threshold, allow_unknown, reach, x, y)
-    return blocked
 
 
 @_jit
