@@ -26,7 +26,8 @@ def changed_windows(
     [height, width]. Where the windows would cover more than half of the map, one covers it all.
     """
     height, width = before.shape
-    whole = np.array([[0, height, 0, width]], dtype=np.int64)
+    whole = np.zeros((1, 4), dtype=np.int64)
+    whole[0, 1], whole[0, 3] = height, width
     tiles = (width + TILE - 1) // TILE
     windows = np.empty((MOST_WINDOWS, 4), dtype=np.int64)
     count = 0
@@ -52,7 +53,7 @@ def changed_windows(
                 if count == MOST_WINDOWS:
                     return whole
                 found[tile] = count
-                windows[count] = y, y, first, last
+                windows[count, 0], windows[count, 2], windows[count, 3] = y, first, last
                 count += 1
             window = windows[found[tile]]
             window[1] = y
@@ -72,7 +73,8 @@ def changed_windows(
                     b[0], b[1] = min(a[0], b[0]), max(a[1], b[1])
                     b[2], b[3] = min(a[2], b[2]), max(a[3], b[3])
                     count -= 1
-                    windows[n] = windows[count]
+                    for side in range(4):
+                        a[side] = windows[count, side]
                     merged = True
                     break
     covered = 0

@@ -64,19 +64,19 @@ def nearest_lethal(
             half = side
             if side * side + away * away >= best:
                 half = int(math.sqrt(best - 1 - away * away))
-            for turn in range(2 if away else 1):
-                place = y - away if turn else y + away
-                if not 0 <= place < height:
-                    continue
-                row = cells[place]
-                if away > done:
-                    nearest = nearest_in_row(row, threshold, x, x - half, x + half)
-                else:
-                    nearest = nearest_in_row(row, threshold, x, x - half, x - done - 1)
-                    right = nearest_in_row(row, threshold, x, x + done + 1, x + half)
-                    nearest = min(nearest, right)
-                if nearest < NO_LETHAL:
-                    best = min(best, nearest * nearest + away * away)
+            # The rows above and below; of those in the last square, what is left and right of it.
+            for part in range(4):
+                place = y + away if part & 1 else y - away
+                first, last = x - half, x + half
+                if away <= done:
+                    first = x + done + 1 if part & 2 else first
+                    last = last if part & 2 else x - done - 1
+                elif part & 2:
+                    break
+                if 0 <= place < height:
+                    nearest = nearest_in_row(cells[place], threshold, x, first, last)
+                    if nearest < NO_LETHAL:
+                        best = min(best, nearest * nearest + away * away)
         done = side
     if (done + 1) * (done + 1) >= best:
         return best
@@ -140,23 +140,6 @@ def has_lethal(tile: NDArray[np.int8], threshold: int) -> bool:
 
 
 @_jit
-def is_blocked(
-    cells: NDArray[np.int8],
-    tiles: NDArray[np.uint8],
-    threshold: int,
-    allow_unknown: bool,
-    reach: int,
-    x: int,
-    y: int,
-) -> bool:
-    """Tell whether a cell of the map is blocked."""
-    value = cells[y, x]
-    if value >= threshold or (value < 0 and not allow_unknown):
-        return True
-    return reach > 0 and nearest_lethal(cells, tiles, threshold, x, y, reach + 1) <= reach
-
-
-@_jit
 def squared_clearance(
     cells: NDArray[np.int8],
     tiles: NDArray[np.uint8],
@@ -171,16 +154,16 @@ def squared_clearance(
     """
     height, width = cells.shape
     best = limit
-    parts = np.empty((128, 2), dtype=np.int64)
-    parts[0] = 0, len(path)
+    firsts, lasts = np.zeros(128, dtype=np.int64), np.zeros(128, dtype=np.int64)
+    lasts[0] = len(path)
     count = 1
     while count and best:
         count -= 1
-        first, last = parts[count]
+        first, last = firsts[count], lasts[count]
         if first == last:
             continue
         if best < NO_LETHAL and last - first > SHORT:
-            left, top = path[first]
+            left, top = path[first, 0], path[first, 1]
             right, bottom = left, top
             for n in range(first + 1, last):
                 left, right = min(left, path[n, 0]), max(right, path[n, 0])
@@ -191,12 +174,12 @@ def squared_clearance(
             if not box_has_lethal(cells, tiles, threshold, top, bottom, left, right):
                 continue
         middle = (first + last) // 2
-        x, y = path[middle]
+        x, y = path[middle, 0], path[middle, 1]
         best = min(best, nearest_lethal(cells, tiles, threshold, x, y, best))
         if best == NO_LETHAL:
             break
-        parts[count] = first, middle
-        parts[count + 1] = middle + 1, last
+        firsts[count], lasts[count] = first, middle
+        firsts[count + 1], lasts[count + 1] = middle + 1, last
         count += 2
     return best
 
@@ -223,20 +206,30 @@ def box_has_lethal(
 
 
 @_jit
-def any_blocked(
+def first_blocked(
     cells: NDArray[np.int8],
     tiles: NDArray[np.uint8],
     threshold: int,
     allow_unknown: bool,
     reach: int,
     places: NDArray[np.int64],
-) -> bool:
-    """Tell whether any of the places (x, y) [n, 2] on the map is blocked."""
-    for n in range(len(places)):
+) -> int:
+    """Return the index of the first blocked place (x, y) [n, 2] on the map, or -1."""
+    own = -1
+    for n in range(len(places) - 1, -1, -1):
         value = cells[places[n, 1], places[n, 0]]
         if value >= threshold or (value < 0 and not allow_unknown):
-            return True
-    return reach > 0 and squared_clearance(cells, tiles, threshold, places, reach + 1) <= reach
+            own = n
+    # Of the places from `begin`, those to `end` are looked at; one to `found` is too near.
+    begin, found, end = 0, 0, len(places) if own < 0 else own
+    while reach > 0 and begin < end:
+        if squared_clearance(cells, tiles, threshold, places[begin:end], reach + 1) > reach:
+            begin, end = end, found
+        elif end - begin == 1:
+            return begin
+        else:
+            found, end = end, (begin + end) // 2
+    return own
 
 
 @_jit
@@ -261,33 +254,32 @@ def path_fault(
     for n in range(len(path)):
         if not (0 <= path[n, 0] < width and 0 <= path[n, 1] < height):
             return OUTSIDE, n
-    if any_blocked(cells, tiles, threshold, allow_unknown, reach, path):
-        for n in range(len(path)):
-            x, y = path[n]
-            if is_blocked(cells, tiles, threshold, allow_unknown, reach, x, y):
-                return OBSTACLE, n
-    diagonals = 0
-    for n in range(len(path) - 1):
+    diagonals, jump = 0, -1
+    for n in range(len(path) - 2, -1, -1):
         step_x, step_y = path[n + 1, 0] - path[n, 0], path[n + 1, 1] - path[n, 1]
         if max(abs(step_x), abs(step_y)) != 1:
-            return JUMP, n
+            jump = n
         diagonals += step_x != 0 and step_y != 0
-    if corner_cutting:
-        return FINE, 0
     corners = np.empty((2 * diagonals, 2), dtype=np.int64)
     moves = np.empty(diagonals, dtype=np.int64)
     count = 0
     for n in range(len(path) - 1):
         if path[n, 0] != path[n + 1, 0] and path[n, 1] != path[n + 1, 1]:
             moves[count] = n
-            corners[2 * count] = path[n + 1, 0], path[n, 1]
-            corners[2 * count + 1] = path[n, 0], path[n + 1, 1]
+            corners[2 * count, 0], corners[2 * count, 1] = path[n + 1, 0], path[n, 1]
+            corners[2 * count + 1, 0], corners[2 * count + 1, 1] = path[n, 0], path[n + 1, 1]
             count += 1
-    if any_blocked(cells, tiles, threshold, allow_unknown, reach, corners):
-        for n in range(len(corners)):
-            x, y = corners[n]
-            if is_blocked(cells, tiles, threshold, allow_unknown, reach, x, y):
-                return CORNER, moves[n // 2]
+    for fault in (OBSTACLE, JUMP, CORNER):
+        if fault == JUMP:
+            if jump >= 0:
+                return JUMP, jump
+            continue
+        if fault == CORNER and corner_cutting:
+            break
+        places = path if fault == OBSTACLE else corners
+        n = first_blocked(cells, tiles, threshold, allow_unknown, reach, places)
+        if n >= 0:
+            return fault, n if fault == OBSTACLE else moves[n // 2]
     return FINE, 0
 
 
@@ -310,32 +302,38 @@ def segment_fault(
     height, width = cells.shape
     far_x, far_y = abs(end[0] - begin[0]), abs(end[1] - begin[1])
     step_x, step_y = np.sign(end[0] - begin[0]), np.sign(end[1] - begin[1])
-    corner = False
-    corner_x = corner_y = 0
-    x, y = begin
+    passed = np.empty((far_x + far_y + 1, 2), dtype=np.int64)
+    corners = np.empty((2 * min(far_x, far_y), 2), dtype=np.int64)
+    count = corner_count = 0
+    x, y = begin[0], begin[1]
     # It leaves the column after (2 * steps + 1) / (2 * far_x) of its length, and so the row.
     across, along = 0, 0
     while True:
         if not (0 <= x < width and 0 <= y < height):
             return OUTSIDE, x, y
-        if is_blocked(cells, tiles, threshold, allow_unknown, reach, x, y):
-            return OBSTACLE, x, y
-        if x == end[0] and y == end[1]:
+        passed[count, 0], passed[count, 1] = x, y
+        count += 1
+        if across == far_x and along == far_y:
             break
         to_column, to_row = (2 * across + 1) * far_y, (2 * along + 1) * far_x
-        if to_column == to_row and not corner_cutting and not corner:
-            corner_x, corner_y = x, y
-            corner = is_blocked(cells, tiles, threshold, allow_unknown, reach, x + step_x, y)
-            corner = corner or is_blocked(
-                cells, tiles, threshold, allow_unknown, reach, x, y + step_y
-            )
+        if to_column == to_row:
+            corners[corner_count, 0], corners[corner_count, 1] = x + step_x, y
+            corners[corner_count + 1, 0], corners[corner_count + 1, 1] = x, y + step_y
+            corner_count += 2
         if to_column <= to_row:
             x += step_x
             across += 1
         if to_row <= to_column:
             y += step_y
             along += 1
-    return (CORNER, corner_x, corner_y) if corner else (FINE, x, y)
+    for fault in (OBSTACLE, CORNER):
+        places = passed[:count] if fault == OBSTACLE else corners[:corner_count]
+        if fault == CORNER and corner_cutting:
+            break
+        n = first_blocked(cells, tiles, threshold, allow_unknown, reach, places)
+        if n >= 0:
+            return fault, places[n, 0], places[n, 1]
+    return FINE, 0, 0
 
 
 @_jit
@@ -346,7 +344,7 @@ def measure(
     unknown, turns = 0.0, 0
     before_x = before_y = 0
     for n in range(1, len(path)):
-        x, y = path[n]
+        x, y = path[n, 0], path[n, 1]
         step_x, step_y = x - path[n - 1, 0], y - path[n - 1, 1]
         if n > 1 and (step_x != before_x or step_y != before_y):
             turns += 1
