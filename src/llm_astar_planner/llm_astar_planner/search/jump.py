@@ -61,7 +61,8 @@ class JumpSearch(PlainSearch):
             workspace.records, workspace.pool, self._heads, control, quota,
         )  # fmt: skip
         self.best = int(control[kernels.J_BEST])
-        floor = int(control[kernels.J_ORIGIN] + control[kernels.J_BUCKET]) << kernels.BUCKET_BITS
+        above = int(control[kernels.J_BUCKET]) << kernels.BUCKET_BITS
+        floor = int(control[kernels.J_ORIGIN]) + above
         self.bound = max(self.bound, min(floor, self.best))
         self.expansions = int(control[kernels.J_EXPANSIONS])
         self.storage = int(control[kernels.J_STORAGE])

@@ -48,7 +48,8 @@ LONGEST_RUN = 128
 # ... and so many units after the estimate of its cost has begun to rise.
 RISE = 8 * 2378
 
-# Slots of the control array. J_BEST may hold the cost of a path that is known already.
+# Slots of the control array. Bucket J_BUCKET, counted from the cost J_ORIGIN, is the lowest that
+# holds entries. J_BEST may hold the cost of a path that is known already.
 (
     J_STARTED, J_BEST, J_EXPANSIONS, J_STORAGE, J_TOP, J_ORIGIN, J_BUCKET, J_GOAL, J_SCANS, J_SIZE,
 ) = range(10)  # fmt: skip
@@ -332,10 +333,14 @@ def jump_search(
         control[J_STARTED] = 1
         delta_x = abs(start % width - goal_x)
         delta_y = abs(start // width - goal_y)
-        f = straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
+        f: Any = straight * max(delta_x, delta_y) + extra * min(delta_x, delta_y)
+        for landmark in range(active.shape[0]):
+            distance = np.int64(landmark_distances[active[landmark, 0], start])
+            f = max(f, abs(distance - active[landmark, 1]))
         heads[:] = 0
         heads[0] = 1
-        origin = f >> BUCKET_BITS
+        # Buckets begin at the estimate: where that is exact, the first path ends the search.
+        origin = f
         bucket = 0
         pool[0] = np.int64(start) << 32
         pool[1] = 0
@@ -361,15 +366,15 @@ def jump_search(
                 entry = pool[ENTRY * entry - 3] & 0xFFFFFFFF
             entry = np.int64(heads[far])
             heads[far] = 0
-            origin = least >> BUCKET_BITS
+            origin = least
             bucket = 0
             while entry:
                 item = pool[ENTRY * entry - 3]
-                slot = min((pool[ENTRY * entry - 1] >> 3 + BUCKET_BITS) - origin, far)
+                slot = min((pool[ENTRY * entry - 1] >> 3) - origin >> BUCKET_BITS, far)
                 pool[ENTRY * entry - 3] = item >> 32 << 32 | heads[slot]
                 heads[slot] = entry
                 entry = item & 0xFFFFFFFF
-        if bucket == far or origin + bucket << BUCKET_BITS >= best:
+        if bucket == far or origin + (bucket << BUCKET_BITS) >= best:
             status = FOUND if found else EXHAUSTED
             break
         if scans >= quota:
@@ -484,7 +489,7 @@ def jump_search(
                 best = other_g
                 found = top
             else:
-                slot = min(max((f >> BUCKET_BITS) - origin, bucket), far)
+                slot = min(max(f - origin >> BUCKET_BITS, bucket), far)
             pool[ENTRY * top - 2] = other_g << 32 | entry
             pool[ENTRY * top - 1] = f << 3 | move
             pool[ENTRY * top - 3] = other << 32 | heads[slot]
