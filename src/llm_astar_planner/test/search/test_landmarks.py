@@ -203,6 +203,29 @@ def test_corners_may_be_cut_from_one_map_to_the_next():
     assert landmarks.merge(GridGraph(blocked)).size == 0
 
 
+@pytest.mark.parametrize('graded', [False, True])
+def test_a_moving_obstacle_is_left_out_and_nothing_else(graded):
+    size = 60
+    wall, before, after = np.s_[30, 10:], np.s_[5:15, 20:30], np.s_[5:15, 21:31]
+
+    def world(*blocks):
+        blocked = np.zeros((size, size), dtype=bool)
+        for block in blocks:
+            blocked[block] = True
+        far = scipy.ndimage.distance_transform_cdt(~blocked, 'chessboard')
+        cost = np.where(blocked, 100, np.maximum(60 - 20 * far, 0)) if graded else None
+        return GridGraph(blocked, cost=cost)
+
+    landmarks = Landmarks.build(world(wall, before), count=2)
+    assert list(landmarks.repair(landmarks.merge(world(wall, after))))[-1]
+    without = world(wall)
+    assert (landmarks.freest.moves == without.moves).all()
+    if graded:
+        free = without.moves != 0
+        assert (landmarks.freest.cell_surcharge == without.cell_surcharge)[free].all()
+    assert_exact(landmarks, landmarks.freest)
+
+
 def test_a_long_repair_takes_several_steps_and_can_be_stopped():
     blocked = np.zeros((200, 200), dtype=bool)
     blocked[100] = True
