@@ -194,6 +194,7 @@ class LandmarkManager:
         # The maps that the landmarks are known to be admissible on, once repaired.
         self._admitted: weakref.WeakSet[GridGraph] = weakref.WeakSet()
         self._repair: Iterator[bool] | None = None  # begun and not finished
+        self._repairing = False  # the background thread is doing so now
         self._readers = 0
         # The map that others are being built on, and the last one tried, which is not kept alive.
         self._building: GridGraph | None = None
@@ -333,7 +334,8 @@ class LandmarkManager:
         if repair is None:
             return
         self._changed.wait_for(lambda: not self._readers or self._closed, _READERS_WAIT_S)
-        if self._repair is repair and not self._readers and not self._closed:
+        # The lock was free: it may be done, given up or being done by now.
+        if self._repair is repair and not (self._readers or self._repairing):
             began = time.thread_time()
             if next(repair, False):
                 self._repair = None
@@ -357,12 +359,14 @@ class LandmarkManager:
         self._changed.wait_for(lambda: not self._readers or self._closed)
         if self._repair is not repair:
             return
+        self._repairing = True
         self._changed.release()
         began = time.thread_time()
         try:
             done = any(repair)
         finally:
             self._changed.acquire()
+            self._repairing = False
         self._tally['upkeep_ms'] += 1e3 * (time.thread_time() - began)
         if self._repair is repair:
             self._repair = None

@@ -1,5 +1,6 @@
 import math
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -355,15 +356,23 @@ def test_threads_that_search_while_the_map_changes_get_true_bounds(manager):
                 if bound > (truth if truth == truth else math.inf) + 1e-6:
                     failures.append((bound, truth))
 
-    threads = [threading.Thread(target=search, args=(seed,)) for seed in range(3)]
-    for thread in threads:
-        thread.start()
-    for grid in grids:
-        manager.update(grid)
-    assert manager.wait(60.0)
-    done.set()
-    for thread in threads:
-        thread.join()
+    def update(step):
+        for grid in grids[::step]:
+            manager.update(grid)
+        assert manager.wait(60.0)
+
+    with ThreadPoolExecutor() as pool:
+        searches = [pool.submit(search, seed) for seed in range(3)]
+        updates = [pool.submit(update, step) for step in (1, -1)]
+        try:
+            for future in updates:
+                future.result()
+            manager.update(grids[-1])
+            manager.wait(60.0)
+        finally:
+            done.set()
+        for future in searches:
+            future.result()
     assert not failures
     assert used
     with manager.lend(grids[-1]) as landmarks:
