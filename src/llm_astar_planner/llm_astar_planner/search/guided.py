@@ -43,7 +43,6 @@ PLAIN_FIRST = 512
 MOST_JUMP_POINTS = 0.2
 # A path passes a waypoint that it comes within so many cells of.
 PASSING_RADIUS = 3.0
-MIN_BUCKETS, MAX_BUCKETS = 2048, 65536
 # The fewest expansions of the plain search at a time; later this share of those done.
 _MIN_PLAIN_STEP = 4
 _PLAIN_SHARE = 4
@@ -252,41 +251,22 @@ class WaypointSearch:
         self.generation = self.workspace.next_generation()
         self.status: SearchStatus | None = None
         self.best = plain_kernels.NO_PATH
-        self.expansions = 0
+        self.expansions = self.storage = 0
         self._plain = plain
-        self._weight = query.weight
         self._control = np.array([
             plain.start, plain.goal, self.generation, grid.straight, grid.diagonal, grid.width,
-            round(query.weight * kernels.ONE), round(PASSING_RADIUS * grid.straight),
+            grid.height, round(query.weight * kernels.ONE), round(PASSING_RADIUS * grid.straight),
             *[0] * (kernels.G_SIZE - kernels.G_FREE),
         ])  # fmt: skip
         self._heads = np.zeros(0, dtype=np.int32)
         self._targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
 
-    @property
-    def storage(self) -> int:
-        """The number of states that ever got a g."""
-        return int(self._control[kernels.G_STORAGE])
-
     def follow(self, waypoints: NDArray[np.float64]) -> None:
         """Follow new waypoints [n, 2] from here on; see `GuidedSearch.guide`."""
-        grid, plain = self.grid, self._plain
-        targets = np.empty((len(waypoints) + 1, 3), dtype=np.int64)
-        count = kernels.make_targets(
-            waypoints, grid.width, grid.height, plain.start, plain.goal, grid.straight,
-            grid.diagonal - grid.straight, targets,
-        )  # fmt: skip
-        self._targets = targets = targets[:count]
-        # The queue's window covers about the keys of a path half as long again as the way along
-        # the targets, in buckets of half a cell or less: within one the order is lost.
-        span = 1.5 * self._weight * float(targets[0, 2]) + 64.0 * grid.straight
-        buckets = 1 << math.ceil(math.log2(2.0 * span / grid.straight))
-        buckets = min(max(buckets, MIN_BUCKETS), MAX_BUCKETS)
-        shift = max(plain_kernels.BUCKET_BITS, math.ceil(math.log2(span / buckets)))
-        before, self._heads = self._heads, np.zeros(buckets + 1, dtype=np.int32)
-        kernels.follow(
-            self.workspace.records, self.workspace.pool, self.workspace.keys, before, self._heads,
-            targets, plain.distances, plain.active, shift, self._control,
+        workspace, plain = self.workspace, self._plain
+        self._targets, self._heads = kernels.follow(
+            waypoints, workspace.records, workspace.pool, workspace.keys, self._heads,
+            plain.distances, plain.active, self._control,
         )  # fmt: skip
 
     def advance(self, quota: int, best: int) -> None:
@@ -302,6 +282,7 @@ class WaypointSearch:
         )  # fmt: skip
         self.best = int(control[kernels.G_BEST])
         self.expansions = int(control[kernels.G_EXPANSIONS])
+        self.storage = int(control[kernels.G_STORAGE])
         if ended == plain_kernels.FOUND:
             self.status = SearchStatus.FOUND
         elif ended == plain_kernels.EXHAUSTED:
@@ -328,7 +309,7 @@ class _Run:
         self.plain = plain_search(grid, query.start, query.goal, landmarks)
         self.waypoint_search: WaypointSearch | None = None
         self.waypoints: NDArray[np.float64] | None = None
-        self.fewest_moves = self.plain_first = 0
+        self.expansions = self.fewest_moves = self.plain_first = 0
         self.status = self.plain.status
         self.best = plain_kernels.NO_PATH
         self.solution: AnytimeSolution | None = None
@@ -336,12 +317,6 @@ class _Run:
         is_plain = type(self.plain) is PlainSearch and not len(self.plain.active)
         measured = WORK_FACTOR_PLAIN if is_plain else WORK_FACTOR
         self.work_factor = measured if query.work_factor is None else query.work_factor
-
-    @property
-    def expansions(self) -> int:
-        """The expansions of both searches."""
-        led = self.waypoint_search
-        return self.plain.expansions + (0 if led is None else led.expansions)
 
     def solutions(self) -> Iterator[AnytimeSolution]:
         """Search to the end; yield each better path."""
@@ -351,6 +326,8 @@ class _Run:
                 self.status = SearchStatus.STOPPED
                 return
             searched = self.step()
+            led = self.waypoint_search
+            self.expansions = self.plain.expansions + (0 if led is None else led.expansions)
             if searched.best < self.best:
                 self.best = searched.best
                 solution = self.take_solution(searched)

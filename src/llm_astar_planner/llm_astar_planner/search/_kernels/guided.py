@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels.astar import (
+    BUCKET_BITS,
     CLOSED,
     EXHAUSTED,
     FOUND,
@@ -32,13 +33,15 @@ from llm_astar_planner.search._kernels.astar import (
 # The number of targets that a cell's tag can hold: eight bits, above the closed bit and the move.
 MAX_TARGETS = 256
 TARGET_SHIFT = 4
+# The buckets of the queue's window.
+MIN_BUCKETS, MAX_BUCKETS = 2048, 65536
 
 # Slots of the control array: the query, then the state of the queue and the counts.
 (
-    G_START, G_GOAL, G_GENERATION, G_STRAIGHT, G_DIAGONAL, G_WIDTH, G_WEIGHT, G_RADIUS,
+    G_START, G_GOAL, G_GENERATION, G_STRAIGHT, G_DIAGONAL, G_WIDTH, G_HEIGHT, G_WEIGHT, G_RADIUS,
     G_FREE, G_TOP, G_BASE, G_BUCKET, G_LIVE, G_SHIFT, G_BEST, G_EXPANSIONS, G_STORAGE,
     G_SIZE,
-) = range(18)  # fmt: skip
+) = range(19)  # fmt: skip
 # Weights are whole numbers, in parts of this one.
 ONE = 1 << 16
 
@@ -115,38 +118,31 @@ def move_window(
 
 
 @_jit
-def make_targets(
-    points: NDArray[np.float64],
-    width: int,
-    height: int,
-    start: int,
-    goal: int,
-    straight: int,
-    extra: int,
-    targets: NDArray[np.int64],
-) -> int:
-    """Turn waypoints [n, 2] into targets, which end with the goal; return their number.
+def make_targets(points: NDArray[np.float64], control: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Turn waypoints [n, 2] into targets, which end with the goal: int64 [k, 3].
 
-    `targets` [n + 1, 3] gets x, y and the units from there to the goal along the list. Points
-    that are not finite are dropped, points off the map moved to its border; of equal ones in a
-    row one remains, and of more than MAX_TARGETS as many, evenly.
+    These are x, y and the units from there to the goal along the list. Points that are not
+    finite are dropped, points off the map moved to its border; of equal ones in a row one
+    remains, and of more than MAX_TARGETS as many, evenly.
     """
-    x, y = start % width, start // width
+    width, straight = control[G_WIDTH], control[G_STRAIGHT]
+    extra = control[G_DIAGONAL] - straight
+    targets = np.empty((points.shape[0] + 1, 3), dtype=np.int64)
+    x, y = control[G_START] % width, control[G_START] // width
     count = 0
-    for number in range(points.shape[0] + 1):
-        if number < points.shape[0]:
-            if not (np.isfinite(points[number, 0]) and np.isfinite(points[number, 1])):
-                continue
-            other_x = int(np.rint(min(max(points[number, 0], 0.0), width - 1.0)))
-            other_y = int(np.rint(min(max(points[number, 1], 0.0), height - 1.0)))
-        else:
-            other_x, other_y = goal % width, goal // width
-        if other_x != x or other_y != y or number == points.shape[0]:
-            if number == points.shape[0] and count > 0 and other_x == x and other_y == y:
-                break
+    for number in range(points.shape[0]):
+        if not (np.isfinite(points[number, 0]) and np.isfinite(points[number, 1])):
+            continue
+        other_x = int(np.rint(min(max(points[number, 0], 0.0), width - 1.0)))
+        other_y = int(np.rint(min(max(points[number, 1], 0.0), control[G_HEIGHT] - 1.0)))
+        if other_x != x or other_y != y:
             x, y = other_x, other_y
             targets[count, 0], targets[count, 1] = x, y
             count += 1
+    goal_x, goal_y = control[G_GOAL] % width, control[G_GOAL] // width
+    if count == 0 or goal_x != x or goal_y != y:
+        targets[count, 0], targets[count, 1] = goal_x, goal_y
+        count += 1
     if count > MAX_TARGETS:
         for number in range(MAX_TARGETS):
             chosen = (number * (count - 1) + (MAX_TARGETS - 1) // 2) // (MAX_TARGETS - 1)
@@ -158,26 +154,36 @@ def make_targets(
         delta_y = targets[number + 1, 1] - targets[number, 1]
         way = octile(straight, extra, delta_x, delta_y)
         targets[number, 2] = targets[number + 1, 2] + way
-    return count
+    return targets[:count].copy()
 
 
 @_jit
 def follow(
+    points: NDArray[np.float64],
     records: NDArray[np.int32],
     pool: NDArray[np.int64],
     keys: NDArray[np.int64],
     before: NDArray[np.int32],
-    heads: NDArray[np.int32],
-    targets: NDArray[np.int64],
     landmark_distances: NDArray[np.int32],
     active: NDArray[np.int64],
-    shift: int,
     control: NDArray[np.int64],
-) -> None:
-    """Fill the new, empty `heads` for new targets from the open cells, at first the start alone.
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Queue the open cells for new waypoints [n, 2], at first the start alone.
 
-    `before` holds the heads until now.
+    `before` holds the heads of the buckets until now. Returns the targets, see `advance`, and
+    the new heads.
     """
+    targets = make_targets(points, control)
+    # The window covers about the keys of a path half as long again as the way along the targets,
+    # in buckets of half a cell or less: within one the order is lost.
+    span = 3 * targets[0, 2] * control[G_WEIGHT] // (2 * ONE) + 64 * control[G_STRAIGHT]
+    buckets = MIN_BUCKETS
+    while buckets < MAX_BUCKETS and buckets * control[G_STRAIGHT] < 2 * span:
+        buckets *= 2
+    shift = BUCKET_BITS
+    while buckets << shift < span:
+        shift += 1
+    heads = np.zeros(buckets + 1, dtype=np.int32)
     width, goal, straight = control[G_WIDTH], control[G_GOAL], control[G_STRAIGHT]
     extra = control[G_DIAGONAL] - straight
     goal_x, goal_y = goal % width, goal // width
@@ -227,6 +233,7 @@ def follow(
     control[G_BUCKET] = 0
     control[G_SHIFT] = shift
     control[G_BASE] = base
+    return targets, heads
 
 
 @_jit
