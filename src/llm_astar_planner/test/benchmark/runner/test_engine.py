@@ -40,7 +40,7 @@ def test_methods_without_waypoints_run_once_and_a_star_always():
     assert variants[:2] == [Variant('astar'), Variant('weighted_astar')]
     assert variants.count(Variant('llm_astar')) == 1
     assert Variant('waypoints_only') not in variants
-    assert len(variants) == 2 + 5 + 6
+    assert len(variants) == 2 + 6 + 7
 
 
 def test_a_source_is_asked_once_per_sample_for_all_methods(dataset):
