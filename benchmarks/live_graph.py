@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import math
 import os
 import signal
 import statistics
@@ -34,6 +33,7 @@ from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 from llm_astar_planner.planning.planner import Planner
 from nav_msgs.msg import OccupancyGrid
+from rclpy.publisher import Publisher
 
 from benchmarks.cases import SEED, Query, drawn_case
 from benchmarks.live_maps import CONFIG, sequence, to_grid
@@ -72,36 +72,44 @@ class World:
     maps: list[OccupancyGrid]
     digests: list[str]
     queries: list[tuple[Pose2D, Pose2D]]
-    # How many maps were published before which one of each content was.
+    # Which map, counted from 1, was the last one of each content.
     shown: dict[str, int] = field(default_factory=dict)
-    count: int = 0
-    published: float = math.inf
+    # How many are published, and how many of them a caller has received.
+    published: int = 0
+    received: int = 0
 
     def turns(self) -> Iterator[tuple[str, OccupancyGrid]]:
         """Yield the maps for ever, forwards and backwards."""
         there = list(zip(self.digests, self.maps))
         return itertools.cycle([*there, *there[-2:0:-1]])
 
-    def show(self, publisher: rclpy.publisher.Publisher, turn: tuple[str, OccupancyGrid]) -> None:
+    def show(self, publisher: Publisher, turn: tuple[str, OccupancyGrid]) -> None:
         """Publish a map; it is the newest as soon as that is done."""
         digest, message = turn
-        # Known before it can be planned on, and the newest only when it is out.
-        self.shown[digest] = self.count + 1
+        number = self.published + 1
+        # Known before it can be planned on.
+        self.shown[digest] = number
+        message.header.stamp = Time(sec=number)
         publisher.publish(message)
-        self.count += 1
-        self.published = time.monotonic()
+        self.published = number
+
+    def receive(self, message: OccupancyGrid) -> None:
+        """Note that a caller has a map."""
+        self.received = max(self.received, message.header.stamp.sec)
 
 
 class Answer(NamedTuple):
-    """One answer: when it was asked for, how long it took, and by how many maps it was late.
+    """One answer: when it was asked for, how long it took, and on which map it was planned.
 
-    The newest map had been published `map_age` seconds before.
+    Maps are counted from 1. At the moment of the question so many were published, and so many
+    received by a caller.
     """
 
     asked: float
     seconds: float
-    maps_behind: int
-    map_age: float
+    number: int
+    published: int
+    received: int
 
 
 def make_world(size: int) -> World:
@@ -158,6 +166,7 @@ class Run:
         self._period = 1.0 / rate
         self._stopped = threading.Event()
         publisher = callers[0].node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        callers[-1].listen(OccupancyGrid, 'map', world.receive, LATCHED)
         self._threads = [threading.Thread(target=self.publish, args=(publisher,))]
         self._threads += [
             threading.Thread(target=self.ask, args=(caller, (number + 0.5) / len(callers)))
@@ -183,7 +192,7 @@ class Run:
             late = time.monotonic() - due
             due += self._period * max(1, -int(-late // self._period))
 
-    def publish(self, publisher: rclpy.publisher.Publisher) -> None:
+    def publish(self, publisher: Publisher) -> None:
         """Show one map after the other."""
         for _, turn in zip(self.ticks(0.0), self._world.turns()):
             self._world.show(publisher, turn)
@@ -193,15 +202,15 @@ class Run:
         random = np.random.default_rng(round(1e3 * phase))
         for _, (start, goal) in zip(self.ticks(phase), itertools.cycle(self._world.queries)):
             time.sleep(random.uniform(0.0, 0.5 * self._period))
-            asked, newest = time.monotonic(), self._world.count
-            age = asked - self._world.published
+            asked, world = time.monotonic(), self._world
+            published, received = world.published, world.received
             try:
                 _, report, seconds = caller.call(start, goal, seconds=LONGEST_ANSWER)
             except PlannerClientError:
                 self.failures.append(asked)
                 continue
-            behind = max(0, newest - self._world.shown.get(report.map_digest, 0))
-            self.answers.append(Answer(asked, seconds, behind, age))
+            number = world.shown.get(report.map_digest, 0)
+            self.answers.append(Answer(asked, seconds, number, published, received))
 
 
 def measure(world: World, options: argparse.Namespace, checkout: Path | None) -> None:
@@ -238,13 +247,15 @@ def measure(world: World, options: argparse.Namespace, checkout: Path | None) ->
 
 def print_answers(answers: Sequence[Answer]) -> None:
     """Print how many answers were on the newest map, and how long they took."""
-    share = statistics.fmean(answer.maps_behind == 0 for answer in answers)
-    mean = statistics.fmean(answer.maps_behind for answer in answers)
+    count = len(answers)
+    of_published = sum(answer.number >= answer.published for answer in answers) / count
+    of_received = sum(answer.number >= answer.received for answer in answers) / count
+    behind = statistics.fmean(max(0, answer.published - answer.number) for answer in answers)
     times = [1e3 * answer.seconds for answer in answers]
     most = np.percentile(times, 95)
     sys.stdout.write(
-        f'  {len(answers)} answers, {100 * share:.1f} % on the newest map '
-        f'({mean:.2f} maps behind on average)\n'
+        f'  {count} answers; of {100 * of_published:.1f} % the map was the newest published, of '
+        f'{100 * of_received:.1f} % the newest received; {behind:.2f} maps behind on average\n'
         f'  median {statistics.median(times):.0f} ms, 95 % within {most:.0f} ms\n'
     )
 
