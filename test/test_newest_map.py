@@ -3,6 +3,8 @@
 import contextlib
 import threading
 import time
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from graph_tools import PATIENCE, calling, running, set_parameter, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
@@ -152,6 +155,35 @@ def test_a_cancelled_goal_and_a_closed_node_wait_no_longer(maps, rules):
     assert time.monotonic() - began < PATIENCE / 2
     rules.gate.set()
     closing.join()
+
+
+def test_a_map_of_another_size_between_updates_and_updates_off_it_leave_the_last_good_map():
+    entities, taken = Mock(), []
+    subscription = MapSubscription(entities, taken.append)
+    errors = entities.node.get_logger().error
+
+    def update(x, sec=0, value=100):
+        header = SimpleNamespace(frame_id='', stamp=Time(sec=sec))
+        subscription._on_part(
+            SimpleNamespace(header=header, x=x, y=0, width=1, height=1, data=[value])
+        )
+
+    update(0)
+    assert 'it came before its map' in errors.call_args[0][0]
+    subscription._on_whole(grid_to_message(map_with(), Time(sec=1)))
+    update(39, sec=2)
+    smaller = map_with(shape=(10, 20))
+    subscription._on_whole(grid_to_message(smaller, Time(sec=3)))
+    assert len(taken) == 3
+    update(5, sec=2)  # of the map before
+    update(39, sec=4)
+    assert 'do not lie on a map of 20 x 10' in errors.call_args[0][0]
+    assert f'map {smaller.digest} stays' in errors.call_args[0][0]
+    update(5, sec=5, value=101)
+    assert 'values must lie in' in errors.call_args[0][0]
+    update(5, sec=6)
+    assert len(taken) == 4
+    assert taken[-1].digest == map_with((5, 0), shape=(10, 20)).digest
 
 
 @contextlib.contextmanager

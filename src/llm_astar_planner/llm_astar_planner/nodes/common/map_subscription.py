@@ -14,6 +14,7 @@ from llm_astar_msgs_adapter.messages.fields import (
 )
 from nav_msgs.msg import OccupancyGrid
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import LATCHED, UPDATES
@@ -30,19 +31,27 @@ class MapSubscription:
     Malformed messages are logged and dropped; the last good map stays.
     """
 
-    def __init__(self, entities: Entities, on_map: Callable[[GridMap], None]) -> None:
-        """Subscribe; `on_map` is called with each new map, one at a time."""
-        self._logger = entities.node.get_logger()
+    def __init__(
+        self,
+        entities: Entities,
+        on_map: Callable[[GridMap], None],
+        parent: Node | None = None,
+    ) -> None:
+        """Subscribe; `on_map` is called with each new map, one at a time.
+
+        `parent`, the node itself by default, remaps the names and logs.
+        """
+        parent = parent or entities.node
+        self._logger = parent.get_logger()
         self._on_map = on_map
         self._grid_map: GridMap | None = None
         self._time = 0
         # An update changes the map before it, so messages are handled in order.
         group = MutuallyExclusiveCallbackGroup()
-        entities.subscription(OccupancyGrid, 'map', self._on_whole, LATCHED, group)
+        whole, part = map(parent.resolve_topic_name, ('map', 'map_updates'))
+        entities.subscription(OccupancyGrid, whole, self._on_whole, LATCHED, group)
         if OccupancyGridUpdate is not None:
-            entities.subscription(
-                OccupancyGridUpdate, 'map_updates', self._on_part, UPDATES, group
-            )
+            entities.subscription(OccupancyGridUpdate, part, self._on_part, UPDATES, group)
 
     def _on_whole(self, message: OccupancyGrid) -> None:
         if self._accept('map', lambda: grid_from_message(message)):
@@ -56,13 +65,14 @@ class MapSubscription:
             self._accept('map update', lambda: updated(before, message))
 
     def _accept(self, what: str, read: Callable[[], GridMap]) -> bool:
-        """Make what `read` returns the current map; return False where it raises GridMapError."""
+        """Make what `read` returns the current map; return False where it raises."""
         try:
             grid_map = read()
-        except GridMapError as error:
+        except Exception as error:  # noqa: BLE001 - no message may end the thread of the maps
             before = self._grid_map
             kept = 'there is none' if before is None else f'map {before.digest} stays'
-            self._logger.error(f'{what} refused, {kept}: {error}')
+            name = '' if isinstance(error, GridMapError) else f'{type(error).__name__}: '
+            self._logger.error(f'{what} refused, {kept}: {name}{error}')
             return False
         self._grid_map = grid_map
         self._on_map(grid_map)

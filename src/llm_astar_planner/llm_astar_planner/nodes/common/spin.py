@@ -76,6 +76,21 @@ class SpinThread:
         self._executor.shutdown()
 
 
+def side_node(parent: Node, name: str) -> Node:
+    """Make a hidden node beside `parent`, for a SpinThread: what `parent` does cannot delay it.
+
+    Names are remapped by the parent: a `__node` remap given here would rename both alike.
+    """
+    return rclpy.create_node(
+        f'_{parent.get_name()}_{name}',
+        namespace=parent.get_namespace(),
+        context=parent.context,
+        start_parameter_services=False,
+        enable_rosout=False,
+        use_global_arguments=False,
+    )
+
+
 def leave(node: Node) -> None:
     """Destroy the last node of a process; end the process where that takes too long.
 

@@ -22,7 +22,7 @@ from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
-from llm_astar_planner.nodes.common.spin import run_node
+from llm_astar_planner.nodes.common.spin import SpinThread, run_node, side_node
 from llm_astar_planner.nodes.common.tf import HAS_TF2, Frames, TransformListener
 from llm_astar_planner.nodes.planner.diagnostics import DiagnosticsPublisher
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
@@ -105,7 +105,7 @@ class PlannerServer:
         has_nav2 = serve_nav2(entities, self, validity, lambda: self._maps.planner)
         served = 'with' if has_nav2 else 'without nav2_msgs, so without'
         node.get_logger().info(f"{served} Nav2's planner actions")
-        MapSubscription(entities, self._maps.take)
+        self.subscribe_to_maps()
 
     @property
     def is_active(self) -> bool:
@@ -227,6 +227,15 @@ class PlannerServer:
         self._entities.on_close(
             lambda: node.remove_post_set_parameters_callback(self.on_parameters)
         )
+
+    def subscribe_to_maps(self) -> None:
+        """Take maps on a thread of their own: requests that came later must not overtake them."""
+        node = side_node(self._node, 'maps')
+        thread = SpinThread(node)
+        self._entities.on_close(node.destroy_node)
+        self._entities.on_close(thread.close)
+        MapSubscription(Entities(node), self._maps.take, self._node)
+        thread.start()
 
     def state(self) -> tuple[bool, str, dict[str, Any]]:
         """Return what /diagnostics says."""

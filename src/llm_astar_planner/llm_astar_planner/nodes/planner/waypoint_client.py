@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Callable
 
-import rclpy
 from builtin_interfaces.msg import Time
 from cachetools import LRUCache
 from diagnostic_msgs.msg import DiagnosticArray
@@ -20,7 +19,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_parameter_events
 
 from llm_astar_planner.nodes.common.qos import REPORTS
-from llm_astar_planner.nodes.common.spin import SpinThread
+from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.nodes.planner.remote_parameters import RemoteParameters
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER
 from llm_astar_planner.planning.waypoint_filter import snap
@@ -64,15 +63,7 @@ class WaypointClient:
         may answer differently from then on.
         """
         self._client_name = client
-        self._node = rclpy.create_node(
-            f'_{parent.get_name()}_waypoints',
-            namespace=parent.get_namespace(),
-            context=parent.context,
-            start_parameter_services=False,
-            enable_rosout=False,
-            use_global_arguments=False,
-        )
-        # Names are remapped by the parent: a `__node` remap given here would rename both alike.
+        self._node = side_node(parent, 'waypoints')
         service = parent.resolve_service_name(f'{client}/get_waypoints')
         exchange = parent.resolve_topic_name(f'{client}/exchange')
         self._client = self._node.create_client(GetPlan, service)
