@@ -98,7 +98,7 @@ class GridMap:
         resolution = float(np.float32(self.resolution))
         header = f'{self.cells.shape} {resolution!r} {tuple(self.origin)!r} {self.frame_id}'
         digest = hashlib.sha256(header.encode())
-        digest.update(self.cells)  # as it lies in memory: 0.6 ms a million cells
+        digest.update(self.cells.data)  # as it lies in memory: 0.6 ms a million cells
         return digest.hexdigest()[:12]
 
     def is_laid_out_as(self, other: GridMap) -> bool:

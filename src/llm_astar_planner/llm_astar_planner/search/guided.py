@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import guided as kernels
 from llm_astar_planner.search.astar import EXPANSION_SLICE, PathTooLongError, PlainSearch
-from llm_astar_planner.search.grid_graph import GridGraph, as_grid
+from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.jump import JumpSearch
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
@@ -39,8 +39,8 @@ WORK_FACTOR_PLAIN = 0.2
 # an easy query is answered before the waypoints cost anything.
 FAR = 64
 PLAIN_FIRST = 512
-# Without landmarks jump points pay where there are so few, in parts of the cells.
-MOST_JUMP_POINTS = 0.2
+# Jump points pay where there are so few, in parts of the cells (docs/guided-search.md).
+MOST_JUMP_POINTS = 0.35
 # A path passes a waypoint that it comes within so many cells of.
 PASSING_RADIUS = 3.0
 # The fewest expansions of the plain search at a time; later this share of those done.
@@ -105,7 +105,9 @@ class GuidedSearch:
             raise ValueError(f'weight: {weight} is not in 1 to 100')
         if work_factor is not None and not 0.0 <= work_factor <= 1000.0:
             raise ValueError(f'work_factor: {work_factor} is not in 0 to 1000')
-        self._grid = as_grid(blocked, corner_cutting=corner_cutting)
+        if not isinstance(blocked, GridGraph):
+            blocked = GridGraph(blocked, corner_cutting=corner_cutting)
+        self._grid = blocked
         self._grid.index(start)
         self._grid.index(goal)
         if landmarks is not None and landmarks.distances.shape[1] != self._grid.moves.size:
@@ -141,6 +143,7 @@ class GuidedSearch:
         grid, landmarks = self._grid, self._landmarks
         while True:
             run = _Run(self._query, grid, landmarks)
+            searched = grid
             try:
                 yield from run.solutions()
                 self._result = run.result(want_expanded=want_expanded)
@@ -158,7 +161,9 @@ class GuidedSearch:
                 self._result = run.result(want_expanded=want_expanded)
                 raise
             finally:
-                run.close()
+                searched.give_back(run.plain.workspace)
+                if run.waypoint_search is not None:
+                    searched.give_back(run.waypoint_search.workspace)
 
     def result(self) -> GuidedResult:
         """Return what the run found. Raises RuntimeError before it ended."""
@@ -228,13 +233,13 @@ def plain_search(
     """Return the exact search that is the fastest for a query.
 
     On uniform costs without corner cutting jump points are, but for near goals, where packing
-    the map does not pay, and for maps full of them without landmarks.
+    the map does not pay, and for maps full of them.
     """
     far = max(abs(start[0] - goal[0]), abs(start[1] - goal[1])) >= FAR
     if not far or grid.cell_surcharge.size or grid.corner_cutting:
         return PlainSearch(grid, start, goal, landmarks)
-    if landmarks is None and grid.packed.jump_points > MOST_JUMP_POINTS * grid.moves.size:
-        return PlainSearch(grid, start, goal)
+    if grid.packed.jump_points > MOST_JUMP_POINTS * grid.moves.size:
+        return PlainSearch(grid, start, goal, landmarks)
     return JumpSearch(grid, start, goal, landmarks)
 
 
@@ -445,9 +450,3 @@ class _Run:
             0 if led is None else led.expansions,
             plain.expansions,
         )
-
-    def close(self) -> None:
-        """Return the workspaces."""
-        self.plain.close()
-        if self.waypoint_search is not None:
-            self.plain.grid.give_back(self.waypoint_search.workspace)
