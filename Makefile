@@ -83,7 +83,7 @@ $(VENV)/.installed: $(VENV)/.dependencies-$(WORLD) $(SOURCES)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 		--no-build-isolation $(PACKAGES) $(KEEP)
 	rm -rf src/*/build src/*/*.egg-info
-	$(BIN)/python -c 'from llm_astar_planner.search.paper import compile_kernels as c; c()'
+	$(BIN)/python -c 'from llm_astar_planner.planning.compile import compile_kernels as c; c()'
 	@touch $@
 
 $(VENV)/.tools: $(VENV)/.dependencies-$(WORLD)
