@@ -227,22 +227,6 @@ class _Query:
         return plain.best * kernels.ONE <= plain.bound * limit
 
 
-def plain_search(
-    grid: GridGraph, start: Cell, goal: Cell, landmarks: Landmarks | None
-) -> PlainSearch:
-    """Return the exact search that is the fastest for a query.
-
-    On uniform costs without corner cutting jump points are, but for near goals, where packing
-    the map does not pay, and for maps full of them.
-    """
-    far = max(abs(start[0] - goal[0]), abs(start[1] - goal[1])) >= FAR
-    if not far or grid.cell_surcharge.size or grid.corner_cutting:
-        return PlainSearch(grid, start, goal, landmarks)
-    if grid.packed.jump_points > MOST_JUMP_POINTS * grid.moves.size:
-        return PlainSearch(grid, start, goal, landmarks)
-    return JumpSearch(grid, start, goal, landmarks)
-
-
 class WaypointSearch:
     """The search along waypoints: its records, its queue and its counts.
 
@@ -311,7 +295,14 @@ class _Run:
 
     def __init__(self, query: _Query, grid: GridGraph, landmarks: Landmarks | None) -> None:
         self.query = query
-        self.plain = plain_search(grid, query.start, query.goal, landmarks)
+        (x, y), (goal_x, goal_y) = query.start, query.goal
+        # Jump points pay for far goals, on uniform costs without corner cutting, unless the map
+        # is full of them.
+        jumps = max(abs(x - goal_x), abs(y - goal_y)) >= FAR
+        jumps = jumps and not (grid.cell_surcharge.size or grid.corner_cutting)
+        jumps = jumps and grid.packed.jump_points <= MOST_JUMP_POINTS * grid.moves.size
+        exact_search = JumpSearch if jumps else PlainSearch
+        self.plain = exact_search(grid, query.start, query.goal, landmarks)
         self.waypoint_search: WaypointSearch | None = None
         self.waypoints: NDArray[np.float64] | None = None
         self.expansions = self.fewest_moves = self.plain_first = 0
@@ -319,7 +310,7 @@ class _Run:
         self.best = plain_kernels.NO_PATH
         self.solution: AnytimeSolution | None = None
         self.first = (0, math.inf)
-        is_plain = type(self.plain) is PlainSearch and not len(self.plain.active)
+        is_plain = not jumps and not len(self.plain.active)
         measured = WORK_FACTOR_PLAIN if is_plain else WORK_FACTOR
         self.work_factor = measured if query.work_factor is None else query.work_factor
 
