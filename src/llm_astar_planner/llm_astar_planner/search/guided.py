@@ -30,15 +30,15 @@ WEIGHT = 1.2
 # The expansions that waypoints may cost, per move that a path has at least: most good waypoints
 # need no more, and a plain A* expands one cell for each of these moves.
 HEAD_START = 2.0
-# Those that they may cost beyond, per expansion of the plain search next to it. One takes twice
-# as long as one of jump points or with landmarks, up to four times as long as one without either
-# (docs/performance.md), so waypoints take at most about as much time as that search.
-WORK_FACTOR = 0.5
-WORK_FACTOR_PLAIN = 0.2
+# Those that they may cost beyond, per expansion of the plain search next to it. One takes up to
+# three times as long as one of jump points or with landmarks, and much longer than one without
+# either (docs/performance.md), so waypoints take at most about as much time as that search.
+WORK_FACTOR = 0.35
+WORK_FACTOR_PLAIN = 0.1
 # If a path has so many moves, the plain search begins with so many expansions, or one per move:
 # an easy query is answered before the waypoints cost anything.
 FAR = 64
-PLAIN_FIRST = 512
+PLAIN_FIRST = 1024
 # Jump points pay where there are so few, in parts of the cells (docs/guided-search.md).
 MOST_JUMP_POINTS = 0.35
 # A path passes a waypoint that it comes within so many cells of.
