@@ -223,7 +223,7 @@ def test_waypoints_may_arrive_while_it_runs(monkeypatch):
     monkeypatch.setattr('llm_astar_planner.search.guided.EXPANSION_SLICE', 4096)
     grid = GridGraph(winding(201), corner_cutting=True)
     exact = exact_astar(grid, (5, 2), (195, 198))
-    search = GuidedSearch(grid, (5, 2), (195, 198))
+    search = GuidedSearch(grid, (5, 2), (195, 198), work_factor=1.0)
     plain = kernels.astar
     slices = []
 
