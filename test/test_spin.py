@@ -1,12 +1,16 @@
 """Spinning survives what a shutdown causes, and ends on other failures."""
 
+import concurrent.futures.thread
 import subprocess
 import sys
 from types import SimpleNamespace
 
 import pytest
-from llm_astar_planner.nodes.common.spin import spin
+import rclpy
+from llm_astar_planner.nodes.common.spin import end_threads, spin
 from rclpy._rclpy_pybind11 import InvalidHandle, RCLError
+from rclpy.context import Context
+from rclpy.executors import MultiThreadedExecutor
 
 GONE = "Failed to add 'rcl_action_server_t' to wait set: action server pointer is invalid"
 
@@ -60,3 +64,18 @@ def test_a_process_that_cannot_leave_the_graph_is_ended_with_a_traceback():
     )
     assert ended.returncode == 1
     assert 'in destroy_node' in ended.stderr
+
+
+def test_a_thread_that_python_does_not_know_ends_with_the_executor(monkeypatch):
+    """A signal between its start and its registration leaves such a thread behind."""
+    monkeypatch.setattr(concurrent.futures.thread, '_threads_queues', {})
+    context = Context()
+    rclpy.init(context=context)
+    executor = MultiThreadedExecutor(num_threads=2, context=context)
+    executor._executor.submit(int).result()
+    (thread,) = executor._executor._threads
+    end_threads(executor)
+    thread.join(5.0)
+    assert not thread.is_alive()
+    end_threads(None)
+    rclpy.shutdown(context=context)

@@ -110,6 +110,7 @@ def run_node(
     make_executor: Callable[[], Executor] = SingleThreadedExecutor,
 ) -> int:
     """Spin a node until SIGINT or SIGTERM; return 0 then, and 2 if it cannot start."""
+    executor: Executor | None = None
     try:
         rclpy.init(args=args)
         # Before the node, which takes its time: an executor made after a signal fails.
@@ -133,7 +134,19 @@ def run_node(
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
         rclpy.try_shutdown()
+        end_threads(executor)
     return 0
+
+
+def end_threads(executor: Executor | None) -> None:
+    """Let the idle threads of an executor end.
+
+    Python wakes those that it knows when the process exits, and waits for all. One that was just
+    being started when a signal came is not known to it.
+    """
+    pool = getattr(executor, '_executor', None)  # rclpy's own, which it never shuts down
+    if pool is not None:
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def fail(message: str) -> int:
