@@ -30,6 +30,9 @@ class PlainSearch:
     bound on the cost of every path; they are equal at the end. Return the workspace with `close`.
     """
 
+    # The place of `best` in the control array of the kernel.
+    BEST_SLOT = kernels.A_BEST
+
     def __init__(
         self,
         grid: GridGraph,
@@ -64,7 +67,7 @@ class PlainSearch:
         self._every_move = every_move or grid.cell_surcharge.size > 0
         self._control = workspace.control
         self._control[:] = 0
-        self._control[kernels.A_BEST] = kernels.NO_PATH
+        self._control[self.BEST_SLOT] = kernels.NO_PATH
 
     def advance(self, quota: int) -> None:
         """Expand up to `quota` cells; set `status` if that ends the search.
@@ -96,8 +99,8 @@ class PlainSearch:
 
         Only paths that cost less than `best` are looked for from now on.
         """
-        self._control[kernels.A_BEST] = min(self._control[kernels.A_BEST], best)
         self.best = min(self.best, best)
+        self._control[self.BEST_SLOT] = self.best
         self.bound = max(self.bound, bound)
 
     def path(self) -> tuple[NDArray[np.int32], float, int]:

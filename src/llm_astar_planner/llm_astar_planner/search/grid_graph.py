@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
 
@@ -191,15 +189,6 @@ class GridGraph:
         delta_x, delta_y = abs(cell[0] - other[0]), abs(cell[1] - other[1])
         least, most = min(delta_x, delta_y), max(delta_x, delta_y)
         return self.straight * most + (self.diagonal - self.straight) * least
-
-    @contextmanager
-    def workspace(self) -> Iterator[Workspace]:
-        """Lend a workspace for one query; make a new one if none is idle."""
-        workspace = self.borrow()
-        try:
-            yield workspace
-        finally:
-            self.give_back(workspace)
 
     def borrow(self) -> Workspace:
         """Take a workspace; return it with `give_back`."""

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import guided as kernels
 from llm_astar_planner.search.astar import EXPANSION_SLICE, PathTooLongError, PlainSearch
-from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.grid_graph import GridGraph, as_grid
 from llm_astar_planner.search.jump import JumpSearch
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
@@ -27,16 +27,16 @@ from llm_astar_planner.search.stop import StopFlag, no_stop
 
 # How greedily waypoints are followed: the weight of the cost to go.
 WEIGHT = 1.2
-# The expansions that waypoints may cost, per move that a path has at least: most good waypoints
-# need no more, and a plain A* expands one cell for each of these moves.
+# The search along waypoints may always expand so many cells per move that a path needs at least.
+# Most good waypoints lead to the goal with fewer, and a plain A* expands one cell per move.
 HEAD_START = 2.0
-# Those that they may cost beyond, per expansion of the plain search next to it. One takes up to
-# three times as long as one of jump points or with landmarks, and much longer than one without
-# either (docs/performance.md), so waypoints take at most about as much time as that search.
+# After that it may expand so many cells per expansion of the plain search, which are cheaper: the
+# fewer where neither landmarks nor jump points help. So both take about the same time; what bad
+# waypoints cost is measured in docs/performance.md.
 WORK_FACTOR = 0.35
 WORK_FACTOR_PLAIN = 0.1
-# If a path has so many moves, the plain search begins with so many expansions, or one per move:
-# an easy query is answered before the waypoints cost anything.
+# For goals at least FAR moves away the plain search goes first, with PLAIN_FIRST expansions or one
+# per move: an easy query is answered before waypoints cost anything.
 FAR = 64
 PLAIN_FIRST = 1024
 # Jump points pay where there are so few, in parts of the cells (docs/guided-search.md).
@@ -105,9 +105,7 @@ class GuidedSearch:
             raise ValueError(f'weight: {weight} is not in 1 to 100')
         if work_factor is not None and not 0.0 <= work_factor <= 1000.0:
             raise ValueError(f'work_factor: {work_factor} is not in 0 to 1000')
-        if not isinstance(blocked, GridGraph):
-            blocked = GridGraph(blocked, corner_cutting=corner_cutting)
-        self._grid = blocked
+        self._grid = as_grid(blocked, corner_cutting=corner_cutting)
         self._grid.index(start)
         self._grid.index(goal)
         if landmarks is not None and landmarks.distances.shape[1] != self._grid.moves.size:
@@ -291,7 +289,7 @@ class WaypointSearch:
 
 
 class _Run:
-    """One run of a guided search on one grid: the plain A* and, with waypoints, theirs."""
+    """One run of a guided search on one grid: an exact search and, with waypoints, theirs."""
 
     def __init__(self, query: _Query, grid: GridGraph, landmarks: Landmarks | None) -> None:
         self.query = query

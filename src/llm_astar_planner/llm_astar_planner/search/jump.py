@@ -38,6 +38,8 @@ class JumpSearch(PlainSearch):
     from the queue.
     """
 
+    BEST_SLOT = kernels.J_BEST
+
     def __init__(
         self, grid: GridGraph, start: Cell, goal: Cell, landmarks: Landmarks | None = None
     ) -> None:
@@ -46,7 +48,7 @@ class JumpSearch(PlainSearch):
             raise ValueError('a jump point search needs uniform costs and no corner cutting')
         super().__init__(grid, start, goal, landmarks)
         self._control = np.zeros(kernels.J_SIZE, dtype=np.int64)
-        self._control[kernels.J_BEST] = NO_PATH
+        self._control[self.BEST_SLOT] = NO_PATH
         self._heads = np.empty(kernels.BUCKETS, dtype=np.int32)
 
     def advance(self, quota: int) -> None:
@@ -74,12 +76,6 @@ class JumpSearch(PlainSearch):
             workspace.grow_pool()
         elif ended == OVERFLOW:
             raise OverflowError
-
-    def learn(self, best: int, bound: int = 0) -> None:
-        """Take over what another search knows: a path of cost `best`, a lower bound; in units."""
-        self._control[kernels.J_BEST] = min(self._control[kernels.J_BEST], best)
-        self.best = min(self.best, best)
-        self.bound = max(self.bound, bound)
 
     def path(self) -> tuple[NDArray[np.int32], float, int]:
         """Return the path found, as single moves, its length in cells and its cost in units."""

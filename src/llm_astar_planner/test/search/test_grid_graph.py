@@ -25,8 +25,9 @@ def test_memory_is_at_most_twenty_bytes_per_cell():
 
 def test_results_stay_right_when_the_query_numbers_run_out():
     grid = GridGraph(np.zeros((4, 9), dtype=bool))
-    with grid.workspace() as workspace:
-        workspace.generation = grid_graph.MAX_GENERATION - 2
+    workspace = grid.borrow()
+    workspace.generation = grid_graph.MAX_GENERATION - 2
+    grid.give_back(workspace)
     assert [shortest_path(grid, (0, 0), (8, 3))[1] for _ in range(5)] == [
         shortest_path(GridGraph(grid.blocked), (0, 0), (8, 3))[1]
     ] * 5
