@@ -1,0 +1,221 @@
+"""The robot's polygon: its text, its checks, and the poses at which it meets an obstacle."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from numpy.typing import ArrayLike, NDArray
+
+from llm_astar_planner.costmap.config import MAX_RADIUS
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.planning._kernels import footprint as kernels
+
+MIN_POINTS, MAX_POINTS = 3, 64
+MAX_CHARS = 4096
+# Square metres; a polygon of less is a line.
+MIN_AREA = 1e-6
+# Of a costmap as an occupancy grid: the threshold that it is used with, and what is lethal on it.
+COSTMAP_THRESHOLD, LETHAL = 99, 100
+# As Nav2 writes a footprint: [[x, y], ...], with commas or blanks between the numbers.
+TEXT = re.compile(r'\s*\[\s*(?:\[[-+.\deE,\s]*\][,\s]*)*\]\s*')
+POINT = re.compile(r'\[([^\[\]]+)\]')
+
+
+class FootprintError(LlmAstarError, ValueError):
+    """A text or a list of points that is no footprint; the message says why."""
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """The outline of a robot: points (x, y) in metres in its base frame, in either direction.
+
+    It may be concave, and the frame's origin may lie outside of it. Raises FootprintError for
+    fewer than 3 or more than 64 points, for one that is not finite or over 10 m away, and for an
+    outline that crosses or touches itself or encloses nothing.
+    """
+
+    points: tuple[tuple[float, float], ...]
+
+    def __post_init__(self) -> None:
+        """Check the points."""
+        problem = outline_problem(self.points)
+        if problem is not None:
+            raise FootprintError(f'footprint: {problem}')
+
+    @classmethod
+    def of(cls, points: ArrayLike) -> Footprint:
+        """Return the footprint of points [n, 2] in metres. Raises FootprintError."""
+        pairs = np.asarray(points, dtype=np.float64).reshape(-1, 2).tolist()
+        return cls(tuple((x, y) for x, y in pairs))
+
+    @classmethod
+    def parse(cls, text: str) -> Footprint | None:
+        """Return the footprint that a text describes as Nav2's parameter does; None for none.
+
+        '[[0.3, 0.2], [0.3, -0.2], [-0.3, -0.2], [-0.3, 0.2]]' is a rectangle; '' and '[]' say
+        that there is no footprint. Raises FootprintError.
+        """
+        if len(text) > MAX_CHARS:
+            raise FootprintError(f'footprint: {len(text)} characters, over {MAX_CHARS}')
+        if not text.strip():
+            return None
+        if not TEXT.fullmatch(text):
+            raise FootprintError(f'footprint: {text!r} is not of the form [[x, y], [x, y], ...]')
+        points = []
+        for pair in POINT.findall(text):
+            try:
+                x, y = map(float, pair.replace(',', ' ').split())
+            except ValueError:
+                raise FootprintError(f'footprint: [{pair}] is not a pair of numbers') from None
+            points.append((x, y))
+        return cls(tuple(points)) if points or '[' in text.strip()[1:] else None
+
+    @cached_property
+    def array(self) -> NDArray[np.float64]:
+        """The points [n, 2] in metres, read-only."""
+        points = np.array(self.points)
+        points.flags.writeable = False
+        return points
+
+    @cached_property
+    def circumscribed_radius(self) -> float:
+        """Metres from the origin to the farthest point."""
+        return max(math.hypot(x, y) for x, y in self.points)
+
+    @cached_property
+    def inscribed_radius(self) -> float:
+        """Metres from the origin to the nearest edge; 0 if the origin lies outside."""
+        inside, nearest = False, math.inf
+        for (x, y), (far_x, far_y) in zip(self.points, self.points[1:] + self.points[:1]):
+            step_x, step_y = far_x - x, far_y - y
+            share = -(x * step_x + y * step_y) / (step_x**2 + step_y**2)
+            share = min(max(share, 0.0), 1.0)
+            nearest = min(nearest, math.hypot(x + share * step_x, y + share * step_y))
+            if (y > 0.0) != (far_y > 0.0):
+                inside ^= x - y * step_x / step_y > 0.0
+        return nearest if inside else 0.0
+
+    @property
+    def description(self) -> str:
+        """What a message says of it."""
+        radii = f'{self.inscribed_radius:.2f} m inscribed, {self.circumscribed_radius:.2f} m'
+        return f'{len(self.points)} points, radii {radii} circumscribed'
+
+    def is_close_to(self, other: Footprint, metres: float) -> bool:
+        """Tell whether each point lies within `metres` of the same point of another footprint."""
+        if len(self.points) != len(other.points):
+            return False
+        return all(math.dist(*pair) <= metres for pair in zip(self.points, other.points))
+
+
+def outline_problem(points: tuple[tuple[float, float], ...]) -> str | None:
+    """Say why points (x, y) in metres are no outline of a robot; None where they are."""
+    count = len(points)
+    if not MIN_POINTS <= count <= MAX_POINTS:
+        return f'{count} points; it needs {MIN_POINTS} to {MAX_POINTS}'
+    for number, point in enumerate(points, start=1):
+        if not all(map(math.isfinite, point)) or math.hypot(*point) > MAX_RADIUS:
+            return f'point {number}, {point}, is not within {MAX_RADIUS:g} m of the origin'
+    edges = list(zip(points, points[1:] + points[:1]))
+    if any(begin == end for begin, end in edges):
+        return 'two points in a row are the same'
+    for (n, one), (m, other) in combinations(enumerate(edges), 2):
+        neighbours = m - n in (1, count - 1)
+        if folds_back(one, other) if neighbours else edges_meet(one, other):
+            return f'edges {n + 1} and {m + 1} of its outline meet'
+    area = sum(x * far_y - far_x * y for (x, y), (far_x, far_y) in edges) / 2.0
+    return 'it encloses no area' if abs(area) < MIN_AREA else None
+
+
+Edge = tuple[tuple[float, float], tuple[float, float]]
+
+
+def side(edge: Edge, point: tuple[float, float]) -> float:
+    """Return a number above 0 for a point left of an edge, below 0 right of it, 0 on its line."""
+    (x, y), (far_x, far_y) = edge
+    return (far_x - x) * (point[1] - y) - (far_y - y) * (point[0] - x)
+
+
+def folds_back(edge: Edge, neighbour: Edge) -> bool:
+    """Tell whether two edges that share an end lie on each other."""
+    if edge[0] == neighbour[1]:
+        edge, neighbour = neighbour, edge
+    (x, y), (middle_x, middle_y) = edge
+    far_x, far_y = neighbour[1]
+    back = (middle_x - x) * (far_x - middle_x) + (middle_y - y) * (far_y - middle_y) < 0.0
+    return back and side(edge, neighbour[1]) == 0.0
+
+
+def edges_meet(edge: Edge, other: Edge) -> bool:
+    """Tell whether two edges without a common end cross or touch."""
+    sides = side(edge, other[0]), side(edge, other[1]), side(other, edge[0]), side(other, edge[1])
+    if sides[0] * sides[1] > 0.0 or sides[2] * sides[3] > 0.0:
+        return False
+    # On one line they meet where their boxes do; otherwise the boxes meet anyway.
+    return all(
+        max(min(edge[0][axis], edge[1][axis]), min(other[0][axis], other[1][axis]))
+        <= min(max(edge[0][axis], edge[1][axis]), max(other[0][axis], other[1][axis]))
+        for axis in (0, 1)
+    )
+
+
+def footprint_problem(text: str) -> str | None:
+    """Say why a text cannot be the parameter `footprint`; None where it can."""
+    try:
+        Footprint.parse(text)
+    except FootprintError as error:
+        return str(error)
+    return None
+
+
+class FootprintChecker:
+    """Tells at which poses a footprint meets an obstacle of a map, or leaves the map.
+
+    The whole area counts, not the outline alone. Lethal are cells of `occupied_threshold` or
+    more; on a costmap (threshold 99) those of 100, since inscribed cells are no obstacles to a
+    polygon. Unknown cells are obstacles unless `allow_unknown`. Immutable.
+    """
+
+    def __init__(
+        self, costmap: Costmap, footprint: Footprint, *, allow_unknown: bool | None = None
+    ) -> None:
+        """Take a map with its rules, and the polygon. Prepares nothing.
+
+        `allow_unknown`, if given, replaces the costmap's.
+        """
+        self.grid_map, config = costmap.grid_map, costmap.config
+        self.footprint = footprint
+        points = footprint.array / self.grid_map.resolution
+        is_costmap = config.occupied_threshold == COSTMAP_THRESHOLD
+        threshold = LETHAL if is_costmap else config.occupied_threshold
+        allowed = config.allow_unknown if allow_unknown is None else allow_unknown
+        self._rules = self.grid_map.cells, threshold, not allowed, points
+
+    def to_grid(self, poses: ArrayLike) -> NDArray[np.float64]:
+        """Turn poses (x, y, yaw) [n, 3] in metres and radians into poses on the grid, in cells."""
+        world = np.asarray(poses, dtype=np.float64).reshape(-1, 3)
+        places = self.grid_map.world_to_grid(world[:, :2])
+        return np.column_stack([places, world[:, 2] - self.grid_map.origin.yaw])
+
+    def first_collision(self, poses: ArrayLike) -> int | None:
+        """Return the index of the first pose (x, y, yaw) [n, 3] that collides, or None.
+
+        Poses are in metres and radians, in the map's frame. One that is not finite collides.
+        """
+        return self.first_on_grid(self.to_grid(poses))
+
+    def collisions(self, poses: ArrayLike) -> NDArray[np.bool_]:
+        """Tell for each pose (x, y, yaw) [n, 3] in metres whether it collides: bool [n]."""
+        found: NDArray[np.bool_] = kernels.all_collisions(*self._rules, self.to_grid(poses))
+        return found
+
+    def first_on_grid(self, poses: NDArray[np.float64]) -> int | None:
+        """Return the index of the first pose [n, 3] in grid coordinates that collides, or None."""
+        index = kernels.first_collision(*self._rules, np.ascontiguousarray(poses))
+        return None if index < 0 else int(index)
