@@ -24,7 +24,7 @@ MIN_AREA = 1e-6
 COSTMAP_THRESHOLD, LETHAL = 99, 100
 # As Nav2 writes a footprint: [[x, y], ...], with commas or blanks between the numbers.
 TEXT = re.compile(r'\s*\[\s*(?:\[[-+.\deE,\s]*\][,\s]*)*\]\s*')
-POINT = re.compile(r'\[([^\[\]]+)\]')
+POINT = re.compile(r'\[([^\[\]]*)\]')
 
 
 class FootprintError(LlmAstarError, ValueError):
@@ -68,13 +68,13 @@ class Footprint:
         if not TEXT.fullmatch(text):
             raise FootprintError(f'footprint: {text!r} is not of the form [[x, y], [x, y], ...]')
         points = []
-        for pair in POINT.findall(text):
+        for pair in POINT.findall(text.strip()[1:-1]):
             try:
                 x, y = map(float, pair.replace(',', ' ').split())
             except ValueError:
                 raise FootprintError(f'footprint: [{pair}] is not a pair of numbers') from None
             points.append((x, y))
-        return cls(tuple(points)) if points or '[' in text.strip()[1:] else None
+        return cls(tuple(points)) if points else None
 
     @cached_property
     def array(self) -> NDArray[np.float64]:
