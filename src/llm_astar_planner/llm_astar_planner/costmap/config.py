@@ -8,6 +8,8 @@ from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
 
 # Metres; a robot is not larger.
 MAX_RADIUS = 10.0
+# The highest occupancy that Nav2 publishes for a cell which is neither inscribed (99) nor lethal.
+HIGHEST_COST = 98
 
 
 @dataclass(frozen=True)
@@ -16,6 +18,9 @@ class CostmapConfig:
 
     `cost_travel_multiplier` is Nav2's: a move of length d into a cell below
     the threshold costs d * (1 + multiplier * occupancy / 100) in `guided` and `exact_astar`.
+    An unknown cell has the occupancy `unknown_cost`. With `allow_unknown`, Nav2's planners take
+    it for about the most expensive passable one, of cost 252: NavFn::setCostmap as COST_OBS - 1,
+    Smac's Node2D::getTraversalCost as 255, ThetaStar::isSafe as OCCUPIED_COST - 1.
     Inflation is that of Nav2's InflationLayer; the formula is in `costmap.inflation`.
 
     With both radii 0 the map is used unchanged, which is right for a costmap: it is inflated
@@ -30,6 +35,12 @@ class CostmapConfig:
         between=(1, 100),
     )
     allow_unknown: bool = parameter(True, 'Whether paths may cross unknown cells')
+    unknown_cost: int = parameter(
+        HIGHEST_COST,
+        'What an unknown cell costs, as occupancy; by default as much as the most expensive known '
+        "one, as in Nav2's planners; 0 for nothing",
+        between=(0, HIGHEST_COST),
+    )
     corner_cutting: bool = parameter(
         False,
         'Whether diagonal moves may pass the corner of a blocked cell',

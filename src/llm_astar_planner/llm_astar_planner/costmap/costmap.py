@@ -75,7 +75,7 @@ class Costmap:
 
     @cached_property
     def cost(self) -> NDArray[np.int8]:
-        """Occupancy with inflation: int8 [height, width], 0 to 100, -1 unknown."""
+        """Occupancy with inflation: int8 [height, width], 0 to 100, -1 for `unknown_cost`."""
         return self._inflated[1]
 
     @cached_property
@@ -103,12 +103,15 @@ class Costmap:
             corner_cutting=self.config.corner_cutting,
             cost=self._graded_cost(),
             cost_multiplier=self.config.cost_travel_multiplier,
+            unknown_cost=self.config.unknown_cost,
         )
 
     def _graded_cost(self) -> NDArray[np.int8] | None:
         """Return `cost` if it matters to any path, else None."""
-        matters = self.config.cost_travel_multiplier > 0
-        return self.cost if matters and kernels.has_graded(self.cost, self.blocked) else None
+        if self.config.cost_travel_multiplier == 0:
+            return None
+        is_graded = kernels.has_graded(self.cost, self.blocked, self.config.unknown_cost)
+        return self.cost if is_graded else None
 
     def _take_over(self, previous: Costmap) -> None:
         """Take over the layers that the previous costmap has computed, updated in windows."""

@@ -3,9 +3,8 @@
 As in Nav2's InflationLayer, with d the distance in metres from a cell's centre to that of the
 nearest lethal cell, one of `occupied_threshold` or more: a cell with d up to `robot_radius`
 (included, Nav2's inscribed cells) is blocked; from there up to `inflation_radius` it costs
-98 * exp(-cost_scaling_factor * (d - robot_radius)), or its own occupancy if that is higher. 98 is
-the highest cost that Nav2 publishes for a cell which is neither inscribed (99) nor lethal (100).
-Unknown cells and the map's edge do not inflate.
+98 * exp(-cost_scaling_factor * (d - robot_radius)), or its own occupancy if that is higher;
+`unknown_cost` if it is unknown. Unknown cells and the map's edge do not inflate.
 """
 
 from __future__ import annotations
@@ -17,10 +16,9 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap._kernels import inflation as kernels
-from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.config import HIGHEST_COST, CostmapConfig
 from llm_astar_planner.search.grid_graph import whole
 
-HIGHEST_COST = 98
 # So that a distance of exactly the radius is within it, whatever radius / resolution rounds to.
 ROUNDING = 1e-6
 
@@ -30,8 +28,9 @@ def inflate(
 ) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
     """Return which cells the robot's centre must not be in, and what the cells cost.
 
-    The first is bool [height, width]; the second int8 [height, width], 0 to 100 and -1 where
-    unknown, as in an occupancy grid. Without a radius these are the map's own. O(cells).
+    The first is bool [height, width]; the second int8 [height, width], 0 to 100 as in an occupancy
+    grid, and -1 for what an unknown cell costs: unknown, and not inflated above `unknown_cost`.
+    Without a radius these are the map's own. O(cells).
     """
     if not config.has_radius:
         blocked = grid_map.blocked(config.occupied_threshold, allow_unknown=config.allow_unknown)
@@ -73,8 +72,8 @@ def inflate_windows(
     across = grid_map.width**2 + grid_map.height**2
     inscribed = min(squared_cells(config.robot_radius, grid_map.resolution), across)
     kernels.inflate(
-        grid_map.cells, config.occupied_threshold, config.allow_unknown, inscribed,
-        costs_by_distance(config, grid_map), inflation_reach(grid_map, config), windows,
+        grid_map.cells, config.occupied_threshold, config.allow_unknown, config.unknown_cost,
+        inscribed, costs_by_distance(config, grid_map), inflation_reach(grid_map, config), windows,
         blocked, cost,
     )  # fmt: skip
 

@@ -90,7 +90,7 @@ class GridGraph:
 
     `blocked` is bool [height, width]. A diagonal move needs both adjacent cardinal cells free
     unless `corner_cutting`. `cost`, if given, is [height, width], 0 (none) to 100 as in an
-    occupancy grid; values below 0 count as 0. A move of length d costs
+    occupancy grid; values below 0, unknown, count as `unknown_cost`. A move of length d costs
     d * (1 + cost_multiplier * c), where c is the mean of cost / 100 at its two ends. Nav2's
     SmacPlanner2D takes the cost of the entered cell alone; with the mean a path costs the same
     in both directions. Raises ValueError on a wrong shape or multiplier.
@@ -103,6 +103,7 @@ class GridGraph:
         corner_cutting: bool = False,
         cost: ArrayLike | None = None,
         cost_multiplier: float = COST_MULTIPLIER,
+        unknown_cost: int = 0,
     ) -> None:
         """Prepare the moves of every cell: O(cells), once per map."""
         grid = np.ascontiguousarray(blocked, dtype=np.bool_)
@@ -114,8 +115,9 @@ class GridGraph:
         # The surcharge of each cell, uint16 [cells], in 1/256; empty without graded costs.
         self.cell_surcharge: NDArray[np.uint16] = np.zeros(0, dtype=np.uint16)
         self.cost_multiplier = cost_multiplier
+        self.unknown_cost = unknown_cost
         if cost is not None:
-            self.cell_surcharge = cell_surcharges(cost, grid.shape, cost_multiplier)
+            self.cell_surcharge = cell_surcharges(cost, grid.shape, cost_multiplier, unknown_cost)
         self.straight, self.diagonal = FINE_UNITS
         self.moves = np.empty(grid.size, dtype=np.uint8)
         move_kernels.build_moves(grid, corner_cutting, whole(grid.shape), self.moves)
@@ -140,10 +142,12 @@ class GridGraph:
         if cost is None:
             grid.cell_surcharge = np.zeros(0, dtype=np.uint16)
         elif self.cell_surcharge.size == 0:
-            grid.cell_surcharge = cell_surcharges(cost, blocked.shape, self.cost_multiplier)
+            grid.cell_surcharge = cell_surcharges(
+                cost, blocked.shape, self.cost_multiplier, self.unknown_cost
+            )
         else:
             grid.cell_surcharge = self.cell_surcharge.copy()
-            table = surcharge_table(self.cost_multiplier)
+            table = surcharge_table(self.cost_multiplier, self.unknown_cost)
             move_kernels.fill_surcharges(cost, table, windows, grid.cell_surcharge)
         grid.ring = grid._ring()
         if grid.ring != self.ring:
@@ -239,11 +243,12 @@ def path_units(grid: GridGraph, path: NDArray[np.int32]) -> int:
 
 
 def cell_surcharges(
-    cost: ArrayLike, shape: tuple[int, ...], cost_multiplier: float
+    cost: ArrayLike, shape: tuple[int, ...], cost_multiplier: float, unknown_cost: int
 ) -> NDArray[np.uint16]:
     """Turn costs 0 to 100 into surcharges, uint16 [cells], in 1/256 of the length of a move.
 
-    Raises ValueError for costs of another `shape` than the grid's or a multiplier out of range.
+    Costs below 0 count as `unknown_cost`. Raises ValueError for costs of another `shape` than the
+    grid's or a multiplier out of range.
     """
     values = np.asarray(cost)
     if values.shape != shape:
@@ -252,24 +257,28 @@ def cell_surcharges(
         raise ValueError(f'cost_multiplier: {cost_multiplier} is not in 0 to 255')
 
     if values.dtype != np.int8:
-        return surcharges_of(values, cost_multiplier).reshape(-1)
+        return surcharges_of(values, cost_multiplier, unknown_cost).reshape(-1)
     surcharges = np.empty(values.size, dtype=np.uint16)
-    table = surcharge_table(cost_multiplier)
+    table = surcharge_table(cost_multiplier, unknown_cost)
     move_kernels.fill_surcharges(values, table, whole(shape), surcharges)
     return surcharges
 
 
-def surcharge_table(cost_multiplier: float) -> NDArray[np.uint16]:
+def surcharge_table(cost_multiplier: float, unknown_cost: int) -> NDArray[np.uint16]:
     """Return the surcharge of each occupancy, uint16 [256], by its byte.
 
     Occupancy has only 256 values: a table of them saves several float arrays on large maps.
     """
-    return surcharges_of(np.arange(256, dtype=np.uint8).view(np.int8), cost_multiplier)
+    occupancies = np.arange(256, dtype=np.uint8).view(np.int8)
+    return surcharges_of(occupancies, cost_multiplier, unknown_cost)
 
 
-def surcharges_of(costs: NDArray[Any], cost_multiplier: float) -> NDArray[np.uint16]:
+def surcharges_of(
+    costs: NDArray[Any], cost_multiplier: float, unknown_cost: int
+) -> NDArray[np.uint16]:
     """Turn costs 0 to 100 into surcharges, of the same shape, in 1/256 of a move's length."""
-    shares = np.clip(np.nan_to_num(costs.astype(np.float64)), 0.0, 100.0) / 100.0
+    known = np.where(costs < 0, unknown_cost, np.nan_to_num(costs.astype(np.float64)))
+    shares = np.clip(known, 0.0, 100.0) / 100.0
     return np.rint(shares * cost_multiplier * SURCHARGE_ONE).astype(np.uint16)
 
 

@@ -23,6 +23,8 @@ RULES = [
     CostmapConfig(inflation_radius=0.04, corner_cutting=True),
     CostmapConfig(occupied_threshold=99, allow_unknown=False),
     CostmapConfig(inflation_radius=1.5, cost_travel_multiplier=0.0),
+    CostmapConfig(unknown_cost=0),
+    CostmapConfig(inflation_radius=0.3, unknown_cost=40),
 ]
 VALUES = np.array([-1, 0, 0, 0, 40, 64, 65, 99, 100], dtype=np.int8)
 

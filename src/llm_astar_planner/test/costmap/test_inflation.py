@@ -39,8 +39,9 @@ def by_definition(grid_map, rules):
         if metres <= rules.inflation_radius + 1e-9:
             beyond = max(metres - rules.robot_radius, 0.0)
             graded = 98 * math.exp(-rules.cost_scaling_factor * beyond)
-            if round(graded) > 0:
-                cost[place] = max(cost[place], round(graded))
+            least = cells[place] if cells[place] >= 0 else rules.unknown_cost
+            if round(graded) > least:
+                cost[place] = round(graded)
     return blocked, cost
 
 
@@ -57,6 +58,7 @@ def bodies(draw):
         robot_radius=draw(st.sampled_from([0.0, 0.05, 0.1, 0.17, 0.3])),
         inflation_radius=draw(st.sampled_from([0.0, 0.1, 0.25, 0.4])),
         cost_scaling_factor=draw(st.sampled_from([0.0, 3.0, 10.0])),
+        unknown_cost=draw(st.sampled_from([0, 40, 98])),
     )
     return GridMap(cells.astype(np.int8), draw(st.sampled_from([0.05, 0.1]))), rules
 
@@ -84,6 +86,7 @@ def test_large_maps_are_inflated_as_by_scipys_distance_transform(seed):
         inflation_radius=inflation,
         cost_scaling_factor=0.5,
         allow_unknown=False,
+        unknown_cost=0,
     )
     blocked, cost = inflate(GridMap(cells, 0.05), rules)
     expected_blocked, expected_cost = cells < 0, cells
@@ -147,7 +150,7 @@ def test_a_costmaps_bands_block_from_99_and_grade_below():
     np.testing.assert_array_equal(planner.costmap.blocked, cells == 99)
     surcharge = planner.costmap.grid_graph.cell_surcharge.reshape(cells.shape) / 256.0
     assert surcharge[2, 18] == pytest.approx(2.0 * 0.98, abs=0.01)
-    assert surcharge[1, 20] == 0.0  # unknown cells cost nothing
+    assert surcharge[1, 20] == surcharge[2, 18]  # unknown cells cost as much
     plan = planner.plan(PlanRequest((2, 2), (37, 2), 'exact_astar'))
     passed = cells[plan.path[:, 1], plan.path[:, 0]]
     assert passed.max() == 0  # round the graded cells, which it may cross

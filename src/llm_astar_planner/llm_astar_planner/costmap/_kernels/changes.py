@@ -85,13 +85,14 @@ def changed_windows(
 
 
 @_jit
-def has_graded(cost: NDArray[np.int8], blocked: NDArray[np.bool_]) -> bool:
-    """Tell whether any free cell costs something; both are [height, width]."""
+def has_graded(cost: NDArray[np.int8], blocked: NDArray[np.bool_], unknown_cost: int) -> bool:
+    """Tell whether any free cell costs something; `cost` and `blocked` are [height, width]."""
+    unknown = 0 if unknown_cost > 0 else -128  # cells below it cost something
     for y in range(len(cost)):
         values, walls = cost[y], blocked[y]
         graded = False
         for x in range(values.size):
-            graded |= (values[x] > 0) & (not walls[x])
+            graded |= ((values[x] > 0) | (values[x] < unknown)) & (not walls[x])
         if graded:
             return True
     return False

@@ -19,6 +19,7 @@ def inflate(
     cells: NDArray[np.int8],
     threshold: int,
     allow_unknown: bool,
+    unknown_cost: int,
     inscribed: int,
     costs: NDArray[np.int8],
     reach: int,
@@ -30,8 +31,9 @@ def inflate(
 
     Cells whose squared distance to a lethal one is at most `inscribed` are blocked; `costs` are
     by squared distance, the last one for all beyond. `reach` is the greatest distance, in cells,
-    that matters. Exact Euclidean distances, axis by axis (Meijster, Roerdink and Hesselink,
-    "A general algorithm for computing distance transforms in linear time", 2000), truncated.
+    that matters. Unknown cells stay -1 where their inflation costs no more than `unknown_cost`.
+    Exact Euclidean distances, axis by axis (Meijster, Roerdink and Hesselink, "A general algorithm
+    for computing distance transforms in linear time", 2000), truncated.
     """
     height, width = cells.shape
     farthest = max(costs.size - 2, inscribed)
@@ -92,5 +94,6 @@ def inflate(
                     distance = nearest[x]
                     if distance <= farthest:
                         walls[x] |= distance <= inscribed
-                        if distance < costs.size and costs[distance] > max(values[x], 0):
+                        least_cost = values[x] if values[x] >= 0 else unknown_cost
+                        if distance < costs.size and costs[distance] > least_cost:
                             values[x] = costs[distance]
