@@ -284,6 +284,49 @@ def test_goals_of_both_actions_and_of_later_distributions_are_read():
     assert plan_goal(SimpleNamespace(goal=poses[0], **common | {'use_start': False})).start is None
 
 
+def test_viapoints_of_later_distributions_are_read():
+    common = {'goal': pose(1.0, 1.0), 'start': pose(3.0, 3.0), 'use_start': True, 'planner_id': ''}
+    assert plan_goal(SimpleNamespace(**common)).viapoints == ()
+    newer = SimpleNamespace(**common, viapoints=[pose(4.0, 1.0), pose(2.0, 1.0, frame='odom')])
+    goal = plan_goal(newer)
+    assert goal.viapoints == tuple(newer.viapoints)
+    frames = Buffer(odom=(1.0, 0.0, 0.0))
+    request = to_request(converter(frames, source=object()), goal)
+    assert (request.goal, request.viapoints, request.via) == ((2, 2), ((8, 2), (6, 2)), ())
+
+
+@pytest.mark.parametrize(
+    ('viapoints', 'code', 'words'),
+    [
+        ((pose(1.0, 1.0), pose(math.nan, 1.0)), 'UNKNOWN', 'via point 2'),
+        ((pose(1.0, 1.0, frame='odom'),), 'TF_ERROR', 'via point 1'),
+        ((pose(1.0, 1.0),) * 1025, 'INVALID_PLANNER', 'viapoints: 1025, over the 1024'),
+    ],
+)
+def test_viapoints_that_cannot_be_used_are_refused(viapoints, code, words):
+    goal = PlanGoal((pose(1.0, 1.0),), pose(2.0, 2.0), viapoints=viapoints)
+    found, message = refusal(converter(), goal)
+    assert found == code
+    assert words in message
+
+
+class NewerThroughPoses(ThroughPoses):
+    """A result of after Kilted."""
+
+    ALL_GOALS = -1
+
+    def __init__(self):
+        super().__init__()
+        self.last_reached_index = 7
+
+
+def test_newer_results_say_that_all_goals_were_reached():
+    for code in (ResultCode.NONE, ResultCode.UNKNOWN):
+        result = fill_result(NewerThroughPoses(), response(code))
+        assert result.last_reached_index == -1
+    assert not hasattr(fill_result(ThroughPoses(), response(code)), 'last_reached_index')
+
+
 def validity(path, planner, buffer=None, **fields):
     service = PathValidityService(Frames(buffer), lambda: 'base_link')
     answer = service.fill(SimpleNamespace(path=path, **fields), SimpleNamespace(), planner)

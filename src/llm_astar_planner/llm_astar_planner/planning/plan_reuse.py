@@ -145,6 +145,8 @@ class CachedWaypointSource:
         Results that started (monotonic seconds) before the cache was cleared are discarded.
         """
         good = plan.code is ResultCode.NONE and plan.source_status is SourceStatus.OK
+        if plan.source != self.name:
+            return  # the request's own via points
         accepted = all(point.status is WaypointStatus.ACCEPTED for point in plan.checked_waypoints)
         if not (good and plan.checked_waypoints and accepted):
             return

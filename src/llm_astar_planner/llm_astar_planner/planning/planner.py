@@ -34,6 +34,7 @@ from llm_astar_planner.planning.types import (
     ResultCode,
     check_request,
 )
+from llm_astar_planner.planning.viapoints import ViapointSource
 from llm_astar_planner.planning.waypoint_filter import mark_out_of_order
 from llm_astar_planner.search.any_angle import AnyAnglePath, string_pull
 from llm_astar_planner.search.astar import PathTooLongError
@@ -115,6 +116,9 @@ class Planner:
         yields the answer alone. Otherwise as `plan`.
         """
         stop = no_stop() if stop is None else stop
+        if request.viapoints:
+            source = ViapointSource(request.viapoints, request.tolerance)
+            request = replace(request, source=source)
         if request.instruction is not None:
             return iter([plan_with_instruction(self, request, request.instruction, stop)])
         return self.direct_plans(request, stop, anytime=anytime)

@@ -27,6 +27,8 @@ from llm_astar_planner.waypoints.source import (
 )
 
 MAX_VIA = 64
+# Via points that may guide a search; it follows at most 256 of them, taken evenly.
+MAX_VIAPOINTS = 1024
 # The fields of a request that have the names and limits of parameters. A request says None where
 # a parameter says 0.
 CHECKED = ('method', 'heuristic', 'max_suboptimality', 'weight', 'tolerance', 'start_tolerance')
@@ -78,10 +80,13 @@ class PlanRequest:
       reachable cell within `tolerance`, a blocked start by the nearest free cell within
       `start_tolerance`.
     - `via`: cells that the path must pass, in order.
+    - `viapoints`: cells that guide the search as a source's waypoints do, instead of `source`: a
+      reference route that the path need not pass. One that cannot be reached is replaced by the
+      nearest cell within `tolerance` that can, or dropped. Ignored where there is `via`.
     - `instruction`: what was understood of an instruction; the path keeps to it as far as
       possible, and the plan says clause by clause how far. Not together with `via`.
 
-    Raises ValueError if start, goal or a via point is not a pair of whole numbers.
+    Raises ValueError if start, goal or any via point is not a pair of whole numbers.
     """
 
     start: Cell
@@ -101,6 +106,7 @@ class PlanRequest:
     start_tolerance: float = 0.0
     via: tuple[Cell, ...] = ()
     instruction: RouteInstruction | None = None
+    viapoints: tuple[Cell, ...] = ()
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""
@@ -108,6 +114,9 @@ class PlanRequest:
         object.__setattr__(self, 'goal', as_cell('goal', self.goal))
         if self.via:
             object.__setattr__(self, 'via', tuple(as_cell('via', cell) for cell in self.via))
+        if self.viapoints:
+            viapoints = tuple(as_cell('viapoints', cell) for cell in self.viapoints)
+            object.__setattr__(self, 'viapoints', viapoints)
 
 
 def as_cell(name: str, cell: Sequence[SupportsIndex]) -> Cell:
@@ -133,6 +142,8 @@ def check_request(request: PlanRequest) -> None:
             problem = f'{name}: not a number of seconds'
     if len(request.via) > MAX_VIA:
         problem = f'via: {len(request.via)} via points, over the {MAX_VIA} allowed'
+    if len(request.viapoints) > MAX_VIAPOINTS:
+        problem = f'viapoints: {len(request.viapoints)}, over the {MAX_VIAPOINTS} allowed'
     if problem:
         raise PlanningFailure(ResultCode.INVALID_PLANNER, problem)
 

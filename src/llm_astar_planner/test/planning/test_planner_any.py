@@ -47,6 +47,7 @@ def rules(draw, radii=(0.0, 0.05, 0.3, 10.0)):
         robot_radius=draw(st.sampled_from(radii)),
         inflation_radius=draw(st.sampled_from([0.0, 0.2, 3.0])),
         cost_scaling_factor=draw(st.sampled_from([0.0, 3.0, 1000.0])),
+        unknown_cost=draw(st.sampled_from([0, 98])),
     )
 
 
@@ -70,6 +71,7 @@ requests = st.builds(
     tolerance=any_number,
     start_tolerance=any_number,
     via=st.lists(near, max_size=3).map(tuple) | st.lists(far, max_size=1).map(tuple),
+    viapoints=st.just(()) | st.lists(near | far, max_size=3).map(tuple),
 )
 # Requests that a path may well answer: cells on or near the map, sound numbers.
 sound = st.builds(

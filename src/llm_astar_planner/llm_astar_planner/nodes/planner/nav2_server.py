@@ -62,18 +62,23 @@ class GoalAnswerer(Protocol):
 
 
 def plan_goal(goal: Any) -> PlanGoal:  # noqa: ANN401 - a goal of either action
-    """Convert an action's goal: `goal`, or `goals`, which since Kilted is a nav_msgs/Goals."""
+    """Convert an action's goal: `goal`, or `goals`, which since Kilted is a nav_msgs/Goals.
+
+    `viapoints` came to ComputePathToPose after Kilted.
+    """
     goals = getattr(goal, 'goals', None)
     poses = [goal.goal] if goals is None else getattr(goals, 'goals', goals)
     start = goal.start if goal.use_start else None
-    return PlanGoal(tuple(poses), start, planner_id=goal.planner_id)
+    viapoints = tuple(getattr(goal, 'viapoints', ()))
+    return PlanGoal(tuple(poses), start, planner_id=goal.planner_id, viapoints=viapoints)
 
 
 def fill_result(result: Any, response: PlanResponse) -> Any:  # noqa: ANN401 - of either action
     """Write a response into an action's result, in the action's own numbers.
 
     The two actions count from 200 and from 300, and the second has a code for an empty list of
-    poses. `error_msg` was added in the course of Jazzy.
+    poses. `error_msg` was added in the course of Jazzy, and after Kilted `last_reached_index`: a
+    path goes through all poses, and without one the index is unset, which is the same number.
     """
     plan = response.plan
     name = plan.code.name if response.goal.goals else 'NO_VIAPOINTS_GIVEN'
@@ -83,6 +88,8 @@ def fill_result(result: Any, response: PlanResponse) -> Any:  # noqa: ANN401 - o
     result.error_code = int(getattr(type(result), name))
     if hasattr(result, 'error_msg'):
         result.error_msg = '' if plan.code is ResultCode.NONE else plan.message
+    if hasattr(result, 'last_reached_index'):
+        result.last_reached_index = int(type(result).ALL_GOALS)
     return result
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -13,7 +13,12 @@ from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
 from llm_astar_planner.planning.parameters import request_fields
-from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
+from llm_astar_planner.planning.types import (
+    MAX_VIAPOINTS,
+    PlanningFailure,
+    PlanRequest,
+    ResultCode,
+)
 from llm_astar_planner.search.paper import METHODS
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.source import WaypointSource
@@ -27,7 +32,8 @@ class PlanGoal:
     """What a caller wants: a path from `start`, or from the robot's pose, through `goals`.
 
     `tolerance` in metres replaces the parameter if it is above 0. `planner_id` may name a method.
-    `fallback_start` is used if the robot's pose is not known.
+    `fallback_start` is used if the robot's pose is not known. `viapoints` guide the search; the
+    path need not pass them.
     """
 
     goals: tuple[PoseStamped, ...]
@@ -35,6 +41,7 @@ class PlanGoal:
     tolerance: float = 0.0
     planner_id: str = ''
     fallback_start: PoseStamped | None = None
+    viapoints: tuple[PoseStamped, ...] = ()
 
 
 class RequestError(PlanningFailure):
@@ -42,11 +49,12 @@ class RequestError(PlanningFailure):
 
 
 class GoalPoses(NamedTuple):
-    """The poses of a goal in the map's frame, and the cells of its goals."""
+    """The poses of a goal in the map's frame, and the cells of its goals and of its viapoints."""
 
     start: Pose2D
     goals: tuple[Pose2D, ...]
     goal_cells: tuple[Cell, ...]
+    viapoints: tuple[Cell, ...] = ()
 
 
 class RequestConverter:
@@ -77,6 +85,7 @@ class RequestConverter:
         if not goal.goals:
             raise RequestError(ResultCode.UNKNOWN, 'no goal is given')
         goals, cells = [], []
+        viapoints: tuple[Cell, ...] = ()
         try:
             start = self.start_pose(goal, frame_id, may_wait)
             for pose in goal.goals:
@@ -85,11 +94,29 @@ class RequestConverter:
                 else:
                     goals.append(self._frames.locate(pose, frame_id, 'goal', may_wait))
                 cells.append(grid_map.world_to_cell(goals[-1].x, goals[-1].y))
+            if goal.viapoints:
+                viapoints = self.viapoint_cells(goal.viapoints, grid_map, may_wait)
         except FrameError as error:
             raise RequestError(ResultCode.TF_ERROR, str(error)) from None
         except GridMapError as error:
             raise RequestError(ResultCode.UNKNOWN, str(error)) from None
-        return GoalPoses(start, tuple(goals), tuple(cells))
+        return GoalPoses(start, tuple(goals), tuple(cells), viapoints)
+
+    def viapoint_cells(
+        self, poses: Sequence[PoseStamped], grid_map: GridMap, may_wait: MayWait
+    ) -> tuple[Cell, ...]:
+        """Return the cells of via points that guide the search.
+
+        Raises RequestError for too many of them, FrameError and GridMapError as `Frames.locate`.
+        """
+        if len(poses) > MAX_VIAPOINTS:
+            message = f'viapoints: {len(poses)}, over the {MAX_VIAPOINTS} allowed'
+            raise RequestError(ResultCode.INVALID_PLANNER, message)
+        places = [
+            self._frames.locate(pose, grid_map.frame_id, f'via point {number}', may_wait)
+            for number, pose in enumerate(poses, start=1)
+        ]
+        return tuple(grid_map.world_to_cell(place.x, place.y) for place in places)
 
     def start_pose(self, goal: PlanGoal, frame_id: str, may_wait: MayWait) -> Pose2D:
         """Return the goal's start, else the robot's pose, else its fallback start."""
@@ -128,5 +155,7 @@ class RequestConverter:
         # A NaN is for the planner to refuse.
         if not goal.tolerance <= 0.0:
             fields['tolerance'] = goal.tolerance
+        if poses.viapoints:
+            fields['viapoints'] = poses.viapoints
         start = grid_map.world_to_cell(poses.start.x, poses.start.y)
         return PlanRequest(start, cells[-1], via=cells[:-1], **fields)
