@@ -12,7 +12,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 
 from llm_astar_planner.parameter import Parameter, Scalar
-from llm_astar_planner.planning.parameters import DEPRECATED, NODES, SET_BY_PLANNER
+from llm_astar_planner.planning.parameters import NODES, OTHERS, SET_BY_PLANNER
 
 
 def markdown() -> str:
@@ -49,10 +49,17 @@ def markdown_section(node: str) -> str:
     if node == 'llm_client_node':
         names = ', '.join(f'`{name}`' for name in SET_BY_PLANNER)
         lines += ['', f'Before it asks, `planner_node` also sets its own values of {names}.']
-    old = DEPRECATED.get(node, ())
+    others = OTHERS.get(node, ())
+    same = [
+        f"Nav2's name of `{item.replacement}`, `{item.name}`, is accepted too."
+        for item in others
+        if not item.advice
+    ]
+    if same:
+        lines += ['', *same]
+    old = [f'- `{item.name}`, which {item.advice}.' for item in others if item.advice]
     if old:
-        lines += ['', 'Accepted for one more release, with a warning:', '']
-        lines += [f'- `{item.name}`, which {item.advice}.' for item in old]
+        lines += ['', 'Accepted for one more release, with a warning:', '', *old]
     return '\n'.join(lines)
 
 

@@ -20,6 +20,7 @@ ROS = {
     'lifecycle_msgs',
     'map_msgs',
     'nav2_msgs',
+    'bond',
     'tf2_ros',
 }
 # What each room of the planner may import, besides itself, of the planner's other rooms.

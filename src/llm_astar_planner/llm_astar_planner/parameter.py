@@ -92,23 +92,24 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class DeprecatedParameter:
-    """A parameter of the previous version that is still accepted, with a warning.
+class OtherParameter:
+    """A parameter of Nav2's or, deprecated, of the previous version that is accepted as well.
 
-    `advice` completes the sentence "NAME ...". Its value becomes that of `replacement` through
-    `convert`; without a replacement it has no effect.
+    Its value becomes that of `replacement` through `convert`, unless that one is given too;
+    without a replacement it has no effect. `advice` completes the sentence "NAME ..." of a
+    deprecated one, '' for one that stays.
     """
 
     name: str
     default: Scalar
-    advice: str
+    advice: str = ''
     replacement: str = ''
     convert: Callable[[Any], Scalar] = lambda value: value
 
     @property
-    def warning(self) -> str:
-        """The sentence for the user."""
-        return f'parameter {self.name} is deprecated: it {self.advice}'
+    def warnings(self) -> list[str]:
+        """The sentence for the user of a deprecated one."""
+        return [f'parameter {self.name} is deprecated: it {self.advice}'] if self.advice else []
 
     def translate(self, value: Any) -> dict[str, Scalar]:  # noqa: ANN401 - values come from files
         """Return the parameter and the value that replace this one; empty for none."""

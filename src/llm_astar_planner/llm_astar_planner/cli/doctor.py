@@ -54,6 +54,7 @@ ROS = {
 OPTIONAL_ROS = {
     'launch_ros': ('ros2 launch', 'ros-jazzy-launch-ros'),
     'nav2_msgs.action': ("Nav2's actions", 'ros-jazzy-nav2-msgs'),
+    'bond.msg': ("Nav2's lifecycle manager", 'ros-jazzy-bond'),
     'tf2_ros': ('poses of other frames', 'ros-jazzy-tf2-ros-py'),
     'map_msgs.msg': ('map_updates', 'ros-jazzy-map-msgs'),
     'ros2cli': ('ros2 run', 'ros-jazzy-ros2cli'),

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from llm_astar_planner.parameter import ParameterError, Scalar
-from llm_astar_planner.planning.parameters import DEPRECATED, NODES, check_names
+from llm_astar_planner.planning.parameters import NODES, OTHERS, check_names
 
 WILDCARDS = ('*', '**')
 
@@ -90,15 +90,15 @@ def check_sections(
 def _collect(
     found: ParameterFile, node: str, sections: Sequence[tuple[str, Mapping[str, Any]]]
 ) -> None:
-    """Put what sections set of a node into `found`; deprecated names give way to present ones."""
+    """Put what sections set of a node into `found`; the names of OTHERS give way."""
     given: dict[str, Any] = {}
     for name, parameters in sections:
         if name in (node, *WILDCARDS):
             given.update(parameters)
-    for old in DEPRECATED.get(node, ()):
-        if old.name in given:
-            found.warnings.append(old.warning)
-            given = old.translate(given[old.name]) | given
+    for other in OTHERS.get(node, ()):
+        if other.name in given:
+            found.warnings += other.warnings
+            given = other.translate(given[other.name]) | given
     found.values[node] |= {
         item.name: item.read(given[item.name]) for item in NODES[node] if item.name in given
     }

@@ -19,7 +19,7 @@ from llm_astar_planner.instructions.interpretation import (
     clean_instruction,
 )
 from llm_astar_planner.parameter import (
-    DeprecatedParameter,
+    OtherParameter,
     Parameter,
     ParameterError,
     nearest_name,
@@ -167,6 +167,15 @@ NODE = (
         node_only=True,
     ),
     Parameter(
+        'bond_heartbeat_period',
+        0.1,
+        'Time between the heartbeats to a lifecycle manager (bond) while active; 0 or less: none',
+        unit='s',
+        between=(-1.0, 3600.0),
+        read_only=True,
+        node_only=True,
+    ),
+    Parameter(
         'introspection_mode',
         'contents',
         'What `~/get_plan/_service_event` publishes of each request and response; recordings '
@@ -221,12 +230,12 @@ NODES: dict[str, tuple[Parameter, ...]] = {
     'llm_client_node': CLIENT,
     'planner_node': PLANNER,
 }
-DEPRECATED: dict[str, tuple[DeprecatedParameter, ...]] = {
+# The other names that a parameter is accepted by: Nav2's, and deprecated ones.
+OTHERS: dict[str, tuple[OtherParameter, ...]] = {
     'planner_node': (
-        DeprecatedParameter(
-            'remember_plans', 64, 'has no effect any more, since plans are not kept'
-        ),
-        DeprecatedParameter(
+        OtherParameter('autostart_node', default=True, replacement='autostart'),
+        OtherParameter('remember_plans', 64, 'has no effect any more, since plans are not kept'),
+        OtherParameter(
             'lifecycle',
             False,
             'became autostart: set autostart to false instead of lifecycle to true',
@@ -252,9 +261,9 @@ def defaults(parameters: Iterable[Parameter], *, cli: bool = False) -> dict[str,
 
 
 def known_names(node: str) -> set[str]:
-    """Return the names of a node's parameters, the deprecated ones included."""
+    """Return the names of a node's parameters, those of OTHERS included."""
     own = {item.name for item in NODES[node]}
-    return own | {old.name for old in DEPRECATED.get(node, ())}
+    return own | {old.name for old in OTHERS.get(node, ())}
 
 
 def check_names(

@@ -9,8 +9,8 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import (
-    DEPRECATED,
     NODES,
+    OTHERS,
     costmap_config,
     defaults,
     request_fields,
@@ -41,12 +41,12 @@ def test_every_default_is_in_its_range_and_every_other_default_has_its_reason(no
         assert item.problem(item.cli_default) is None
 
 
-def test_names_are_unique_and_deprecated_ones_lead_to_present_ones():
+def test_names_are_unique_and_the_other_names_lead_to_present_ones():
     for node, table in NODES.items():
         names = [item.name for item in table]
-        old = DEPRECATED.get(node, ())
-        assert len({*names, *(item.name for item in old)}) == len(names) + len(old)
-        assert {item.replacement for item in old} - {''} <= set(names)
+        others = OTHERS.get(node, ())
+        assert len({*names, *(item.name for item in others)}) == len(names) + len(others)
+        assert {item.replacement for item in others} - {''} <= set(names)
 
 
 def test_the_sources_of_the_table_are_those_that_can_be_made():
@@ -206,4 +206,14 @@ def test_a_deprecated_name_is_translated_with_a_warning_and_gives_way_to_the_pre
         'parameter lifecycle is deprecated',
     ]
     path.write_text('planner_node: {ros__parameters: {lifecycle: true, autostart: true}}')
+    assert read_parameter_files([path]).values['planner_node'] == {'autostart': True}
+
+
+def test_a_name_of_nav2s_is_accepted_without_a_warning_and_gives_way_to_ours(tmp_path):
+    path = tmp_path / 'nav2.yaml'
+    path.write_text('planner_node: {ros__parameters: {autostart_node: false}}')
+    found = read_parameter_files([path])
+    assert found.values['planner_node'] == {'autostart': False}
+    assert found.warnings == []
+    path.write_text('planner_node: {ros__parameters: {autostart_node: false, autostart: true}}')
     assert read_parameter_files([path]).values['planner_node'] == {'autostart': True}

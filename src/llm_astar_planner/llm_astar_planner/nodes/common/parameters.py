@@ -17,7 +17,7 @@ from rclpy.node import Node
 
 from llm_astar_planner.parameter import Parameter, ParameterError
 from llm_astar_planner.planning.parameter_file import WILDCARDS, check_sections, read_sections
-from llm_astar_planner.planning.parameters import DEPRECATED, NODES, check_names
+from llm_astar_planner.planning.parameters import NODES, OTHERS, check_names
 
 # Given the values a change would lead to, returns what is wrong with them, None for nothing.
 Check = Callable[[dict[str, Any]], str | None]
@@ -48,13 +48,13 @@ class Parameters:
     """The declared parameters of a node, as plain values; `current` is a snapshot of all."""
 
     def __init__(self, node: Node, table: str, check: Check | None = None) -> None:
-        """Declare the parameters that NODES lists under `table`, and its deprecated ones.
+        """Declare the parameters that NODES lists under `table`, and those of OTHERS.
 
         Raises ParameterError for an unknown name or an impossible value given at start.
         """
         self._node = node
         self._table = {parameter.name: parameter for parameter in NODES[table]}
-        self._deprecated = {old.name: old for old in DEPRECATED.get(table, ())}
+        self._others = {other.name: other for other in OTHERS.get(table, ())}
         self._check = check
         # rclpy shows overrides that nobody declares in no other way.
         given = {name: override.value for name, override in node._parameter_overrides.items()}
@@ -78,7 +78,7 @@ class Parameters:
         return self._node.get_parameter(name).value
 
     def values(self) -> dict[str, Any]:
-        """Return every parameter's current value by name, without the deprecated ones."""
+        """Return every parameter's current value by name, without those of OTHERS."""
         return {name: self[name] for name in self._table}
 
     def _on_changed(self, _: list[Any]) -> None:
@@ -87,14 +87,19 @@ class Parameters:
 
     def _declare(self, given: dict[str, Any]) -> None:
         defaults = {name: parameter.default for name, parameter in self._table.items()}
-        for name, old in self._deprecated.items():
-            descriptor = ParameterDescriptor(description=f'Deprecated: {old.advice}')
-            self._node.declare_parameter(name, old.default, descriptor)
+        for name, other in self._others.items():
+            what = f'Deprecated: {other.advice}' if other.advice else f'See {other.replacement}'
+            descriptor = ParameterDescriptor(description=what)
+            self._node.declare_parameter(name, other.default, descriptor)
             if name in given:
-                self._node.get_logger().warning(old.warning)
-                defaults |= old.translate(given[name])
+                self._warn(name)
+                defaults |= other.translate(given[name])
         for name, parameter in self._table.items():
             self._node.declare_parameter(name, defaults[name], descriptor_of(parameter))
+
+    def _warn(self, name: str) -> None:
+        for warning in self._others[name].warnings:
+            self._node.get_logger().warning(warning)
 
     def _problem(self, values: dict[str, Any]) -> str | None:
         for name, parameter in self._table.items():
@@ -105,8 +110,8 @@ class Parameters:
 
     def _on_set(self, changed: list[Any]) -> SetParametersResult:
         for change in changed:
-            if change.name in self._deprecated:
-                self._node.get_logger().warning(self._deprecated[change.name].warning)
+            if change.name in self._others:
+                self._warn(change.name)
         known = {change.name: change.value for change in changed if change.name in self._table}
         problem = self._problem(self.values() | known) if known else None
         return SetParametersResult(successful=problem is None, reason=problem or '')

@@ -16,3 +16,6 @@ UPDATES = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 # Requests that wait until a thread is free, and their answers: with the default of 10, those of
 # many callers at once would be lost.
 CALLS = QoSProfile(depth=256, reliability=ReliabilityPolicy.RELIABLE)
+# Heartbeats of a bond as bondcpp sends and takes them, those of all other nodes included.
+BOND_HEARTBEATS = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+BOND = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)

@@ -17,6 +17,7 @@ from rclpy.service_introspection import ServiceIntrospectionState
 from std_msgs.msg import String
 
 from llm_astar_planner.instructions.place_names import PlaceGoalError
+from llm_astar_planner.nodes.common.bond import Bond, make_bond
 from llm_astar_planner.nodes.common.callback_groups import LimitedCallbackGroup
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
@@ -71,6 +72,7 @@ class PlannerServer:
         self._settings = settings
         self._entities = entities = Entities(node)
         self._goals = PreemptingGoalSlot()
+        self._bond: Bond | None = None
         self._initial_pose: PoseStamped | None = None
         self._cache: CachedWaypointSource | None = None
         self._places = PlacesServer(entities, places)
@@ -113,14 +115,18 @@ class PlannerServer:
         return self._handler.is_active
 
     def activate(self) -> None:
-        """Answer goals from now on."""
+        """Answer goals from now on, bound to a lifecycle manager."""
         self._handler.activate()
+        self._bond = make_bond(self._node, self._settings['bond_heartbeat_period'])
 
     def deactivate(self) -> None:
         """Refuse goals from now on; cancel what is being planned."""
         self._handler.deactivate('the node was deactivated')
         # The path must not be replanned when the node is activated again.
         self._monitor.forget()
+        if self._bond is not None:
+            self._bond.close()
+            self._bond = None
 
     def close(self) -> None:
         """Cancel what is being planned, and leave the graph."""
