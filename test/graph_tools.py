@@ -27,11 +27,12 @@ PATIENCE = 60.0
 
 
 @contextlib.contextmanager
-def process(name, *arguments, namespace=''):
+def process(name, *arguments, namespace='', files=(DEMO, REPLAY)):
     """Run a node as a process of its own; give it back, and end it as Ctrl-C would."""
     remap = ['-r', f'__ns:={namespace}'] if namespace else []
     command = [sys.executable, '-m', f'llm_astar_planner.nodes.{MODULES[name]}']
-    options = ['--ros-args', '--params-file', DEMO, '--params-file', REPLAY, *remap, *arguments]
+    parameters = [word for file in files for word in ('--params-file', file)]
+    options = ['--ros-args', *parameters, *remap, *arguments]
     node = subprocess.Popen(
         [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
