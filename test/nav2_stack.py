@@ -108,7 +108,7 @@ class RobotNode(Node):
 
     def __init__(self, x, y, namespace=None):
         super().__init__('robot', namespace=namespace)
-        publisher = self.create_publisher(TFMessage, '/tf_static', LATCHED)
+        publisher = self.create_publisher(TFMessage, 'tf_static', LATCHED)
         odom, base = TransformStamped(child_frame_id='odom'), TransformStamped()
         odom.header.frame_id, base.header.frame_id = 'map', 'odom'
         base.child_frame_id = 'base_link'

@@ -201,7 +201,7 @@ MARKS = [
 def test_a_tree_clears_the_costmap_and_has_a_path_with_the_retry(running_stack, costmap, mark):
     running_stack.show(**costmap, marks=[mark])
     with tree_client() as client:
-        assert navigate(client) is tree.SUCCESS
+        assert navigate(client) is tree.SUCCESS, client.answers
         assert client.codes == [RESULT.NO_VALID_PATH, RESULT.NONE], client.answers
         assert (client.clears, client.timeouts) == (1, 0)
         assert distance(path_from_message(client.blackboard['path'])[-1], GOAL) < 0.1
@@ -210,7 +210,7 @@ def test_a_tree_clears_the_costmap_and_has_a_path_with_the_retry(running_stack, 
 def test_a_tree_through_poses_clears_the_costmap_and_has_a_path_with_the_retry(running_stack):
     running_stack.show(marks=[(*DOOR, 0.8)])
     with tree_client((7.0, 1.0), GOAL) as client:
-        assert navigate(client, tree.ComputePathThrough) is tree.SUCCESS
+        assert navigate(client, tree.ComputePathThrough) is tree.SUCCESS, client.answers
         wanted = stack.ComputePathThroughPoses.Result.NO_VALID_PATH
         assert client.codes == [wanted, RESULT.NONE], client.answers
 
@@ -220,7 +220,7 @@ def test_a_tree_needs_no_recovery_where_marks_are_within_the_tolerance(running_s
     x, y = place
     running_stack.show(marks=[(x + 0.1, y, 0.02)])
     with tree_client() as client:
-        assert navigate(client) is tree.SUCCESS
+        assert navigate(client) is tree.SUCCESS, client.answers
         assert (client.codes, client.clears) == ([RESULT.NONE], 0), client.answers
 
 
@@ -242,7 +242,7 @@ def test_a_tree_gives_up_at_once_on_a_goal_off_the_map(running_stack):
 def test_a_tree_replans_every_second_while_the_path_is_followed(running_stack):
     running_stack.show()
     with tree_client(follow=2.5) as client:
-        assert navigate(client) is tree.SUCCESS
+        assert navigate(client) is tree.SUCCESS, client.answers
         assert client.codes == [RESULT.NONE] * len(client.codes)
         assert 2 <= len(client.codes) <= 4
 
@@ -267,13 +267,13 @@ def test_the_manager_pauses_resumes_and_resets_the_planner(running_stack):
         assert navigate(client) is tree.FAILURE
         assert client.codes == [], 'an inactive planner rejects goals'
         assert manager.resume()
-        assert navigate(client) is tree.SUCCESS
+        assert navigate(client) is tree.SUCCESS, client.answers
     assert manager.reset()
     assert manager.states() == [UNCONFIGURED]
     assert manager.startup()
     running_stack.show()
     with tree_client() as client:
-        assert navigate(client) is tree.SUCCESS
+        assert navigate(client) is tree.SUCCESS, client.answers
     assert manager.broken is None
 
 
