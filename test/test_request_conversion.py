@@ -1,6 +1,7 @@
 """From callers' poses to requests for the planner, with tf2 played by a table."""
 
 import math
+from dataclasses import replace
 from functools import partial
 from threading import Timer
 from types import SimpleNamespace
@@ -37,7 +38,7 @@ from llm_astar_planner.nodes.planner.request_handler import (
 )
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import Plan, ResultCode
+from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 from nav_msgs.msg import Path
 
 LONG = 60.0
@@ -242,13 +243,19 @@ def test_an_unknown_planner_id_is_an_invalid_planner():
 class ToPose:
     """A result with ComputePathToPose's numbers, of before it had error_msg."""
 
-    UNKNOWN, TF_ERROR, TIMEOUT, NONE = 200, 202, 207, 0
+    UNKNOWN, TF_ERROR, GOAL_OCCUPIED, TIMEOUT, NO_VALID_PATH, NONE = 200, 202, 206, 207, 208, 0
+
+
+class NewToPose(ToPose):
+    """The same, of today."""
+
+    START_OCCUPIED, error_msg = 205, ''
 
 
 class ThroughPoses:
     """A result with ComputePathThroughPoses's numbers."""
 
-    UNKNOWN, TF_ERROR, NONE, NO_VIAPOINTS_GIVEN = 300, 302, 0, 309
+    UNKNOWN, TF_ERROR, NO_VALID_PATH, NONE, NO_VIAPOINTS_GIVEN = 300, 302, 308, 0, 309
 
     def __init__(self):
         self.error_msg = 'x'
@@ -270,6 +277,33 @@ def test_results_carry_each_actions_own_numbers():
     assert (fine.error_code, fine.error_msg) == (0, '')
     nothing = fill_result(ThroughPoses(), response(ResultCode.UNKNOWN, goals=0))
     assert nothing.error_code == 309
+
+
+@pytest.mark.parametrize(
+    ('code', 'tolerance', 'name'),
+    [
+        ('START_OCCUPIED', 0.0, 'NO_VALID_PATH'),
+        ('START_OCCUPIED', 0.5, 'NO_VALID_PATH'),
+        ('GOAL_OCCUPIED', 0.5, 'NO_VALID_PATH'),
+        ('GOAL_OCCUPIED', 0.0, 'GOAL_OCCUPIED'),
+        ('NO_VALID_PATH', 0.5, 'NO_VALID_PATH'),
+        ('TIMEOUT', 0.5, 'TIMEOUT'),
+    ],
+)
+def test_what_a_cleared_costmap_may_help_has_a_code_that_trees_recover_from(code, tolerance, name):
+    request = PlanRequest((0, 0), (1, 1), tolerance=tolerance)
+    failed = replace(response(ResultCode[code]), request=request)
+    result = fill_result(NewToPose(), failed)
+    assert result.error_code == ResultCode[name]
+    assert result.error_msg == ('because' if code == name else f'because [{code}]')
+
+
+def test_a_preempted_goal_has_no_code_and_a_sentence():
+    failed = response(ResultCode.TIMEOUT, 'canceled: a newer goal came')
+    result = fill_result(NewToPose(), failed, 'a newer goal came')
+    assert (result.error_code, result.error_msg) == (0, 'canceled: a newer goal came')
+    occupied = response(ResultCode.GOAL_OCCUPIED)
+    assert fill_result(NewToPose(), occupied, 'a newer goal came').error_code == 206
 
 
 def test_goals_of_both_actions_and_of_later_distributions_are_read():
@@ -444,5 +478,5 @@ def test_a_goal_canceled_before_it_is_taken_up_ends_as_canceled_and_has_no_path(
     goal.action.on_cancel(goal)
     goal.action.on_accepted(goal)
     assert goal.ended == 'c'
-    assert (goal.result.error_code, len(goal.result.path.poses)) == (207, 0)
+    assert (goal.result.error_code, len(goal.result.path.poses)) == (0, 0)
     assert goal.action._tokens == {}

@@ -68,7 +68,7 @@ from llm_astar_planner.planning.report import plan_report
 
 # The parameters that have flags of their own; the search has the flags of `bench`.
 OF_REQUESTS = ('tolerance', 'start_tolerance', 'robot_base_frame')
-RULES = (*COSTMAP, *(item for item in REQUESTS if item.name in OF_REQUESTS))
+RULES = (*COSTMAP, *(item.for_bench() for item in REQUESTS if item.name in OF_REQUESTS))
 # The exchanges with models that were found in the bags, in the results folder.
 EXCHANGES = 'exchanges.jsonl'
 EPILOG = """\
@@ -234,7 +234,7 @@ def make_config(
 
     All baselines are added only where the barriers of every map are known.
     """
-    values = defaults(RULES) | rules
+    values = defaults(RULES, cli=True) | rules
     places = open_places(args.places_file or '', None)
     settings = SearchSettings(
         args.heuristic,

@@ -1,15 +1,14 @@
 """Between which cells a path is searched: what tolerances make of blocked or unreachable ones.
 
-An unreachable goal is replaced by the nearest cell that the start reaches, by the distance to the
-goal cell's centre. A blocked start is replaced by the nearest free cell that the robot reaches
-without crossing a lethal cell, preferably one that is connected to the goal; the path begins there
-and the robot has to get there by itself.
+An unreachable goal or via point is replaced by the nearest cell that the start reaches, by the
+distance to its own cell's centre. A blocked start is replaced by the nearest free cell that the
+robot reaches without crossing a lethal cell, preferably one that is connected to the goal; the
+path begins there and the robot has to get there by itself.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +30,7 @@ class Endpoints(NamedTuple):
 
     start: Cell
     goal: Cell
+    via: tuple[Cell, ...] = ()
     start_shift: float = 0.0
     goal_shift: float = 0.0
     warnings: tuple[str, ...] = ()
@@ -39,11 +39,16 @@ class Endpoints(NamedTuple):
 def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
     """Return the cells to plan between. Raises PlanningFailure if start, goal or via cannot be."""
     start = resolve_start(costmap, request)
-    goal = resolve_goal(costmap, request, start)
-    if request.via:
-        check_via(costmap, request.via, start)
-    if (start, goal) == (request.start, request.goal):
-        return Endpoints(start, goal)
+    component = int(costmap.components[start[1], start[0]])
+    goal = resolve_goal(costmap, request.goal, request.tolerance, component)
+    via = request.via
+    if via:
+        via = tuple(
+            resolve_goal(costmap, cell, request.tolerance, component, f'via {number}')
+            for number, cell in enumerate(via, start=1)
+        )
+    if (start, goal, via) == (request.start, request.goal, request.via):
+        return Endpoints(start, goal, via)
     resolution = costmap.grid_map.resolution
     start_shift = math.dist(request.start, start) * resolution
     goal_shift = math.dist(request.goal, goal) * resolution
@@ -51,10 +56,12 @@ def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
     if start != request.start:
         message = f'the start cell {request.start} is not free; the path begins at {start}'
         warnings.append(f'{message}, {start_shift:.2f} m off')
+    if via != request.via:
+        warnings.append(moved_via(costmap, request.via, via))
     if goal != request.goal:
         failure = goal_failure(costmap, request.goal)
         warnings.append(f'{failure}; the path ends at {goal}, {goal_shift:.2f} m off')
-    return Endpoints(start, goal, start_shift, goal_shift, tuple(warnings))
+    return Endpoints(start, goal, via, start_shift, goal_shift, tuple(warnings))
 
 
 def resolve_start(costmap: Costmap, request: PlanRequest) -> Cell:
@@ -74,48 +81,48 @@ def resolve_start(costmap: Costmap, request: PlanRequest) -> Cell:
     raise PlanningFailure(ResultCode.START_OCCUPIED, message)
 
 
-def resolve_goal(costmap: Costmap, request: PlanRequest, start: Cell) -> Cell:
-    """Return the goal, or the cell within `tolerance` that the start reaches instead."""
-    component = int(costmap.components[start[1], start[0]])
-    x, y = goal = request.goal
+def resolve_goal(
+    costmap: Costmap, goal: Cell, tolerance: float, component: int, name: str = 'goal'
+) -> Cell:
+    """Return a goal or via point, or the nearest cell of a component within `tolerance` metres.
+
+    Raises PlanningFailure, naming it, if there is none.
+    """
+    x, y = goal
     if costmap.grid_map.contains(goal) and costmap.components[y, x] == component:
         return goal
-    failure = goal_failure(costmap, goal)
-    if request.tolerance == 0.0:
+    failure = goal_failure(costmap, goal, name)
+    if tolerance == 0.0:
         raise failure
-    reach = squared_cells(request.tolerance, costmap.grid_map.resolution)
+    reach = squared_cells(tolerance, costmap.grid_map.resolution)
     found = nearest_labelled(costmap.components, component, goal, reach)
     if found is None:
-        message = f'{failure}, nor is any cell within {request.tolerance:g} m of it reachable'
+        message = f'{failure}, nor is any cell within {tolerance:g} m of it reachable'
         raise PlanningFailure(failure.code, message)
     return found
 
 
-def goal_failure(costmap: Costmap, goal: Cell) -> PlanningFailure:
-    """Return what is wrong with a goal that the start does not reach."""
+def goal_failure(costmap: Costmap, goal: Cell, name: str = 'goal') -> PlanningFailure:
+    """Return what is wrong with a goal or via point that the start does not reach."""
     if not costmap.grid_map.contains(goal):
-        message = outside_message(costmap, 'goal', goal)
+        message = outside_message(costmap, name, goal)
         return PlanningFailure(ResultCode.GOAL_OUTSIDE_MAP, message)
     if costmap.blocked[goal[1], goal[0]]:
-        message = blocked_message(costmap, 'goal', goal)
+        message = blocked_message(costmap, name, goal)
         return PlanningFailure(ResultCode.GOAL_OCCUPIED, message)
-    message = 'obstacles cut the goal off from the start'
+    what = 'the goal' if name == 'goal' else f'{name}, cell {goal},'
+    message = f'obstacles cut {what} off from the start'
     return PlanningFailure(ResultCode.NO_VALID_PATH, message)
 
 
-def check_via(costmap: Costmap, via: Iterable[Cell], start: Cell) -> None:
-    """Raise PlanningFailure, with a goal's code, for the first via point that has no path."""
-    for number, cell in enumerate(via, start=1):
-        name = f'via {number}'
-        if not costmap.grid_map.contains(cell):
-            message = outside_message(costmap, name, cell)
-            raise PlanningFailure(ResultCode.GOAL_OUTSIDE_MAP, message)
-        if costmap.blocked[cell[1], cell[0]]:
-            message = blocked_message(costmap, name, cell)
-            raise PlanningFailure(ResultCode.GOAL_OCCUPIED, message)
-        if costmap.components[cell[1], cell[0]] != costmap.components[start[1], start[0]]:
-            message = f'obstacles cut {name}, cell {cell}, off from the start'
-            raise PlanningFailure(ResultCode.NO_VALID_PATH, message)
+def moved_via(costmap: Costmap, requested: tuple[Cell, ...], used: tuple[Cell, ...]) -> str:
+    """Say which via point the path passes at another cell, and how many more."""
+    moved = [number for number, pair in enumerate(zip(requested, used)) if pair[0] != pair[1]]
+    first = moved[0]
+    shift = math.dist(requested[first], used[first]) * costmap.grid_map.resolution
+    failure = goal_failure(costmap, requested[first], f'via {first + 1}')
+    more = f'; so are {len(moved) - 1} more via points' if len(moved) > 1 else ''
+    return f'{failure}; it is moved to {used[first]}, {shift:.2f} m off{more}'
 
 
 def nearest_labelled(

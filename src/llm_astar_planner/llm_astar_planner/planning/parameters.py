@@ -90,16 +90,18 @@ REQUESTS = (
     Parameter(
         'tolerance',
         0.5,
-        'How far from an unreachable goal the path may end',
+        'How far from an unreachable goal the path may end, and from a via point it may pass',
         unit='m',
         between=(0.0, 1000.0),
     ),
     Parameter(
         'start_tolerance',
-        0.0,
-        'How far from a blocked start the path may begin',
+        0.25,
+        "How far from a blocked start the path may begin; about the robot's radius",
         unit='m',
         between=(0.0, 1000.0),
+        bench_default=0.0,
+        bench_reason='as paths from different starts do not compare',
     ),
     Parameter(
         'use_final_approach_orientation',

@@ -51,6 +51,10 @@ from llm_astar_planner.search.stop import no_stop
 
 # The part of the time for the search where a path at any angle is asked for: it takes time too.
 SEARCH_SHARE = 0.9
+# What each segment between via points may take: seconds, but at most this part of the time left.
+LEAST_SHARE_S, LEAST_SHARE = 0.1, 0.1
+# Bytes that the segments' pictures of expanded cells may take together.
+MAX_PICTURES = 2**29
 
 
 class Planner:
@@ -130,7 +134,7 @@ class Planner:
         begin = time.monotonic()
         deadline = begin + request.time_limit
         search_deadline = begin + (SEARCH_SHARE if request.any_angle else 1.0) * request.time_limit
-        endpoints = Endpoints(request.start, request.goal)
+        endpoints = Endpoints(request.start, request.goal, request.via)
         segments: list[SegmentPlanner] = []
         try:
             # 1. Can the request be served, and between which cells?
@@ -170,22 +174,28 @@ class Planner:
         """Yield a planner for each segment between start, via points and goal, in order.
 
         Of the time left a segment gets its share, half of it in equal parts and half by straight
-        length. With via points no source is asked: they are the waypoints.
+        length, and never less than a moment. With via points no source is asked: they are the
+        waypoints. Of very many segments on a large map there are no pictures of expanded cells.
         """
-        cells = [endpoints.start, *request.via, endpoints.goal]
+        cells = [endpoints.start, *endpoints.via, endpoints.goal]
         lengths = list(map(math.dist, cells[:-1], cells[1:]))
         average = 1.0 + sum(lengths) / len(lengths)
         shares_left = sum(lengths) + len(lengths) * average
         source = None if request.via else request.source
         is_whole = cells == [request.start, request.goal]
+        drawn = request.want_expanded and len(lengths) * self.grid_map.cells.size <= MAX_PICTURES
         graph = self.costmap.grid_graph
         for start, goal, length in zip(cells[:-1], cells[1:], lengths):
             now = time.monotonic()
-            time_left = (deadline - now) * (average + length) / shares_left
+            share = (deadline - now) * (average + length) / shares_left
             shares_left -= average + length
+            # One of many segments must not fail because its thread had to wait for a moment.
+            time_left = max(share, min(LEAST_SHARE_S, LEAST_SHARE * (deadline - now)))
             part = request
             if not is_whole:
-                part = replace(request, start=start, goal=goal, source=source)
+                part = replace(
+                    request, start=start, goal=goal, via=(), source=source, want_expanded=drawn
+                )
             # Lent out, the landmarks stay as they are while the segment is searched.
             lent = self.landmarks.lend(graph) if request.method == GUIDED else nullcontext()
             with lent as landmarks:
@@ -196,10 +206,13 @@ class Planner:
     ) -> str | None:
         """Say why a path does not answer the request, or None: the last check."""
         start, goal = endpoints.start, endpoints.goal
-        for name, requested, used, tolerance in (
+        ends = [
             ('start', request.start, start, request.start_tolerance),
             ('goal', request.goal, goal, request.tolerance),
-        ):
+        ]
+        for requested, used in zip(request.via, endpoints.via):
+            ends.append(('via point', requested, used, request.tolerance))
+        for name, requested, used, tolerance in ends:
             if used != requested:
                 limit = tolerance / self.grid_map.resolution
                 problem = shift_problem(name, requested, used, limit)
@@ -207,7 +220,7 @@ class Planner:
                     return problem
         problem = self.path_problem(path, start, goal)
         if problem is None and request.via:
-            return via_problem(path, request.via)
+            return via_problem(path, endpoints.via)
         return problem
 
     def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
@@ -278,7 +291,7 @@ class Planner:
             seconds_search=seconds_search,
             start_shift=endpoints.start_shift,
             goal_shift=endpoints.goal_shift,
-            via=request.via,
+            via=endpoints.via,
             **fields,
         )
 

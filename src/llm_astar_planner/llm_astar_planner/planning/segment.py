@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -237,32 +238,29 @@ def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
     Work, length, cost and lower bound add up: the cheapest path through the via points is made of
     the cheapest paths between them, so the bound of the sums is proven for the whole.
     """
-    whole = segments[0].result
-    for segment in segments[1:]:
-        whole = concatenate_two(whole, segment.result)
-    return whole
-
-
-def concatenate_two(first: SearchResult, second: SearchResult) -> SearchResult:
-    """Return two successive searches as one."""
-    stopped = SearchStatus.STOPPED in (first.status, second.status)
+    first, *others = results = [segment.result for segment in segments]
+    if not others:
+        return first
+    stopped = any(result.status is SearchStatus.STOPPED for result in results)
     whole = replace(
         first,
         status=SearchStatus.STOPPED if stopped else SearchStatus.FOUND,
-        expansions=first.expansions + second.expansions,
-        storage=first.storage + second.storage,
-        expanded=first.expanded | second.expanded,
-        path=np.concatenate((first.path, second.path[1:])),
-        length=first.length + second.length,
+        expansions=sum(result.expansions for result in results),
+        storage=sum(result.storage for result in results),
+        expanded=reduce(np.logical_or, (result.expanded for result in results)),
+        path=np.concatenate((first.path, *(result.path[1:] for result in others))),
+        length=sum(result.length for result in results),
     )
-    if not (isinstance(whole, BoundedResult) and isinstance(second, BoundedResult)):
+    bounded = [result for result in results if isinstance(result, BoundedResult)]
+    if not isinstance(whole, BoundedResult) or len(bounded) < len(results):
         return whole
-    cost, lower_bound = whole.cost + second.cost, whole.lower_bound + second.lower_bound
+    cost = sum(result.cost for result in bounded)
+    lower_bound = sum(result.lower_bound for result in bounded)
     return replace(
         whole,
         cost=cost,
         lower_bound=lower_bound,
         suboptimality_bound=max(1.0, cost / lower_bound) if lower_bound else 1.0,
-        first_expansions=whole.first_expansions + second.first_expansions,
-        first_cost=whole.first_cost + second.first_cost,
+        first_expansions=sum(result.first_expansions for result in bounded),
+        first_cost=sum(result.first_cost for result in bounded),
     )

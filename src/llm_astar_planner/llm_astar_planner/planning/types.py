@@ -26,7 +26,9 @@ from llm_astar_planner.waypoints.source import (
     WaypointSource,
 )
 
-MAX_VIA = 64
+# Via points of a request, at most: as poses of a message these are about 1 MB. How many can be
+# planned through is a matter of the time limit.
+MAX_VIA = 10_000
 # Via points that may guide a search; it follows at most 256 of them, taken evenly.
 MAX_VIAPOINTS = 1024
 # The fields of a request that have the names and limits of parameters. A request says None where
@@ -76,10 +78,11 @@ class PlanRequest:
       90 % of the time; if the rest is too short for it, it is left out with a warning.
     - `want_expanded`: whether the plan has the picture of expanded cells.
     - `sample`: which benchmark sample this is, if it is one.
-    - `tolerance`, `start_tolerance`: metres. An unreachable goal is replaced by the nearest
-      reachable cell within `tolerance`, a blocked start by the nearest free cell within
+    - `tolerance`, `start_tolerance`: metres. An unreachable goal or via point is replaced by the
+      nearest reachable cell within `tolerance`, a blocked start by the nearest free cell within
       `start_tolerance`.
-    - `via`: cells that the path must pass, in order.
+    - `via`: cells that the path must pass, in order, at most MAX_VIA. An unreachable one is
+      replaced as the goal is.
     - `viapoints`: cells that guide the search as a source's waypoints do, instead of `source`: a
       reference route that the path need not pass. One that cannot be reached is replaced by the
       nearest cell within `tolerance` that can, or dropped. Ignored where there is `via`.
@@ -163,7 +166,7 @@ class Plan:
     - `expanded`: bool [height, width], the expanded cells; [0, 0] if not requested. Incomplete
       after a cancel.
     - `start`, `goal`: the cells planned between; `start_shift`, `goal_shift`: their distance in
-      metres from those requested. `via`: the via points of the request.
+      metres from those requested. `via`: the via points of the request, where they were moved to.
     - `source`: the name of the waypoint source; `reply`: its whole answer; `checked_waypoints`:
       its waypoints with what became of each; `guided_by`: the label of the source whose
       waypoints the search used, `none` if it used none.

@@ -77,9 +77,8 @@ def test_a_search_that_skips_a_via_cell_is_caught(monkeypatch):
     real = SegmentPlanner.search
 
     def skipping(segment):
-        via = segment.request.via
         yield from real(segment)
-        inside = [tuple(cell) not in via for cell in segment.result.path.tolist()]
+        inside = [cell != [10, 4] for cell in segment.result.path.tolist()]
         segment.result.path[~np.array(inside)] += 1
 
     monkeypatch.setattr(SegmentPlanner, 'search', skipping)
@@ -113,7 +112,7 @@ def test_a_shortcut_through_the_robots_body_is_caught(monkeypatch):
     assert plan.any_angle is None
 
 
-@pytest.mark.parametrize('end', ['start', 'goal'])
+@pytest.mark.parametrize('end', ['start', 'goal', 'via point'])
 def test_a_shift_beyond_its_tolerance_is_caught(monkeypatch, end):
     """0.2 m are asked for; a search for the nearest cell that forgets this finds one 0.5 m off."""
     real = ends.squared_cells
@@ -124,6 +123,7 @@ def test_a_shift_beyond_its_tolerance_is_caught(monkeypatch, end):
     request = {
         'start': PlanRequest(occupied, free, start_tolerance=0.1),
         'goal': PlanRequest(free, occupied, tolerance=0.1),
+        'via point': PlanRequest(free, (35, 2), tolerance=0.1, via=(occupied,)),
     }[end]
     plan = Planner(GridMap(cells, 0.05)).plan(request)
     assert withheld(plan, f'its {end} ')

@@ -124,10 +124,12 @@ def assert_sound(plan, grid_map, rules, request):
     assert (np.abs(np.diff(plan.path, axis=0)).max(axis=1, initial=1) == 1).all()
     assert math.dist(request.start, plan.start) * grid_map.resolution <= request.start_tolerance
     assert math.dist(request.goal, plan.goal) * grid_map.resolution <= request.tolerance
-    assert len(plan.warnings) == (plan.start_shift > 0) + (plan.goal_shift > 0)
+    moved = (plan.start_shift > 0, plan.goal_shift > 0, plan.via != request.via)
+    assert len(plan.warnings) == sum(moved)
     place = 0
-    for cell in request.via:
+    for requested, cell in zip(request.via, plan.via, strict=True):
         place = path.index(cell, place)
+        assert math.dist(requested, cell) * grid_map.resolution <= request.tolerance
     assert plan.clearance > rules.robot_radius or plan.clearance == math.inf
     assert plan.length >= math.dist(plan.start, plan.goal) - 1e-9
     if plan.any_angle is not None:

@@ -52,6 +52,30 @@ def test_a_bound_holds_for_the_whole_path():
     assert plan.cost <= plan.suboptimality_bound * exact.cost + 1e-6
 
 
+def test_an_unreachable_via_cell_is_moved_within_the_tolerance():
+    """As in planner_server, which plans to each pose as to a goal."""
+    blocked, free = (30, 20), (10, 30)
+    assert PLANNER.plan(PlanRequest(START, GOAL, via=(blocked,))).code is ResultCode.GOAL_OCCUPIED
+    plan = PLANNER.plan(PlanRequest(START, GOAL, tolerance=0.5, via=(free, blocked, blocked)))
+    assert plan.code is ResultCode.NONE
+    assert plan.via == (free, (27, 20), (27, 20))
+    assert via_problem(plan.path, plan.via) is None
+    (warning,) = plan.warnings
+    assert warning.startswith('the via 2 cell (30, 20) is not free')
+    assert 'moved to (27, 20), 0.15 m off; so are 1 more' in warning
+    near = PLANNER.plan(PlanRequest(START, GOAL, tolerance=0.1, via=(free, blocked)))
+    assert near.code is ResultCode.GOAL_OCCUPIED
+    assert 'via 2' in near.message
+
+
+def test_a_thousand_via_cells_are_passed():
+    cells = np.random.default_rng(5).permutation(np.argwhere(~PLANNER.costmap.blocked))[:1000]
+    via = tuple((int(x), int(y)) for y, x in cells)
+    plan = PLANNER.plan(PlanRequest(START, GOAL, via=via, time_limit=60.0))
+    assert plan.code is ResultCode.NONE, plan.message
+    assert via_problem(plan.path, via) is None
+
+
 @pytest.mark.parametrize('method', METHODS)
 def test_a_via_cell_may_be_an_end_or_the_one_before(method):
     plan = PLANNER.plan(PlanRequest(START, GOAL, method, via=(START, (40, 36), (40, 36), GOAL)))

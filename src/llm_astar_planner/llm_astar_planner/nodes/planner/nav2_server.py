@@ -16,7 +16,7 @@ from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMapError
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
@@ -41,6 +41,8 @@ else:
 # Seconds that a result is kept, as long as Nav2's planner_server keeps it: it may be large.
 RESULT_SECONDS = 10
 CANCELED = 'the caller canceled'
+# The code after which Nav2's behaviour trees clear the costmaps and ask again.
+REACHABLE_LATER = ResultCode.NO_VALID_PATH.name
 # Seconds to wait until rclpy's goal handle knows of a cancel that was announced.
 CANCEL_SECONDS = 1.0
 
@@ -73,24 +75,44 @@ def plan_goal(goal: Any) -> PlanGoal:  # noqa: ANN401 - a goal of either action
     return PlanGoal(tuple(poses), start, planner_id=goal.planner_id, viapoints=viapoints)
 
 
-def fill_result(result: Any, response: PlanResponse) -> Any:  # noqa: ANN401 - of either action
+def fill_result(result: Any, response: PlanResponse, reason: str = '') -> Any:  # noqa: ANN401 - of either action
     """Write a response into an action's result, in the action's own numbers.
 
-    The two actions count from 200 and from 300, and the second has a code for an empty list of
-    poses. `error_msg` was added in the course of Jazzy, and after Kilted `last_reached_index`: a
-    path goes through all poses, and without one the index is unset, which is the same number.
+    `reason` says why it was cancelled, '' if it was not. The two actions count from 200 and from
+    300. `error_msg` was added in the course of Jazzy; it names the plan's own code where that is
+    a finer one. After Kilted came `last_reached_index`: a path goes through all poses, and without
+    one the index is unset, which is the same number.
     """
-    plan = response.plan
-    name = plan.code.name if response.goal.goals else 'NO_VIAPOINTS_GIVEN'
+    plan, name = response.plan, error_name(response, reason)
     whole = int(response.seconds)
     result.path = response.path
     result.planning_time = Duration(sec=whole, nanosec=int((response.seconds - whole) * 1e9))
     result.error_code = int(getattr(type(result), name))
     if hasattr(result, 'error_msg'):
-        result.error_msg = '' if plan.code is ResultCode.NONE else plan.message
+        is_finer = name == REACHABLE_LATER != plan.code.name
+        message = f'{plan.message} [{plan.code.name}]' if is_finer else plan.message
+        result.error_msg = '' if plan.code is ResultCode.NONE else message
     if hasattr(result, 'last_reached_index'):
         result.last_reached_index = int(type(result).ALL_GOALS)
     return result
+
+
+def error_name(response: PlanResponse, reason: str) -> str:
+    """Return the name of the action's code, by which a behaviour tree decides what to do next.
+
+    It is that of planner_server with NavFn, which frees the start's cell, and looks for a cell
+    within `tolerance` wherever the goal cannot be reached: what may be cleared away is
+    NO_VALID_PATH. A cancelled or preempted goal has no code at all.
+    """
+    code, request = response.plan.code, response.request
+    if not response.goal.goals:
+        return 'NO_VIAPOINTS_GIVEN'
+    if reason and code is ResultCode.TIMEOUT:
+        return ResultCode.NONE.name
+    has_tolerance = request is not None and request.tolerance > 0.0
+    if code is ResultCode.START_OCCUPIED or (code is ResultCode.GOAL_OCCUPIED and has_tolerance):
+        return REACHABLE_LATER
+    return code.name
 
 
 class PathAction:
@@ -113,7 +135,9 @@ class PathAction:
             kind,
             name,
             self.execute,
-            callback_group=ReentrantCallbackGroup(),
+            # One at a time: in a reentrant group, goals sent one right after the other may be
+            # accepted in another order, and the newest be preempted. Plans run outside of it.
+            callback_group=MutuallyExclusiveCallbackGroup(),
             goal_callback=self.on_goal,
             handle_accepted_callback=self.on_accepted,
             cancel_callback=self.on_cancel,
@@ -161,7 +185,7 @@ class PathAction:
             handle.abort()
         # Not before the end, after which no cancel can come.
         del self._tokens[bytes(handle.goal_id.uuid)]
-        return fill_result(self._kind.Result(), response)
+        return fill_result(self._kind.Result(), response, token.reason)
 
 
 class PathValidityService:

@@ -7,6 +7,7 @@ import time
 import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -120,17 +121,31 @@ class PlanPublisher:
             self._plan.publish(path)
 
     def publish_report(
-        self, plan: Plan, planner: Planner | None, map_age: float | None, stamp: Time
+        self,
+        plan: Plan,
+        planner: Planner | None,
+        map_age: float | None,
+        stamp: Time,
+        *,
+        is_cancelled: bool = False,
     ) -> None:
         """Count, publish and log a plan made on a map of this age, in seconds.
 
-        `planner` is None if it never came to planning.
+        `planner` is None if it never came to planning. A failure that was somebody's wish is
+        logged at debug level: on a map that changes at 5 Hz, each replan may preempt the last.
         """
         self._free.acquire(timeout=LONGEST_WAIT)
-        self._thread.submit(self.logged, self.write_report, plan, planner, map_age, stamp)
+        write = partial(self.write_report, is_cancelled=is_cancelled)
+        self._thread.submit(self.logged, write, plan, planner, map_age, stamp)
 
     def write_report(
-        self, plan: Plan, planner: Planner | None, map_age: float | None, stamp: Time
+        self,
+        plan: Plan,
+        planner: Planner | None,
+        map_age: float | None,
+        stamp: Time,
+        *,
+        is_cancelled: bool,
     ) -> None:
         """Count, publish and log a plan now."""
         self._free.release()
@@ -138,7 +153,9 @@ class PlanPublisher:
         report = plan_report(plan, planner.grid_map if planner else None, map_age)
         self._report.publish(report_to_message(report, self._node.get_name(), stamp))
         logger = self._node.get_logger()
-        if report.code:
+        if report.code and is_cancelled:
+            logger.debug(report.summary)
+        elif report.code:
             logger.warning(report.summary)
         else:
             logger.info(f'{report.summary}; guided by {report.guided_by}')

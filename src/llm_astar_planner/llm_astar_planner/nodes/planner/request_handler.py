@@ -189,8 +189,9 @@ class RequestHandler:
             if replan_reason:
                 message = f'{replan_reason}; {response.plan.message}'
                 response = replace(response, plan=replace(response.plan, message=message))
+            is_cancelled = bool(job.token.reason)
             self._publisher.publish_report(
-                response.plan, response.planner, response.map_age, stamp
+                response.plan, response.planner, response.map_age, stamp, is_cancelled=is_cancelled
             )
         return replace(response, seconds=time.monotonic() - job.begin)
 
