@@ -10,12 +10,13 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, parse_barrier_ma
 MAX_QUERY_CHARS = 20000
 _NUMBER = r'\s*-?\d{1,6}\s*'
 _POINT = rf'\[{_NUMBER},{_NUMBER}\]'
-_LIST = rf'\[\s*(?:\[{_NUMBER},{_NUMBER},{_NUMBER}\]\s*,?\s*)*\]'
+# No text matches these in two ways: backtracking would try them all.
+_LIST = rf'\[\s*(?:\[{_NUMBER},{_NUMBER},{_NUMBER}\]\s*(?:,\s*)?)*\]'
 _SENTENCE = re.compile(
     rf'\s*(?:design|find|plan)\s+a\s+path\s+from\s*(?P<start>{_POINT})\s*to\s*(?P<goal>{_POINT})'
     r'\s*on\s+an?\s+(?P<width>\d{1,6})\s*by\s*(?P<height>\d{1,6})\s*grid\s+that\s+avoids\s+'
     rf'horizontal\s+barriers\s+(?:centered\s+)?at\s*(?P<horizontal>{_LIST})\s*and\s+'
-    rf'vertical\s+barriers\s+(?:centered\s+)?at\s*(?P<vertical>{_LIST})\s*\.?\s*',
+    rf'vertical\s+barriers\s+(?:centered\s+)?at\s*(?P<vertical>{_LIST})\s*(?:\.\s*)?',
     re.IGNORECASE,
 )
 

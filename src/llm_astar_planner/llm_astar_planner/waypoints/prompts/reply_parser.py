@@ -16,18 +16,18 @@ from llm_astar_planner.waypoints.source import Waypoint
 MAX_WAYPOINTS = 64
 MAX_REPLY_CHARS = 65536
 
-_NUMBER = r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?'
+# In these patterns no text matches in two ways: backtracking would try them all.
+_NUMBER = r'[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?'
 # The smallest bracket groups: [5, 5], (5, 5), [10, 0, 25], [], {"x": 5, "y": 5}.
 _ITEM = re.compile(r'[\[(][^\[\](){}]{0,80}[\])]|\{[^\[\](){}]{0,200}\}')
 _PAIR = re.compile(
     rf'[\[(]\s*(?:"?x"?\s*[:=]\s*)?["\']?({_NUMBER})["\']?\s*[,;]'
-    rf'\s*(?:"?y"?\s*[:=]\s*)?["\']?({_NUMBER})["\']?(\s*,\s*{_NUMBER})?\s*,?\s*[\])]',
+    rf'\s*(?:"?y"?\s*[:=]\s*)?["\']?({_NUMBER})["\']?\s*(,\s*{_NUMBER}\s*)?(?:,\s*)?[\])]',
     re.IGNORECASE,
 )
 _OBJECT_X = re.compile(rf'["\']?\bx["\']?\s*[:=]\s*["\']?({_NUMBER})', re.IGNORECASE)
 _OBJECT_Y = re.compile(rf'["\']?\by["\']?\s*[:=]\s*["\']?({_NUMBER})', re.IGNORECASE)
-# What may stand between two points of one list: punctuation, arrows, numbering, comments. No
-# text matches in two ways, because backtracking would then take exponential time.
+# What may stand between two points of one list: punctuation, arrows, numbering, comments.
 _BETWEEN = re.compile(
     r'(?:[\s,;|>*\-\u2022\u2013\u2014\u2192=]|\d+[.)]|(?:#|//)[^\n]*(?:\n|\Z)|\b(?:to|then|and)\b)*',
     re.IGNORECASE,
