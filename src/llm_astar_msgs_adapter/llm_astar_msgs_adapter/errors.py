@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 # The longest value that is shown in a message.
 SHOWN = 60
 
@@ -19,16 +17,3 @@ def short_repr(value: object) -> str:
     """Return the repr of a value for a message, cut off where it is long."""
     text = repr(value)
     return text if len(text) <= SHOWN else text[: SHOWN - 3] + '...'
-
-
-def read_text(
-    path: Path, kind: type[LlmAstarError], encoding: str = 'utf-8', errors: str = 'strict'
-) -> str:
-    """Return the contents of a text file; where it cannot be read, raise an error of this kind.
-
-    `encoding` and `errors` are those of `open`. The error names the file.
-    """
-    try:
-        return path.read_text(encoding, errors)
-    except (OSError, UnicodeDecodeError) as error:
-        raise kind(f'{path}: {getattr(error, "strerror", None) or error}') from None

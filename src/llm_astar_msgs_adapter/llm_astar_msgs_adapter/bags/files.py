@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import NamedTuple, Protocol
 
-import yaml
 import zstandard
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import read_yaml
 
 FORMATS = ('.mcap', '.db3')
 COMPRESSED = '.zstd'
@@ -150,10 +150,10 @@ def names_in_metadata(file: Path) -> tuple[list[str], str | None]:
     if not file.exists():
         return [], 'is missing, as after a recording that was not ended'
     try:
-        content = yaml.safe_load(file.read_text(encoding='utf-8'))
+        content = read_yaml(file, BagError)
         names = content['rosbag2_bagfile_information']['relative_file_paths']
         found = list(dict.fromkeys(PurePath(name).name for name in names))
-    except (OSError, ValueError, yaml.YAMLError, KeyError, TypeError, RecursionError) as error:
+    except (BagError, ValueError, KeyError, TypeError) as error:
         why = ' '.join(str(error).split())
         return [], f'cannot be used ({type(error).__name__}: {why})'
     return found, None if found else 'names no files'

@@ -15,12 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, read_text, short_repr
-from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap, Pose2D
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.files import read_json
+from llm_astar_msgs_adapter.maps.grid_map import FREE, MAX_CELLS, OCCUPIED, GridMap, Pose2D
 
 Point = tuple[int, int]
-# The most cells of a barrier map: ten times the 4000 x 4000 cells that the planner is made for.
-MAX_CELLS = 160_000_000
 
 
 class BarrierMapError(LlmAstarError, ValueError):
@@ -146,20 +145,16 @@ def load_barrier_maps(path: str | Path) -> list[BarrierMap]:
     Raises BarrierMapError with the file, the map and the field that are wrong.
     """
     path = Path(path)
-    text = read_text(path, BarrierMapError)
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise BarrierMapError(f'{path}: not JSON: {error}') from None
+    data = read_json(path, BarrierMapError)
     if not isinstance(data, list) or not data:
         raise BarrierMapError(f'{path}: a JSON list of barrier maps is expected')
-    maps: list[BarrierMap] = []
+    maps: dict[int, BarrierMap] = {}
     for index, entry in enumerate(data):
         parsed = parse_barrier_map(entry, f'{path}: map at index {index}')
-        if any(parsed.id == other.id for other in maps):
+        if parsed.id in maps:
             raise BarrierMapError(f'{path}: map at index {index}: id: {parsed.id} is used twice')
-        maps.append(parsed)
-    return maps
+        maps[parsed.id] = parsed
+    return list(maps.values())
 
 
 def find_barrier_map(maps: list[BarrierMap], map_id: int) -> BarrierMap:

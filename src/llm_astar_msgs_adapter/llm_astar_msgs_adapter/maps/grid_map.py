@@ -16,6 +16,8 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 UNKNOWN = -1
 FREE = 0
 OCCUPIED = 100
+# Of a map that is read from a file: ten times the 4000 x 4000 cells that the planner is made for.
+MAX_CELLS = 160_000_000
 MIN_RESOLUTION = 1e-6
 # A point nearer to a cell border than this, in cells, lies on the border.
 BORDER_TOLERANCE = 1e-6

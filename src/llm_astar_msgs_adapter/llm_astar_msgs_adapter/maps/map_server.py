@@ -14,17 +14,22 @@ The bottom row of the image is row 0 of the map.
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, read_text
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.grid_map import (
     FREE,
+    MAX_CELLS,
     OCCUPIED,
     UNKNOWN,
     GridMap,
@@ -33,6 +38,9 @@ from llm_astar_msgs_adapter.maps.grid_map import (
 )
 
 MODES = ('trinary', 'scale', 'raw')
+FORMATS = ('PPM', 'PNG', 'BMP', 'JPEG')
+# Pixels that are converted at a time: about 20 MB.
+STRIP_PIXELS = 2**19
 
 
 class MapServerError(LlmAstarError, ValueError):
@@ -42,7 +50,7 @@ class MapServerError(LlmAstarError, ValueError):
 def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
     """Read a map_server yaml file and its image. Raises MapServerError, naming file and field."""
     path = Path(path)
-    fields = read_yaml(path)
+    fields = read_fields(path)
     for name in ('resolution', 'origin', 'occupied_thresh', 'free_thresh'):
         if name not in fields:
             raise MapServerError(f'{path}: {name}: is missing')
@@ -52,75 +60,110 @@ def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
     )
     origin = fields['origin']
     if not isinstance(origin, list) or len(origin) != 3:
-        raise MapServerError(f'{path}: origin: [x, y, yaw] is expected, not {origin!r}')
+        raise MapServerError(f'{path}: origin: [x, y, yaw] is expected, not {short_repr(origin)}')
     pose = Pose2D(*(check_number(item, f'{path}: origin') for item in origin))
     negate = fields.get('negate', 0)
     if negate not in (0, 1):
-        raise MapServerError(f'{path}: negate: 0 or 1 is expected, not {negate!r}')
+        raise MapServerError(f'{path}: negate: 0 or 1 is expected, not {short_repr(negate)}')
     mode = fields.get('mode', 'trinary')
-    if mode not in MODES:
-        raise MapServerError(f'{path}: mode: {mode!r} is not one of {", ".join(MODES)}')
+    if not isinstance(mode, str) or mode not in MODES:
+        raise MapServerError(f'{path}: mode: {short_repr(mode)} is not one of {", ".join(MODES)}')
     if not 0.0 <= free < occupied <= 1.0:
         raise MapServerError(
             f'{path}: free_thresh: {free} to occupied_thresh: {occupied} is not in 0 to 1'
         )
     image = fields.get('image')
     if not isinstance(image, str) or not image:
-        raise MapServerError(f'{path}: image: a file name is expected, not {image!r}')
-    pixels = read_image(path.parent / image, path)
-    cells = pixels_to_cells(pixels, mode, negate=bool(negate), occupied=occupied, free=free)
+        raise MapServerError(f'{path}: image: a file name is expected, not {short_repr(image)}')
+    shades = Shades(mode, negate=bool(negate), occupied=occupied, free=free)
+    cells = read_image(path.parent / image, path, shades)
     try:
         return GridMap(cells[::-1], resolution, pose, frame_id)
     except GridMapError as error:
         raise MapServerError(f'{path}: {error}') from None
 
 
-def pixels_to_cells(
-    pixels: NDArray[np.float64], mode: str, *, negate: bool, occupied: float, free: float
-) -> NDArray[np.int8]:
-    """Return the occupancy of pixels [height, width, 3 or 4], 0 to 255, in the same order."""
-    channels = pixels if mode == 'trinary' else pixels[:, :, :3]
-    shade = channels.mean(axis=2) / 255.0
-    if mode == 'raw':
-        value = np.rint(shade * 255.0)
-        return np.where(value <= OCCUPIED, value, UNKNOWN).astype(np.int8)
-    occupancy = shade if negate else 1.0 - shade
-    between = np.full(occupancy.shape, float(UNKNOWN))
-    if mode == 'scale':
-        between = np.rint((occupancy - free) / (occupied - free) * 100.0)
-    cells = np.where(occupancy < free, FREE, between)
-    cells[occupancy > occupied] = OCCUPIED
-    if mode == 'scale' and pixels.shape[2] == 4:
-        cells[pixels[:, :, 3] != 255.0] = UNKNOWN
-    return cells.astype(np.int8)
+@dataclass(frozen=True)
+class Shades:
+    """What the shades of an image mean: the mode and the thresholds of the yaml file."""
+
+    mode: str
+    negate: bool
+    occupied: float
+    free: float
+
+    def cells(self, pixels: NDArray[np.float64]) -> NDArray[np.int8]:
+        """Return the occupancy of pixels [height, width, 3 or 4], 0 to 255, in the same order."""
+        channels = pixels if self.mode == 'trinary' else pixels[:, :, :3]
+        shade = channels.mean(axis=2) / 255.0
+        if self.mode == 'raw':
+            value = np.rint(shade * 255.0)
+            return np.where(value <= OCCUPIED, value, UNKNOWN).astype(np.int8)
+        occupancy = shade if self.negate else 1.0 - shade
+        between = np.full(occupancy.shape, float(UNKNOWN))
+        if self.mode == 'scale':
+            between = np.rint((occupancy - self.free) / (self.occupied - self.free) * 100.0)
+        cells = np.where(occupancy < self.free, FREE, between)
+        cells[occupancy > self.occupied] = OCCUPIED
+        if self.mode == 'scale' and pixels.shape[2] == 4:
+            cells[pixels[:, :, 3] != 255.0] = UNKNOWN
+        return cells.astype(np.int8)
 
 
-def read_yaml(path: Path) -> dict[str, Any]:
+def read_fields(path: Path) -> dict[str, Any]:
     """Return the fields of a yaml file. Raises MapServerError."""
-    try:
-        fields = yaml.safe_load(read_text(path, MapServerError))
-    except yaml.YAMLError as error:
-        raise MapServerError(f'{path}: not yaml: {" ".join(str(error).split())}') from None
+    fields = read_yaml(path, MapServerError)
     if not isinstance(fields, dict):
         raise MapServerError(f'{path}: the fields of a map are expected')
     return fields
 
 
-def read_image(image: Path, path: Path) -> NDArray[np.float64]:
-    """Return the pixels of an image [height, width, 3 or 4], 0 to 255. Raises MapServerError."""
+def read_image(image: Path, path: Path, shades: Shades) -> NDArray[np.int8]:
+    """Return the occupancy of an image [height, width]. Raises MapServerError.
+
+    `path` is the yaml file, for errors. The image is converted in strips, so that it takes at
+    most six bytes a cell.
+    """
+    if image.exists() and not image.is_file():
+        raise MapServerError(f'{path}: image: {image}: is not a regular file')
     try:
-        with Image.open(image) as picture:
-            alpha = 'A' in picture.getbands() or 'transparency' in picture.info
-            return np.asarray(picture.convert('RGBA' if alpha else 'RGB'), dtype=np.float64)
+        # By its contents, whatever its name; other formats may start other programs.
+        with no_size_warning(), Image.open(image, formats=FORMATS) as picture:
+            if picture.width * picture.height > MAX_CELLS:
+                raise MapServerError(f'{path}: image: {image}: is over {MAX_CELLS} pixels')
+            return np.concatenate([shades.cells(strip) for strip in strips(picture)])
     except UnidentifiedImageError:
-        raise MapServerError(f'{path}: image: {image} is not an image') from None
-    except (OSError, ValueError, Image.DecompressionBombError) as error:
+        known = ', '.join(FORMATS)
+        raise MapServerError(f'{path}: image: {image} is not an image of {known}') from None
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
         reason = getattr(error, 'strerror', None) or error
         raise MapServerError(f'{path}: image: {image}: {reason}') from None
 
 
+@contextmanager
+def no_size_warning() -> Iterator[None]:
+    """Leave out Pillow's warning of large images: there is a limit here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore', Image.DecompressionBombWarning)
+        yield
+
+
+def strips(picture: Image.Image) -> Iterator[NDArray[np.float64]]:
+    """Yield the pixels of an image [rows, width, 3 or 4], 0 to 255, from the top down."""
+    alpha = 'A' in picture.getbands() or 'transparency' in picture.info
+    rows = max(1, STRIP_PIXELS // picture.width)
+    for top in range(0, picture.height, rows):
+        box = (0, top, picture.width, min(top + rows, picture.height))
+        strip = picture.crop(box).convert('RGBA' if alpha else 'RGB')
+        yield np.asarray(strip, dtype=np.float64)
+
+
 def check_number(value: object, name: str) -> float:
     """Return a finite number. Raises MapServerError, which begins with `name`."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise MapServerError(f'{name}: a number is expected, not {value!r}')
-    return float(value)
+    try:
+        number = float(value) if isinstance(value, (int, float)) else math.nan
+    except OverflowError:
+        number = math.inf
+    if isinstance(value, bool) or not math.isfinite(number):
+        raise MapServerError(f'{name}: a number is expected, not {short_repr(value)}')
+    return number

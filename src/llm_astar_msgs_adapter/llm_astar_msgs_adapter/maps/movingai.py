@@ -11,10 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, read_text, short_repr
-from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.files import read_text
+from llm_astar_msgs_adapter.maps.grid_map import FREE, MAX_CELLS, OCCUPIED, GridMap
 
-PASSABLE = frozenset('.GS')
+PASSABLE = b'.GS'
+# A character a cell, and room for the header and the line ends.
+MAX_FILE_BYTES = 2 * MAX_CELLS
 HEADER = ('type', 'height', 'width', 'map')
 
 
@@ -44,7 +47,7 @@ def load_map(path: str | Path, *, resolution: float = 1.0, frame_id: str = 'map'
     Raises MovingAiError that names the file and the field.
     """
     path = Path(path)
-    lines = read_text(path, MovingAiError, 'ascii', 'replace').splitlines()
+    lines = read_text(path, MovingAiError, 'ascii', 'replace', MAX_FILE_BYTES).splitlines()
     header = {}
     for name, line in zip_longest(HEADER, lines[:4], fillvalue=''):
         words = line.split()
@@ -53,14 +56,17 @@ def load_map(path: str | Path, *, resolution: float = 1.0, frame_id: str = 'map'
         header[name] = words[1] if len(words) > 1 else ''
     height = parse_integer(header['height'], f'{path}: height', minimum=1)
     width = parse_integer(header['width'], f'{path}: width', minimum=1)
+    if height * width > MAX_CELLS:
+        raise MovingAiError(f'{path}: height, width: over {MAX_CELLS} cells')
     rows = lines[4 : 4 + height]
     if len(rows) < height:
         raise MovingAiError(f'{path}: map: {len(rows)} rows of {height}')
-    cells = np.full((height, width), OCCUPIED, dtype=np.int8)
     for y, row in enumerate(rows):
         if len(row) != width:
             raise MovingAiError(f'{path}: map: row {y} has {len(row)} cells, not {width}')
-        cells[y, [x for x, mark in enumerate(row) if mark in PASSABLE]] = FREE
+    marks = np.frombuffer(''.join(rows).encode('ascii', 'replace'), dtype=np.uint8)
+    is_free = np.isin(marks, np.frombuffer(PASSABLE, dtype=np.uint8)).reshape(height, width)
+    cells = np.where(is_free, np.int8(FREE), np.int8(OCCUPIED))
     return GridMap(cells, resolution, frame_id=frame_id)
 
 

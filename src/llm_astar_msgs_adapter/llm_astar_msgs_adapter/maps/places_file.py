@@ -12,13 +12,14 @@ import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import shapely
 from shapely.geometry import shape
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_msgs_adapter.errors import short_repr
+from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.grid_map import FAR
 from llm_astar_msgs_adapter.maps.places import DEFAULT_KIND, Place, Places, PlacesError
 
@@ -41,7 +42,7 @@ def load_places(path: str | Path) -> Places:
 
     Raises PlacesError, which names the file, the feature and the field.
     """
-    return places_from_geojson(parse_json(read_bytes(Path(path)), path), str(path))
+    return places_from_geojson(read_json(path, PlacesError, MAX_BYTES), str(path))
 
 
 def places_from_geojson(collection: object, source: str) -> Places:
@@ -97,37 +98,6 @@ def features_of(collection: object, source: str) -> list[Any]:
             'save the layer without a coordinate system, or with EPSG:3857'
         )
     return features
-
-
-def read_bytes(path: Path) -> bytes:
-    """Return the contents of a regular file of at most MAX_BYTES. Raises PlacesError."""
-    try:
-        if not path.is_file():
-            reason = 'is not a regular file' if path.exists() else 'no such file'
-            raise PlacesError(f'{path}: {reason}; a GeoJSON file is expected')
-        with path.open('rb') as file:
-            contents = file.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        if isinstance(error, PlacesError):
-            raise
-        raise PlacesError(f'{path}: {getattr(error, "strerror", None) or error}') from None
-    if len(contents) > MAX_BYTES:
-        raise PlacesError(f'{path}: is over {MAX_BYTES // 1_000_000} MB; split or simplify it')
-    return contents
-
-
-def parse_json(contents: bytes, path: str | Path) -> Any:  # noqa: ANN401 - any JSON
-    """Return the value of a JSON text. Raises PlacesError, also for NaN and infinity."""
-
-    def refuse(name: str) -> NoReturn:
-        raise ValueError(f'{name} is not a number of JSON')
-
-    try:
-        return json.loads(contents, parse_constant=refuse)
-    except RecursionError:
-        raise PlacesError(f'{path}: is nested too deeply') from None
-    except ValueError as error:
-        raise PlacesError(f'{path}: not JSON: {error}') from None
 
 
 def feature_label(source: str, index: int, feature: object) -> str:

@@ -78,6 +78,14 @@ def test_a_broken_field_is_named(tmp_path, fields, message):
         load_map(path)
 
 
+def test_a_number_of_four_hundred_digits_is_named_and_not_quoted(tmp_path):
+    with pytest.raises(
+        MapServerError, match='resolution: a number is expected, not 1111'
+    ) as error:
+        load_map(write(tmp_path, [[0]], resolution='1' * 400))
+    assert len(str(error.value)) < 300
+
+
 @pytest.mark.parametrize('text', ['[1, 2', '- 1\n- 2', ''])
 def test_a_file_that_is_not_a_map_is_named(tmp_path, text):
     path = tmp_path / 'bad.yaml'
@@ -101,3 +109,30 @@ def test_a_file_that_is_not_yaml_is_reported_in_one_line(tmp_path):
     with pytest.raises(MapServerError, match=r'x\.yaml: not yaml: ') as caught:
         load_map(tmp_path / 'x.yaml')
     assert '\n' not in str(caught.value)
+
+
+def test_formats_that_start_other_programs_are_refused_whatever_their_name(tmp_path):
+    path = write(tmp_path, [[0]])
+    (tmp_path / 'x.png').write_bytes(b'%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EOF\n')
+    with pytest.raises(MapServerError, match='is not an image of PPM, PNG, BMP, JPEG'):
+        load_map(path)
+
+
+def test_an_image_that_would_take_too_much_memory_is_refused_unread(tmp_path):
+    path = write(tmp_path, [[0]], image='x.pgm')
+    (tmp_path / 'x.pgm').write_bytes(b'P5 13000 13000 255\n')
+    with pytest.raises(MapServerError, match='is over 160000000 pixels'):
+        load_map(path)
+
+
+def test_an_image_that_is_no_regular_file_is_refused(tmp_path):
+    os.mkfifo(tmp_path / 'pipe')
+    with pytest.raises(MapServerError, match='is not a regular file'):
+        load_map(write(tmp_path, [[0]], image='pipe'))
+
+
+def test_strips_of_a_large_image_are_put_together(tmp_path, monkeypatch):
+    pixels = np.random.default_rng(1).integers(0, 256, (50, 7), dtype=np.uint8)
+    whole = load_map(write(tmp_path, pixels)).cells
+    monkeypatch.setattr('llm_astar_msgs_adapter.maps.map_server.STRIP_PIXELS', 20)
+    assert (load_map(write(tmp_path, pixels)).cells == whole).all()

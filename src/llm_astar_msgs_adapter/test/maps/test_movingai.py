@@ -74,3 +74,10 @@ def test_the_map_is_found_next_to_its_scenarios(tmp_path):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(MovingAiError, match=r'none\.map'):
         load_map(tmp_path / 'none.map')
+
+
+def test_a_header_that_asks_for_too_much_memory_is_refused(tmp_path):
+    path = tmp_path / 'x.map'
+    path.write_text('type octile\nheight 76000\nwidth 76000\nmap\n.\n')
+    with pytest.raises(MovingAiError, match='height, width: over 160000000 cells'):
+        load_map(path)

@@ -149,7 +149,7 @@ def test_two_places_of_one_name_are_listed(tmp_path):
         ('[1', 'not JSON'),
         ('[' * 100_000, 'JSON'),
         ('{"a":' * 100_000, 'JSON'),
-        ('[NaN]', 'NaN'),
+        ('[NaN]', 'FeatureCollection is expected'),
         ('[' + '9' * 10_000 + ']', 'JSON'),
         ('[]', 'type: a GeoJSON FeatureCollection is expected'),
         ('{"type": "FeatureCollection"}', 'features: a list is expected, not None'),
@@ -164,7 +164,7 @@ def test_a_file_of_something_else_is_refused(tmp_path, text, words):
 
 
 def test_only_regular_files_of_a_bounded_size_are_read(tmp_path):
-    assert 'no such file' in problem(tmp_path / 'absent.geojson')
+    assert 'No such file' in problem(tmp_path / 'absent.geojson')
     assert 'not a regular file' in problem(tmp_path)
     pipe = tmp_path / 'pipe'
     os.mkfifo(pipe)

@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import LlmAstarError, read_text
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import read_json, read_text
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.maps.places_file import load_places
 from numpy.typing import NDArray
@@ -273,10 +274,7 @@ class ResultsFolder:
     def read_json(self, name: str) -> dict[str, Any]:
         """Read a JSON object from the folder. Raises ResultsError."""
         path = self.path / name
-        try:
-            values = json.loads(read_text(path, ResultsError))
-        except ValueError as error:
-            raise ResultsError(f'{path}: not JSON: {error}') from None
+        values = read_json(path, ResultsError)
         if not isinstance(values, dict):
             raise ResultsError(f'{path}: a JSON object is expected')
         return values

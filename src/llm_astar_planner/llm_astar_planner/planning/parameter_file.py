@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
+from llm_astar_msgs_adapter.files import read_yaml
 
 from llm_astar_planner.parameter import ParameterError, Scalar
 from llm_astar_planner.planning.parameters import NODES, OTHERS, check_names
@@ -50,10 +50,7 @@ def read_sections(path: str | Path) -> list[tuple[str, Mapping[str, Any]]]:
 
     Raises ParameterError if it is not a parameter file.
     """
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ParameterError(f'{path}: {getattr(error, "strerror", None) or error}') from None
+    content = read_yaml(path, ParameterError)
     if not isinstance(content, dict):
         raise ParameterError(
             f'{path}: a ROS parameter file is expected: planner_node: ros__parameters: ...'

@@ -12,6 +12,7 @@ import errno
 import hashlib
 import json
 import logging
+import mmap
 import os
 import threading
 from collections.abc import Iterator, Sequence
@@ -19,7 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeGuard
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, read_text
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import read_text
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
@@ -36,6 +38,8 @@ from llm_astar_planner.waypoints.source import (
 _LOG = logging.getLogger(__name__)
 # The paper scales its maps by up to 10; searching more scales would only cost time.
 MAX_SCALE = 10
+# The first field of a line: one about waypoints, and one about an instruction.
+FIRST_FIELDS = (b'"map"', b'"text"')
 # Replies with these statuses come from no model, so there is nothing to record.
 _NOT_ASKED = (SourceStatus.NONE, SourceStatus.NOT_CONFIGURED, SourceStatus.MISSING)
 
@@ -188,9 +192,9 @@ class TranscriptWriter:
     """Appends exchanges to a transcript; each is on disk before `write` returns. Thread-safe."""
 
     def __init__(self, path: str | Path) -> None:
-        """Open `path` for appending, after removing a last line that was cut off.
+        """Open `path` for appending, after setting a last line aside that was cut off.
 
-        Raises TranscriptError where the file cannot be written.
+        Raises TranscriptError where the file is no transcript or cannot be written.
         """
         self.path = Path(path)
         self._lock = threading.Lock()
@@ -216,21 +220,35 @@ class TranscriptWriter:
 
 
 def repair_last_line(path: Path) -> None:
-    """Make a file end with a line end: complete a whole last line, remove a cut-off one."""
+    """Make a transcript end with a line end: complete a whole last line, set a cut-off one aside.
+
+    The cut-off line is kept in a file beside it, `<name>.cut`. Raises TranscriptError for a file
+    that is no transcript, which is left as it is.
+    """
     if not path.exists():
         return
-    data = path.read_bytes()
-    if not data or data.endswith(b'\n'):
+    if not path.is_file():
+        raise TranscriptError(f'{path}: is not a regular file')
+    if not path.stat().st_size:
         return
-    start = data.rfind(b'\n') + 1
+    with path.open('rb') as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        first = data.readline()
+        if not first.startswith(b'{') or not any(name in first for name in FIRST_FIELDS):
+            raise TranscriptError(f'{path}: is no transcript, and is left as it is')
+        start = data.rfind(b'\n', 0) + 1
+        last = data[start:]
+    if not last:
+        return
     try:
-        json.loads(data[start:])
+        json.loads(last)
     except (ValueError, RecursionError):
-        with path.open('r+b') as file:
-            file.truncate(start)
+        with path.with_name(f'{path.name}.cut').open('ab') as aside:
+            aside.write(last + b'\n')
+        os.truncate(path, start)
+        _LOG.warning('%s: its last line was cut off and is kept in %s.cut', path, path.name)
     else:
-        with path.open('ab') as file:
-            file.write(b'\n')
+        with path.open('ab') as whole:
+            whole.write(b'\n')
 
 
 class SampleResolver:

@@ -1,6 +1,7 @@
 """Transcripts: what is written is read back, and what is broken is named."""
 
 import json
+import os
 import resource
 import threading
 from dataclasses import replace
@@ -64,9 +65,11 @@ def test_a_cut_off_last_line_is_left_out_with_a_warning(tmp_path, caplog):
     path.write_text(f'{line}\n{line[:50]}')
     assert read_transcript(path) == [EXCHANGE]
     assert 'line 2: cut off' in caplog.text
+    cut = path.read_bytes().rpartition(b'\n')[2]
     writer = TranscriptWriter(path)
     writer.write(EXCHANGE)
     assert read_transcript(path) == [EXCHANGE, EXCHANGE]
+    assert path.with_name('transcript.jsonl.cut').read_bytes() == cut + b'\n'
 
 
 def test_a_last_line_without_its_end_counts(tmp_path):
@@ -76,6 +79,24 @@ def test_a_last_line_without_its_end_counts(tmp_path):
     writer = TranscriptWriter(path)
     writer.write(EXCHANGE)
     assert len(read_transcript(path)) == 2
+
+
+@pytest.mark.parametrize('text', ['one line', 'a\nb', '\n', '{"key": 1}', '[1, 2', '{"map'])
+def test_a_file_that_is_no_transcript_is_not_touched(tmp_path, text):
+    path = tmp_path / 'notes.txt'
+    path.write_text(text)
+    with pytest.raises(TranscriptError, match='is no transcript'):
+        TranscriptWriter(path)
+    assert path.read_text() == text
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_nothing_but_a_regular_file_is_recorded_to(tmp_path):
+    pipe = tmp_path / 'pipe'
+    os.mkfifo(pipe)
+    for path in (pipe, '/dev/null'):
+        with pytest.raises(TranscriptError, match='is not a regular file'):
+            TranscriptWriter(path)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.bags.files import JUMP
 from llm_astar_msgs_adapter.bags.reading import Bag, BagMessage
-from llm_astar_msgs_adapter.errors import LlmAstarError, read_text
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import read_text
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, updated

@@ -9,8 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,
+    BarrierMapError,
     Sample,
     load_barrier_maps,
     parse_barrier_map,
@@ -103,13 +105,9 @@ def format_kept_maps(maps: Sequence[ProblemMap]) -> str:
 
 def load_kept_maps(path: str | Path) -> list[ProblemMap]:
     """Read the maps of a results folder. Raises BarrierMapError or GridProblemError."""
-    path = Path(path)
-    try:
-        entries = json.loads(path.read_text(encoding='utf-8'))
-    except (OSError, ValueError):
-        entries = None
+    entries = read_json(path, BarrierMapError)
     if not isinstance(entries, list):
-        return list(load_barrier_maps(path))
+        raise BarrierMapError(f'{path}: a JSON list of maps is expected')
     return [
         parse_grid_problem(entry, f'{path}: map at index {index}')
         if is_grid_problem(entry)

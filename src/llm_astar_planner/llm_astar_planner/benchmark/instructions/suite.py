@@ -63,13 +63,12 @@ REGION of a check:
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.errors import read_text
+from llm_astar_msgs_adapter.files import read_json
 
 from llm_astar_planner.benchmark.instructions.checks import Check, read_check
 from llm_astar_planner.benchmark.instructions.comparison import normal_form
@@ -162,16 +161,7 @@ def load_suite(path: str | Path, folders: Sequence[Path] = ()) -> Suite:
 
 def read_object(path: Path) -> Mapping[str, Any]:
     """Return the JSON object in a file. Raises SuiteError."""
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise SuiteError(f'{path}: is larger than {MAX_BYTES} bytes')
-        fields = json.loads(read_text(path, SuiteError))
-    except OSError as error:
-        raise SuiteError(f'{path}: {error.strerror or error}') from None
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, SuiteError):
-            raise
-        raise SuiteError(f'{path}: not JSON: {error}') from None
+    fields = read_json(path, SuiteError, MAX_BYTES)
     if not isinstance(fields, dict):
         raise SuiteError(f'{path}: a JSON object is expected')
     return fields

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, read_text
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.places import Place, Places, places_from_polygons
 
 from llm_astar_planner.instructions.model.descriptions import orientation
@@ -20,7 +21,7 @@ from llm_astar_planner.instructions.model.mentions import read
 from llm_astar_planner.waypoints.source import Message
 
 EXAMPLES_FILE = Path(__file__).with_name('examples.json')
-MAX_EXAMPLES_CHARS = 100_000
+MAX_EXAMPLES_BYTES = 100_000
 # Places that a prompt lists; of more, those that the instruction seems to mention come first.
 MAX_PROMPT_PLACES = 60
 MAX_PROMPT_ALIASES = 4
@@ -61,11 +62,8 @@ class Examples:
 
 def load_examples(path: str | Path = EXAMPLES_FILE) -> Examples:
     """Read a file of worked examples, of the form of the shipped one. Raises ExamplesError."""
-    text = read_text(Path(path), ExamplesError)
-    if len(text) > MAX_EXAMPLES_CHARS:
-        raise ExamplesError(f'{path}: longer than {MAX_EXAMPLES_CHARS} characters')
+    loaded = read_json(path, ExamplesError, MAX_EXAMPLES_BYTES)
     try:
-        loaded = json.loads(text)
         places = places_from_polygons({entry['name']: entry for entry in loaded['places']})
         turns = tuple(
             (str(example['text']), compact_json({'clauses': list(example['clauses'])}))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import functools
 import ssl
+import zlib
 from collections.abc import Coroutine, Mapping
 from typing import Any, NamedTuple
 
@@ -21,6 +22,10 @@ MAX_BODY = 4 * 2**20
 CONNECT_S = 5.0
 # How long a cancelled request may take to close its connection.
 CLOSE_S = 0.2
+# Nothing is offered whose decoder cannot be stopped at a limit.
+ENCODING = {'Accept-Encoding': 'gzip, deflate'}
+# zlib's windowBits for the largest window and either header, that of gzip or that of zlib.
+ANY_HEADER = 47
 
 
 class HttpReply(NamedTuple):
@@ -71,21 +76,10 @@ async def post(
             httpx.AsyncClient(
                 trust_env=use_proxies, verify=tls_context(), timeout=timeout
             ) as client,
-            client.stream('POST', url, json=body, headers=dict(headers)) as response,
+            client.stream('POST', url, json=body, headers=ENCODING | dict(headers)) as response,
         ):
-            if ',' in response.headers.get('content-encoding', ''):
-                # A small body that is compressed twice may grow without bound in one step.
-                raise httpx.DecodingError('several encodings')
-            data = bytearray()
-            async for chunk in response.aiter_bytes():
-                data += chunk
-                if len(data) > MAX_BODY:
-                    raise EndpointFailure(
-                        SourceStatus.MALFORMED, f'the reply is longer than {MAX_BODY} bytes'
-                    )
-            return HttpReply(response.status_code, dict(response.headers), bytes(data))
-    except httpx.DecodingError:
-        raise EndpointFailure(SourceStatus.MALFORMED, 'the reply cannot be decoded') from None
+            data = await read_body(response)
+            return HttpReply(response.status_code, dict(response.headers), data)
     except (httpx.ReadTimeout, httpx.WriteTimeout, httpx.PoolTimeout):
         raise timed_out(limit) from None
     except (httpx.UnsupportedProtocol, httpx.LocalProtocolError, httpx.InvalidURL) as error:
@@ -101,6 +95,29 @@ async def post(
             words = words.partition(':')[0]
         detail = f'{httpx.URL(url).host} is unreachable: {type(error).__name__}: {words}'
         raise EndpointFailure(SourceStatus.UNREACHABLE, detail, retryable=True) from None
+
+
+async def read_body(response: httpx.Response) -> bytes:
+    """Return the decoded body. Raises EndpointFailure MALFORMED if that exceeds MAX_BODY bytes.
+
+    It is decoded here, since httpx decodes each piece that arrives whole: with zstd or brotli
+    64 KiB may become gigabytes. zlib stops at the limit.
+    """
+    name = response.headers.get('content-encoding', 'identity').strip().lower()
+    if name not in ('identity', 'gzip', 'deflate'):
+        problem = f'the reply cannot be decoded: {name[:40]!r} was not asked for'
+        raise EndpointFailure(SourceStatus.MALFORMED, problem)
+    decoder = None if name == 'identity' else zlib.decompressobj(ANY_HEADER)
+    data = bytearray()
+    async for chunk in response.aiter_raw():
+        try:
+            data += chunk if decoder is None else decoder.decompress(chunk, MAX_BODY + 1)
+        except zlib.error:
+            raise EndpointFailure(SourceStatus.MALFORMED, 'the reply cannot be decoded') from None
+        if len(data) > MAX_BODY:
+            problem = f'the reply is longer than {MAX_BODY} bytes'
+            raise EndpointFailure(SourceStatus.MALFORMED, problem)
+    return bytes(data)
 
 
 @functools.lru_cache(maxsize=1)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.files import read_text
 
 from llm_astar_planner.waypoints.prompts.map_description import Description
 from llm_astar_planner.waypoints.source import Message
@@ -18,7 +19,7 @@ from llm_astar_planner.waypoints.source import Message
 TEMPLATES = ('few_shot', 'cot', 'repe')
 NEEDED = ('start', 'goal', 'horizontal_barriers', 'vertical_barriers')
 NAMES = (*NEEDED, 'x_min', 'x_max', 'y_min', 'y_max')
-MAX_TEMPLATE_CHARS = 65536
+MAX_TEMPLATE_BYTES = 65536
 _PLACEHOLDER = re.compile(r'\{(' + '|'.join(NAMES) + r')\}')
 _POINT: dict[str, Any] = {
     'type': 'object',
@@ -76,11 +77,9 @@ def load_template(prompt: str) -> Template:
             f'prompt: {prompt!r} is none of {", ".join(TEMPLATES)}, and no path to a file'
         )
     try:
-        text = path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        raise TemplateError(f'prompt: {path}: {error}') from None
-    if len(text) > MAX_TEMPLATE_CHARS:
-        raise TemplateError(f'prompt: {path}: longer than {MAX_TEMPLATE_CHARS} characters')
+        text = read_text(path, TemplateError, limit=MAX_TEMPLATE_BYTES)
+    except TemplateError as error:
+        raise TemplateError(f'prompt: {error}') from None
     missing = [name for name in NEEDED if '{' + name + '}' not in text]
     if missing:
         names = ', '.join('{' + name + '}' for name in missing)
