@@ -11,15 +11,18 @@ import time
 
 import pytest
 import rclpy
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from graph_tools import DEMO, PATIENCE, calling, process, wait_for
 from llm_astar_msgs_adapter.bags.types import bag_types
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_planner.cli.main import main
+from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.resources import find_file
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
@@ -193,6 +196,29 @@ def test_messages_are_written_as_they_come_and_split_by_size(tmp_path):
         bag_types().deserialize_cdr(data, 'std_msgs/msg/String').data for *_, data in messages
     ]
     assert texts == sent
+
+
+def test_what_is_published_by_who_appears_and_leaves_at_once_is_recorded(tmp_path):
+    bag = tmp_path / 'bag'
+    node = rclpy.create_node('passer_by', namespace=ALONE)
+    requests = {
+        'goal_pose': (PoseStamped(), RELIABLE),
+        'initialpose': (PoseWithCovarianceStamped(), RELIABLE),
+        'planner_node/goal_place': (String(data='kitchen'), RELIABLE),
+        'map': (OccupancyGrid(), LATCHED),
+    }
+    with recording(bag, '--storage', 'sqlite3') as recorder:
+        for topic, (message, qos) in requests.items():
+            wait_for(lambda topic=topic: node.count_subscribers(topic), topic)
+            publisher = node.create_publisher(type(message), topic, qos)
+            publisher.publish(message)
+            publisher.wait_for_all_acked()
+            node.destroy_publisher(publisher)
+        wait_for(lambda: recorder.printed('recording /recorded/map '), 'the map')
+    node.destroy_node()
+    assert recorder.returncode == 0, recorder.lines
+    assert [topic for topic, *_ in read(bag)] == [f'{ALONE}/{topic}' for topic in requests]
+    assert recorder.printed('never there: /recorded/map_updates, /recorded/amcl_pose')
 
 
 def test_a_later_publisher_with_a_weaker_qos_is_recorded_too(tmp_path):

@@ -7,6 +7,7 @@ to the folder that rosbags makes for each of them, so that readers find unfinish
 from __future__ import annotations
 
 import contextlib
+import os
 import sqlite3
 import sys
 import time
@@ -106,7 +107,10 @@ class McapStorageWriter:
             connection.topic,
             'cdr',
             self._schemas[connection.msgtype],
-            {'offered_qos_profiles': offered_qos_profiles},
+            {
+                'offered_qos_profiles': offered_qos_profiles,
+                'topic_type_hash': connection.digest,
+            },
         )
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
@@ -123,7 +127,8 @@ class McapStorageWriter:
 
     def close(self, version: int, metadata: str) -> None:  # noqa: ARG002 - rosbags' own
         """Write the bag's metadata into the file and finish it."""
-        self._file.add_metadata('rosbag2', {'serialized_metadata': metadata})
+        own = yaml.safe_dump(with_distro(yaml.safe_load(metadata)), sort_keys=False)
+        self._file.add_metadata('rosbag2', {'serialized_metadata': own})
         self._file.finish()  # type: ignore[no-untyped-call]
         self._stream.close()
 
@@ -145,6 +150,7 @@ class SqliteStorageWriter(Sqlite3Writer):
         self.conn = sqlite3.connect(self.path)
         self.conn.executescript(f'PRAGMA journal_mode=WAL; {self.SQLITE_SCHEMA}')
         self.cursor = self.conn.cursor()
+        self.cursor.execute('UPDATE schema SET ros_distro = ?', (ros_distro(),))
         self._committed = time.monotonic()
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
@@ -158,7 +164,8 @@ class SqliteStorageWriter(Sqlite3Writer):
         """Finish the file and merge its log: with a log it could not be opened read-only."""
         self.conn.commit()
         self.conn.execute('PRAGMA journal_mode=DELETE')
-        super().close(version, metadata)
+        own = yaml.safe_dump(with_distro(yaml.safe_load(metadata)), sort_keys=False)
+        super().close(version, own)
 
 
 class BagFileWriter(Writer):
@@ -280,6 +287,16 @@ class BagWriter:
         draft.replace(self.folder / 'metadata.yaml')
 
 
+def ros_distro() -> str:
+    """Return the ROS distribution that a bag is of: the sourced one, else that of `bag_types`."""
+    return os.environ.get('ROS_DISTRO') or 'jazzy'
+
+
+def with_distro(information: dict[str, Any]) -> dict[str, Any]:
+    """Return the metadata of a bag with its ROS distribution, where rosbags has its own name."""
+    return {**information, 'ros_distro': ros_distro()}
+
+
 def merge_metadata(parts: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the metadata of a bag, made from that of each of its files."""
     filled = [part for part in parts if part['message_count']] or parts[:1]
@@ -293,7 +310,7 @@ def merge_metadata(parts: list[dict[str, Any]]) -> dict[str, Any]:
     last = [item['topic_metadata'] for item in parts[-1]['topics_with_message_count']]
     topics = [{'topic_metadata': item, 'message_count': counts[item['name']]} for item in last]
     return {
-        **parts[0],
+        **with_distro(parts[0]),
         'relative_file_paths': [path for part in parts for path in part['relative_file_paths']],
         'duration': {'nanoseconds': max(ends) - min(starts)},
         'starting_time': {'nanoseconds_since_epoch': min(starts)},

@@ -14,6 +14,7 @@ from llm_astar_msgs_adapter.bags.reading import Bag
 from llm_astar_msgs_adapter.bags.types import BagTypeError, bag_types, define
 from llm_astar_msgs_adapter.bags.writing import BagWriteError, BagWriter, OfferedTopic, qos
 from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
@@ -143,13 +144,40 @@ def test_an_existing_folder_is_not_overwritten(tmp_path):
         BagWriter(tmp_path)
 
 
-def test_sqlite3_files_hold_definitions_as_rosbag2_writes_them(tmp_path):
+def test_sqlite3_files_hold_definitions_and_distro_as_rosbag2_writes_them(tmp_path, monkeypatch):
+    monkeypatch.delenv('ROS_DISTRO', raising=False)
     with BagWriter(tmp_path / 'bag', 'sqlite3') as bag:
         bag.add_topic(CHATTER)
     with sqlite3.connect(tmp_path / 'bag' / 'bag_0.db3') as database:
-        row = database.execute('SELECT topic_type, encoding FROM message_definitions').fetchone()
+        rows = database.execute('SELECT topic_type, encoding FROM message_definitions').fetchall()
+        (schema,) = database.execute('SELECT schema_version, ros_distro FROM schema')
+        (inside,) = database.execute('SELECT metadata FROM metadata').fetchone()
     database.close()
-    assert row == (STRING, 'ros2msg')
+    assert rows == [(STRING, 'ros2msg')]
+    assert schema == (4, 'jazzy')
+    assert yaml.safe_load(inside)['ros_distro'] == 'jazzy'
+
+
+@pytest.mark.parametrize(('sourced', 'distro'), [('', 'jazzy'), ('kilted', 'kilted')])
+def test_mcap_files_hold_distro_and_type_hashes_as_rosbag2_writes_them(
+    tmp_path, monkeypatch, sourced, distro
+):
+    monkeypatch.setenv('ROS_DISTRO', sourced)
+    with BagWriter(tmp_path / 'bag', max_bytes=1000) as bag:
+        bag.add_topic(CHATTER)
+        write(bag, 15)
+    assert information(tmp_path / 'bag')['ros_distro'] == distro
+    for number in range(2):
+        with (tmp_path / 'bag' / f'bag_{number}.mcap').open('rb') as stream:
+            reader = make_reader(stream)
+            (channel,) = reader.get_summary().channels.values()
+            (metadata,) = (found.metadata for found in reader.iter_metadata())
+        assert channel.metadata['topic_type_hash'] == define(STRING).digest
+        inside = yaml.safe_load(metadata['serialized_metadata'])
+        assert inside['ros_distro'] == distro
+        assert inside['relative_file_paths'] == [f'bag_{number}.mcap']
+    with Reader(tmp_path / 'bag') as reader:
+        assert [connection.digest for connection in reader.connections] == [define(STRING).digest]
 
 
 def test_type_hashes_are_those_of_ros_also_for_services():

@@ -18,8 +18,8 @@ examples:
   llm-astar record --out run3 --namespace /robot1 --topics scan amcl_pose
 
 Records maps and their updates, requests of GetPlan, goals and initial poses, plans, the planner's
-reports, exchanges with the language model, tf, odometry and diagnostics, each as soon as it has a
-publisher. For the use of the bag see `llm-astar evaluate --help`.
+reports, exchanges with the language model, tf, odometry and diagnostics. What has no publisher yet
+is waited for. For the use of the bag see `llm-astar evaluate --help`.
 """
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import signal
@@ -13,7 +14,7 @@ from typing import Any
 
 import rclpy
 from llm_astar_msgs_adapter.bags.messages import NANOSECONDS
-from llm_astar_msgs_adapter.bags.types import BagTypeError, define
+from llm_astar_msgs_adapter.bags.types import BagTypeError, TypeDefinition, define
 from llm_astar_msgs_adapter.bags.writing import BagWriter, OfferedTopic
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
@@ -39,26 +40,31 @@ from rosbags.interfaces import (
 
 from llm_astar_planner.nodes.common.spin import leave
 
-# The topics that an evaluation reads; the names are relative to the recorded namespace.
+# What is subscribed to at once, as it may be published only once, by who appears for that: the
+# type, and whether it is latched. The names are relative to the recorded namespace.
+EXPECTED = {
+    'map': ('nav_msgs/msg/OccupancyGrid', True),
+    'map_updates': ('map_msgs/msg/OccupancyGridUpdate', False),
+    'goal_pose': ('geometry_msgs/msg/PoseStamped', False),
+    'initialpose': ('geometry_msgs/msg/PoseWithCovarianceStamped', False),
+    'amcl_pose': ('geometry_msgs/msg/PoseWithCovarianceStamped', True),
+    'plan': ('nav_msgs/msg/Path', False),
+    'planner_node/get_plan/_service_event': ('nav_msgs/srv/GetPlan_Event', False),
+    'planner_node/raw_plan': ('nav_msgs/msg/Path', False),
+    'planner_node/report': ('diagnostic_msgs/msg/DiagnosticArray', True),
+    'planner_node/instruction': ('std_msgs/msg/String', False),
+    'planner_node/interpret': ('std_msgs/msg/String', False),
+    'planner_node/interpretation': ('std_msgs/msg/String', True),
+    'planner_node/goal_place': ('std_msgs/msg/String', False),
+    'planner_node/places': ('visualization_msgs/msg/MarkerArray', True),
+    'planner_node/places_geojson': ('std_msgs/msg/String', True),
+    'llm_client_node/exchange': ('diagnostic_msgs/msg/DiagnosticArray', True),
+    'llm_client_node/interpret': ('std_msgs/msg/String', False),
+    'llm_client_node/interpretation': ('std_msgs/msg/String', True),
+}
+# The topics that an evaluation reads.
 TOPICS = (
-    'map',
-    'map_updates',
-    'goal_pose',
-    'initialpose',
-    'amcl_pose',
-    'plan',
-    'planner_node/get_plan/_service_event',
-    'planner_node/raw_plan',
-    'planner_node/report',
-    'planner_node/instruction',
-    'planner_node/interpret',
-    'planner_node/interpretation',
-    'planner_node/goal_place',
-    'planner_node/places',
-    'planner_node/places_geojson',
-    'llm_client_node/exchange',
-    'llm_client_node/interpret',
-    'llm_client_node/interpretation',
+    *EXPECTED,
     'odom',
     'tf',
     'tf_static',
@@ -75,12 +81,18 @@ DRAIN_TIMEOUT_S = 0.05
 # How many messages of a topic wait while others are written.
 DEPTH = 100
 
+# What a type raises that is not installed here.
+UNKNOWN_TYPE = (BagTypeError, ImportError, AttributeError)
+
 # Prints a line for the user.
 PrintLine = Callable[[str], None]
 
 
 class Recorder(Node):
-    """Subscribes to topics when their publishers appear, and writes their messages."""
+    """Subscribes to topics, those of EXPECTED at once and others when their publishers appear.
+
+    Every message is written as it comes.
+    """
 
     def __init__(
         self, bag: BagWriter, topics: Sequence[str], namespace: str, report: PrintLine
@@ -91,47 +103,80 @@ class Recorder(Node):
         self._report = report
         self._waiting = dict.fromkeys(topics)
         self._subscribed: dict[str, Subscription] = {}
+        self._definitions: dict[str, TypeDefinition] = {}
+        for relative, (msgtype, is_latched) in EXPECTED.items():
+            name = expand_topic_name(relative, NAME, namespace)
+            if name in self._waiting:
+                self._expect(name, msgtype, is_latched=is_latched)
         self.create_timer(DISCOVERY_PERIOD_S, self._discover)
 
+    def _expect(self, name: str, msgtype: str, *, is_latched: bool) -> None:
+        """Subscribe to a topic that may have no publisher yet, if its type is installed."""
+        with contextlib.suppress(*UNKNOWN_TYPE):
+            self._definitions[name] = define(msgtype)
+            qos = recorder_qos(is_reliable=True, is_latched=is_latched)
+            self._subscribe(name, import_message_class(msgtype), qos)
+
     def _discover(self) -> None:
-        """Subscribe to topics that have a publisher by now, with a QoS that fits all of them."""
-        for name, types in self.get_topic_names_and_types():
-            if name not in self._waiting and name not in self._subscribed:
+        """Record topics that have a publisher by now, with a QoS that fits all of them."""
+        for name in dict.fromkeys((*self._waiting, *self._subscribed)):
+            publishers = self.get_publishers_info_by_topic(name)
+            if not publishers:
                 continue
-            offered = [found.qos_profile for found in self.get_publishers_info_by_topic(name)]
-            if not offered:
-                continue
+            offered = [publisher.qos_profile for publisher in publishers]
             if name in self._waiting:
-                del self._waiting[name]
-                self._begin(name, types[0], offered)
+                self._begin(name, publishers[0].topic_type, offered)
             elif requests_too_much(self._subscribed[name].qos_profile, offered):
-                self._subscribe(name, self._subscribed[name].msg_type, offered)
+                self._subscribe(name, self._subscribed[name].msg_type, matching_qos(offered))
                 self._report(f'subscribed to {name} again, since a new publisher offers less')
 
     def _begin(self, name: str, msgtype: str, offered: list[QoSProfile]) -> None:
-        """Add a topic to the bag and subscribe to it, if its type is installed."""
+        """Add a topic to the bag and subscribe to it as it is offered, if its type is installed.
+
+        No message has come yet: one that a new subscription receives again is written once.
+        """
         try:
-            topic = OfferedTopic(
-                name, define(msgtype), tuple(dict.fromkeys(map(bag_qos, offered)))
-            )
-            message_class = import_message_class(msgtype)
-        except (BagTypeError, ImportError, AttributeError) as error:
+            definition, message_class = define(msgtype), import_message_class(msgtype)
+        except UNKNOWN_TYPE as error:
+            del self._waiting[name]
+            self._unsubscribe(name)
             self._report(f'not recorded: {name} ({msgtype}): {error}')
             return
-        self._bag.add_topic(topic)
-        self._subscribe(name, message_class, offered)
-        self._report(f'recording {name} ({msgtype})')
+        self._add_topic(name, definition, offered)
+        qos, subscribed = matching_qos(offered), self._subscribed.get(name)
+        if subscribed is None or (subscribed.msg_type, subscribed.qos_profile) != (
+            message_class,
+            qos,
+        ):
+            self._subscribe(name, message_class, qos)
 
-    def _subscribe(self, name: str, message_class: type, offered: list[QoSProfile]) -> None:
-        """Subscribe; replace an earlier subscription, since two would write each message twice."""
-        if name in self._subscribed:
-            self.destroy_subscription(self._subscribed[name])
-        self._subscribed[name] = self.create_subscription(
-            message_class, name, partial(self._on_message, name), matching_qos(offered), raw=True
+    def _add_topic(self, name: str, definition: TypeDefinition, offered: list[QoSProfile]) -> None:
+        """Add a topic to the bag."""
+        del self._waiting[name]
+        self._bag.add_topic(
+            OfferedTopic(name, definition, tuple(dict.fromkeys(map(bag_qos, offered))))
         )
+        self._report(f'recording {name} ({definition.msgtype})')
+
+    def _subscribe(self, name: str, message_class: type, qos: QoSProfile) -> None:
+        """Subscribe; replace an earlier subscription, since two would write each message twice."""
+        self._unsubscribe(name)
+        self._subscribed[name] = self.create_subscription(
+            message_class, name, partial(self._on_message, name), qos, raw=True
+        )
+
+    def _unsubscribe(self, name: str) -> None:
+        if name in self._subscribed:
+            self.destroy_subscription(self._subscribed.pop(name))
 
     def _on_message(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
         """Write a message with the time at which it arrived."""
+        if topic in self._waiting:
+            # Its publisher has not been looked for yet, and may have left already.
+            publishers = self.get_publishers_info_by_topic(topic)
+            offered = [publisher.qos_profile for publisher in publishers]
+            requested = self._subscribed[topic].qos_profile
+            self._add_topic(topic, self._definitions[topic], offered or [requested])
         # 0 where the middleware does not know that time.
         self._bag.write(topic, info['received_timestamp'] or time.time_ns(), data)
 
@@ -243,10 +288,15 @@ def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
     """Return the QoS of a subscription that receives most from all of these publishers."""
     reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
     latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
+    return recorder_qos(is_reliable=reliable, is_latched=latched)
+
+
+def recorder_qos(*, is_reliable: bool, is_latched: bool) -> QoSProfile:
+    """Return the QoS of a subscription whose messages wait while others are written."""
     return QoSProfile(
         depth=DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-        durability=(DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE),
+        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
     )
 
 
