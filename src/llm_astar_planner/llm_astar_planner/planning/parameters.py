@@ -80,9 +80,12 @@ REQUESTS = (
     ),
     Parameter(
         'costmap_update_timeout',
-        1.0,
-        'How long a plan waits for the newest map to be ready, at most half of '
-        '`max_planning_time`; then it is made on the last one, with a warning',
+        2.5,
+        'How long a plan waits for a map: for the first one (then `TIMEOUT`); after a failure, if '
+        'maps come periodically, for one that is newer than the request, since the costmap may '
+        'have been cleared (then the last one is used, with a warning). Neither counts as '
+        'planning time. For a newest map that is still being prepared, it is at most half of '
+        '`max_planning_time`. 0: never',
         unit='s',
         between=(0.0, 3600.0),
         node_only=True,

@@ -174,7 +174,8 @@ class Plan:
     - `clearance`: metres from the path's cells to the nearest lethal cell, inf without one;
       `unknown_length`: metres of the path through unknown cells; `turns`: its changes of
       direction.
-    - `seconds_source`, `seconds_search`: wall time. `warnings`: one sentence each.
+    - `seconds_source`, `seconds_search`: wall time; `seconds_map`: how long a node waited for a
+      map before. `warnings`: one sentence each.
     - `is_final`: False for a better path found while the search goes on.
     """
 
@@ -198,6 +199,7 @@ class Plan:
     any_angle: AnyAnglePath | None = None
     seconds_source: float = 0.0
     seconds_search: float = 0.0
+    seconds_map: float = 0.0
     start_shift: float = 0.0
     goal_shift: float = 0.0
     unknown_length: float = 0.0
@@ -236,6 +238,7 @@ class Plan:
             'ratio': finite_or_none(self.suboptimality_bound),
             'seconds_source': self.seconds_source,
             'seconds_search': self.seconds_search,
+            'seconds_map': self.seconds_map,
             'start_shift': self.start_shift,
             'goal_shift': self.goal_shift,
             'unknown_length': self.unknown_length,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -11,6 +12,8 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.nodes.planner.map_arrivals import MapArrivals
+from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.search.landmarks import LandmarkManager
 
@@ -32,7 +35,7 @@ class MapManager:
 
     Maps are prepared on a thread of their own, only the newest one: maps, updates and changes of
     rules that arrive meanwhile are prepared together in the next round. A map that is refused
-    changes nothing.
+    changes nothing. Who receives the messages notes them in `arrivals`.
     """
 
     def __init__(
@@ -44,6 +47,7 @@ class MapManager:
         """Start without a map; `on_planner` gets each new planner, on the preparing thread."""
         self.newest: PlanningMap | None = None
         self.is_preparing = False
+        self.arrivals = MapArrivals()
         self._logger = logger
         self._config = config
         self._on_planner = on_planner
@@ -75,32 +79,56 @@ class MapManager:
         newest = self.newest
         return None if newest is None else time.monotonic() - newest.arrived
 
+    def newest_arrived(self) -> tuple[GridMap, CollisionChecker] | None:
+        """Return the newest map, whether it is ready or not, and what checks paths on it.
+
+        None without one.
+        """
+        newest, grid_map = self.newest, self._grid_map
+        if grid_map is not None and (newest is None or self.is_preparing):
+            return grid_map, CollisionChecker(grid_map, self._config())
+        return None if newest is None else (newest.planner.grid_map, newest.planner.checker)
+
     def landmark_statistics(self) -> dict[str, float]:
         """Return what the landmarks cost and how often plans had them, for /diagnostics."""
         return self._landmarks.statistics()
 
     def take(self, grid_map: GridMap) -> None:
-        """Plan on this map as soon as it is ready."""
+        """Plan on this map as soon as it is ready.
+
+        It is as old as the last message noted in `arrivals`, and new if none was.
+        """
+        noted = self.arrivals.last
         with self._changed:
-            self._grid_map, self._arrived = grid_map, time.monotonic()
+            self._arrived = noted if math.isfinite(noted) else time.monotonic()
+            self._grid_map = grid_map
             self._requested += 1
             self.is_preparing = True
             self._changed.notify_all()
 
-    def wait(self, seconds: float, may_wait: Callable[[], bool]) -> bool:
+    def wait(
+        self, seconds: float, may_wait: Callable[[], bool], newer_than: float | None = None
+    ) -> bool:
         """Wait until what has arrived so far is prepared or refused; tell whether it is.
 
+        With `newer_than`, in monotonic seconds, until a map that arrived after that is ready.
         That takes at most `seconds`, and only while `may_wait()`. Raises what that raises.
         """
         deadline = time.monotonic() + seconds
         with self._changed:
             number = self._requested
-            while self._prepared < number and not self._closing:
+            while not (is_done := self.is_done(number, newer_than)) and not self._closing:
                 time_left = deadline - time.monotonic()
                 if time_left <= 0.0 or not may_wait():
                     break
                 self._changed.wait(min(POLL_SECONDS, time_left))
+            return is_done
+
+    def is_done(self, number: int, newer_than: float | None) -> bool:
+        """Tell whether a preparation is done, or with `newer_than` whether such a map is ready."""
+        if newer_than is None:
             return self._prepared >= number
+        return self.newest is not None and self.newest.arrived > newer_than
 
     def refresh(self) -> None:
         """Have the planner follow changed rules; return when it does."""

@@ -240,7 +240,7 @@ class PlannerServer:
         thread = SpinThread(node)
         self._entities.on_close(node.destroy_node)
         self._entities.on_close(thread.close)
-        MapSubscription(Entities(node), self._maps.take, self._node)
+        MapSubscription(Entities(node), self._maps.take, self._node, self._maps.arrivals.note)
         thread.start()
 
     def state(self) -> tuple[bool, str, dict[str, Any]]:
@@ -256,9 +256,10 @@ class PlannerServer:
             **self._instructions.values(),
             **self._publisher.statistics.values(),
         }
-        is_well = planner is not None and self.is_active
+        overdue = self._maps.arrivals.warnings()
+        is_well = planner is not None and self.is_active and not overdue
         state = 'planning' if self.is_active else 'not active'
-        return is_well, f'{state} on {self._maps.name}', values
+        return is_well, '; '.join((f'{state} on {self._maps.name}', *overdue)), values
 
 
 class PlannerNode(LifecycleNodeMixin, Node):

@@ -16,6 +16,7 @@ from nav_msgs.msg import Path
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.planner.costmap_wait import NOT_WAITED, CostmapWait
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
@@ -30,12 +31,9 @@ from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest,
 # The part of the planning time that is kept for checking and writing the path: seconds or a share.
 FINISH_SECONDS, FINISH_SHARE = 0.1, 0.1
 LEAST_SECONDS = 0.001
-# The part of the planning time that may pass before the newest map is ready.
-MAP_SHARE = 0.5
 # Seconds that a cancelled goal may take to end before it is left behind.
 LONGEST_END = 2.0
 INACTIVE = 'the node is not active: configure and activate it (lifecycle)'
-NO_MAP = 'no map has arrived yet'
 NEWER_PATH = 'a newer path was published'
 
 
@@ -108,6 +106,11 @@ class Job:
         if self.token.reason:
             raise RequestError(ResultCode.TIMEOUT, f'canceled: {self.token.reason}')
 
+    def goes_on(self) -> bool:
+        """Return True. Raises RequestError if the goal was cancelled."""
+        self.raise_if_cancelled()
+        return True
+
     def may_wait(self) -> bool:
         """Tell whether there is time left. Raises RequestError if the goal was cancelled."""
         self.raise_if_cancelled()
@@ -139,6 +142,7 @@ class RequestHandler:
         self._node = node
         self._settings = settings
         self._maps = maps
+        self._waits = CostmapWait(maps, lambda: settings.current['costmap_update_timeout'])
         self._converter = converter
         self._publisher = publisher
         self._replans = replans
@@ -201,10 +205,16 @@ class RequestHandler:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         if not self._is_active:
             raise RequestError(ResultCode.UNKNOWN, INACTIVE)
-        warnings = self.wait_for_map(job) if self._maps.is_preparing else ()
-        newest = self._maps.newest
+        waited, maps = NOT_WAITED, self._maps
+        is_late = time.monotonic() > maps.arrivals.overdue_at
+        if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
+            # A replan follows a new map, and is no retry.
+            is_retry = not replan_reason and self._waits.is_retry(job.goal)
+            waited = self._waits.wait(job.begin, job.limit, job.goes_on, is_retry=is_retry)
+            job = replace(job, begin=job.begin + waited.extra)
+        newest = maps.newest
         if newest is None:
-            raise RequestError(ResultCode.UNKNOWN, warnings[0] if warnings else NO_MAP)
+            raise RequestError(ResultCode.TIMEOUT, waited.warnings[0])
         planner, map_age = newest.planner, time.monotonic() - newest.arrived
         poses = self._converter.poses(job.goal, planner.grid_map, job.may_wait)
         ends_as_it_arrives = self._settings.current['use_final_approach_orientation']
@@ -238,20 +248,13 @@ class RequestHandler:
             if request.instruction is not None:
                 self._instructions.follow(path)
         self._publisher.publish_views(plan, planner.grid_map, job.stamp, writer.write)
-        if warnings or left_out:
-            plan = replace(plan, warnings=(*plan.warnings, *warnings, *left_out))
+        is_made = plan.code is ResultCode.NONE
+        if not replan_reason and (self._waits.failures or not is_made):
+            self._waits.note(job.goal, failed=not is_made)
+        if waited is not NOT_WAITED or left_out:
+            warnings = (*plan.warnings, *waited.warnings, *left_out)
+            plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
-
-    def wait_for_map(self, job: Job) -> tuple[str, ...]:
-        """Wait for the newest map that has arrived; return a warning if it is not ready in time.
-
-        Raises RequestError if the goal was cancelled.
-        """
-        limit = self._settings.current['costmap_update_timeout']
-        if self._maps.wait(min(limit, MAP_SHARE * job.limit), job.may_wait):
-            return ()
-        seconds = time.monotonic() - job.begin
-        return (f'the newest map was not ready after {seconds:.2f} s: the last one is used',)
 
     def publish(self, path: Path, replan_reason: str) -> None:
         """Publish a path; one that a client has just requested preempts a replan."""
