@@ -296,7 +296,7 @@ def test_a_caller_before_the_first_map_gets_the_reason():
     with process('planner_node', namespace=ALONE) as planner, calling(ALONE) as caller:
         wait_for(lambda: 'ready' in ''.join(planner.output), 'the planner')
         path, report, _ = caller.call(START, GOAL)
-        assert (report.code_name, path.poses) == ('UNKNOWN', [])
+        assert (report.code_name, path.poses) == ('TIMEOUT', [])
         assert 'no map' in report.message
 
 

@@ -320,6 +320,6 @@ def test_a_managed_node_rejects_goals_until_it_is_active(graph):
         status, result = managed.ask(managed.to, to_pose())
         managed.close()
     assert not rejected.accepted
-    assert (status, result.error_code) == (ABORTED, 200)
+    assert (status, result.error_code) == (ABORTED, 207)
     if hasattr(result, 'error_msg'):
         assert 'no map' in result.error_msg

@@ -104,7 +104,7 @@ class CostmapWait:
         waited = NOT_WAITED
         if maps.newest is None:
             waited = self.wait_for_first(begin, timeout, may_wait)
-        elif is_retry and maps.arrivals.is_due(timeout) and self._waiting.acquire(blocking=False):
+        elif is_retry and self.is_worthwhile(timeout) and self._waiting.acquire(blocking=False):
             try:
                 waited = self.wait_for_newer(begin, timeout, may_wait)
             finally:
@@ -113,6 +113,10 @@ class CostmapWait:
             limit = min(timeout, MAP_SHARE * planning_time)
             waited = self.wait_for_newest(begin, limit, may_wait)
         return waited._replace(warnings=(*waited.warnings, *maps.arrivals.warnings()))
+
+    def is_worthwhile(self, timeout: float) -> bool:
+        """Tell whether a newer map can be expected within so many seconds."""
+        return timeout > 0.0 and self._maps.arrivals.is_due(timeout)
 
     def wait_for_first(self, begin: float, timeout: float, may_wait: Callable[[], bool]) -> Waited:
         """Wait until there is a map at all."""
@@ -124,8 +128,8 @@ class CostmapWait:
         return Waited(seconds, seconds, (f'{problem}, after {seconds:.2f} s',))
 
     def wait_for_newer(self, begin: float, timeout: float, may_wait: Callable[[], bool]) -> Waited:
-        """Wait for a map newer than the request, but not beyond the time when it is overdue."""
-        limit = min(timeout, self._maps.arrivals.overdue_at - self._clock())
+        """Wait for a map newer than the request, but not once none is expected any more."""
+        limit = min(timeout, self._maps.arrivals.latest - self._clock())
         is_newer = self._maps.wait(limit, may_wait, newer_than=begin)
         seconds = self._clock() - begin
         warning = f'no newer map was ready after {seconds:.2f} s: the last one is used'

@@ -8,17 +8,21 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-# How many of the last intervals are remembered, and the fewest that make a publisher periodic.
-KEPT, LEAST = 8, 2
-# A map is overdue after so many of the usual intervals, and not before so many seconds.
-OVERDUE_PERIODS, OVERDUE_SECONDS = 3.0, 2.0
+# How many of the last intervals are kept; from how many on another message is expected, and from
+# how many on one that does not come is worth a warning.
+KEPT, FEWEST, REGULAR = 8, 2, 4
+# Another message is expected for so many of the usual intervals, and for this many seconds: a
+# costmap that is cleared may take longer than usual. Regular are intervals up to as many times
+# the usual one.
+LATE_PERIODS, LATE_SECONDS = 3.0, 2.0
 
 
 class MapArrivals:
     """Notes when messages with a map or an update arrived, equal ones included.
 
     All times are monotonic seconds. `last` is when the last one was made, `period` the usual
-    interval (infinite until one is known), and after `overdue_at` the next one is overdue.
+    interval. The next one is expected until `latest`; it is overdue after `overdue_at`, if they
+    came at regular times. Each is infinite where it is not known.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -26,7 +30,7 @@ class MapArrivals:
         self.last = -math.inf
         self.period = math.inf
         self.overdue_at = math.inf
-        self._soonest = math.inf
+        self._soonest = self.latest = math.inf
         self._clock = clock
         self._intervals: deque[float] = deque(maxlen=KEPT)
 
@@ -35,21 +39,25 @@ class MapArrivals:
         before, self.last = self.last, max(self.last, self._clock() - transit)
         if math.isfinite(before):
             self._intervals.append(self.last - before)
-        if len(self._intervals) >= LEAST:
-            self.period = statistics.median(self._intervals)
-            self._soonest = self.last + min(self._intervals)
-            self.overdue_at = self.last + max(OVERDUE_PERIODS * self.period, OVERDUE_SECONDS)
+        count = len(self._intervals)
+        if count < FEWEST:
+            return
+        self.period = statistics.median(self._intervals)
+        self._soonest = self.last + min(self._intervals)
+        self.latest = self.last + max(LATE_PERIODS * self.period, LATE_SECONDS)
+        is_regular = count >= REGULAR and max(self._intervals) <= LATE_PERIODS * self.period
+        self.overdue_at = self.latest if is_regular else math.inf
 
     def is_due(self, seconds: float) -> bool:
-        """Tell whether another one can be expected within so many seconds.
+        """Tell whether another message can be expected within so many seconds.
 
         False for a map that is published once, and for a publisher that has stopped.
         """
         now = self._clock()
-        return self._soonest <= now + seconds and now <= self.overdue_at
+        return self._soonest <= now + seconds and now <= self.latest < math.inf
 
     def warnings(self) -> tuple[str, ...]:
-        """Say that the next map is overdue; empty if it is not."""
+        """Say that the next message is overdue; empty if it is not."""
         now = self._clock()
         if now <= self.overdue_at:
             return ()
