@@ -12,7 +12,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from graph_tools import PATIENCE, calling, running, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.fields import path_from_message
+from llm_astar_msgs_adapter.messages.fields import path_from_message, pose_from_message
 from llm_astar_msgs_adapter.messages.writing import (
     grid_to_message,
     path_to_message,
@@ -181,6 +181,55 @@ def test_a_path_through_poses_passes_each_in_turn(graph):
     indices = [points.index(list(place)) for place in places]
     assert indices == sorted(indices)
     assert indices[-1] == len(points) - 1
+
+
+def ends_of(result):
+    poses = [pose_from_message(stamped.pose) for stamped in result.path.poses]
+    return poses[0], poses[-1], len(poses)
+
+
+def test_a_path_begins_and_ends_at_the_exact_poses_and_is_valid(graph):
+    start, goal = Pose2D(5.9, 5.2, 2.0), Pose2D(35.1, 5.8, -1.0)
+    status, result = graph.ask(graph.to, to_pose(goal, start))
+    assert status == SUCCEEDED
+    first, last, _ = ends_of(result)
+    assert (first, last) == (pytest.approx(start), pytest.approx(goal))
+    client = graph.node.create_client(services.IsPathValid, 'is_path_valid')
+    response = graph.caller.ask(client, services.IsPathValid.Request(path=result.path))
+    assert (response.is_valid, list(response.invalid_pose_indices)) == (True, [])
+
+
+def test_start_and_goal_in_one_cell_give_what_navfn_gives(graph):
+    start, goal = Pose2D(5.9, 5.2, 2.0), Pose2D(5.1, 5.8, -1.0)
+    _, result = graph.ask(graph.to, to_pose(goal, start))
+    assert ends_of(result) == (pytest.approx(start), pytest.approx(goal), 2)
+    turned = Pose2D(5.9, 5.2, -1.0)
+    _, result = graph.ask(graph.to, to_pose(turned, start))
+    assert ends_of(result) == (pytest.approx(turned), pytest.approx(turned), 1)
+    name = 'use_final_approach_orientation'
+    graph.planner.set_parameters([Parameter(name, value=True)])
+    _, result = graph.ask(graph.to, to_pose(turned, start))
+    graph.planner.set_parameters([Parameter(name, value=False)])
+    assert ends_of(result) == (pytest.approx(start), pytest.approx(start), 1)
+
+
+def test_a_robot_inside_the_marks_of_an_obstacle_plans_its_way_out(graph):
+    start = Pose2D(20.5, 5.5)
+    graph.planner.set_parameters([Parameter('start_tolerance', value=1.0)])
+    status, result = graph.ask(graph.to, to_pose(start=start))
+    graph.planner.set_parameters([Parameter('start_tolerance', value=0.25)])
+    assert status == SUCCEEDED
+    assert np.hypot(*np.subtract(ends_of(result)[0][:2], start[:2])) == pytest.approx(1.0)
+
+
+def test_a_thousand_poses_are_passed(graph):
+    rng = np.random.default_rng(4)
+    places = rng.permutation(np.argwhere(CELLS == 0))[:1000].tolist()
+    goals = [Pose2D(x + 0.5, y + 0.5) for y, x in places]
+    status, result = graph.ask(graph.through, through_poses(*goals))
+    assert status == SUCCEEDED
+    passed = {tuple(point) for point in path_from_message(result.path).tolist()}
+    assert passed >= {goal[:2] for goal in goals}
 
 
 @pytest.mark.parametrize(

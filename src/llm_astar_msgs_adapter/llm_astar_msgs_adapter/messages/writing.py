@@ -38,12 +38,17 @@ def grid_to_message(grid_map: GridMap, stamp: Time) -> OccupancyGrid:
 
 
 def path_to_message(
-    points: ArrayLike, frame_id: str, stamp: Time, goal_yaw: float | None = None
+    points: ArrayLike,
+    frame_id: str,
+    stamp: Time,
+    goal_yaw: float | None = None,
+    start_yaw: float | None = None,
 ) -> Path:
     """Write points [n, 2] in metres as a path with frame and stamp on every pose.
 
     Each pose is oriented towards the next; the last has `goal_yaw` (radians) where given, else
-    the orientation of the pose before.
+    the orientation of the pose before. The first has `start_yaw` where given, unless it is also
+    the last and there is a `goal_yaw`.
     """
     points = np.asarray(points, dtype=np.float64).reshape(-1, 2)
     message = Path()
@@ -52,7 +57,10 @@ def path_to_message(
     # A path may have 100,000 poses, so they share their header, and equal headings theirs.
     example = PoseStamped(header=message.header)
     orientations: dict[tuple[float, float], Quaternion] = {}
-    half_yaws = np.array(headings_along(points, goal_yaw)) / 2.0
+    yaws = headings_along(points, goal_yaw)
+    if start_yaw is not None and (len(yaws) > 1 or (yaws and goal_yaw is None)):
+        yaws[0] = start_yaw
+    half_yaws = np.array(yaws) / 2.0
     values = zip(points.tolist(), np.sin(half_yaws).tolist(), np.cos(half_yaws).tolist())
     poses = []
     for (x, y), z, w in values:

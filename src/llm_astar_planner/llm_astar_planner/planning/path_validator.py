@@ -62,6 +62,10 @@ class CollisionChecker:
         """Make a checker for blocked cells, bool [height, width], as they are."""
         return cls(GridMap(blocked.view(np.int8)), CostmapConfig(occupied_threshold=1))
 
+    def is_free(self, cells: NDArray[np.int64]) -> bool:
+        """Tell whether the robot may be in each of the cells [n, 2] of the map."""
+        return bool(kernels.first_blocked(*self.rules, cells) < 0)
+
     def measure(self, path: NDArray[np.int32]) -> PathMetrics:
         """Measure a path of single moves [n, 2], n > 0."""
         cells = np.ascontiguousarray(path, np.int64)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.endpoints import nearest_labelled
+from llm_astar_planner.planning.parameters import PLANNER, defaults
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 
@@ -187,3 +188,18 @@ def test_the_nearest_labelled_cell_is_the_nearest_by_brute_force(data):
     else:
         assert labels[found[1], found[0]] == 7
         assert math.dist(found, centre) ** 2 == pytest.approx(least)
+
+
+def test_a_robot_inside_the_marks_of_an_obstacle_plans_its_way_out_by_default():
+    """As NavFn, which clears the robot's cell; on coarse cells no start is moved."""
+    marked = np.zeros((40, 60), dtype=np.int8)
+    y, x = np.ogrid[:40, :60]
+    marked[(x - 20) ** 2 + (y - 20) ** 2 <= 3**2] = 100
+    tolerance = defaults(PLANNER)['start_tolerance']
+    request = PlanRequest((20, 20), (50, 20), start_tolerance=tolerance)
+    plan = Planner(GridMap(marked, 0.05)).plan(request)
+    assert plan.code is ResultCode.NONE, plan.message
+    assert plan.start_shift == pytest.approx(0.05 * math.hypot(3, 1))
+    assert '0.16 m off' in plan.warnings[0]
+    coarse = Planner(GridMap(marked, 1.0)).plan(request)
+    assert coarse.code is ResultCode.START_OCCUPIED

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.markers import expanded_to_message, waypoints_to_markers
 from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_message
 from nav_msgs.msg import GridCells, Path
@@ -23,6 +23,7 @@ from visualization_msgs.msg import MarkerArray
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.planner.diagnostics import PlanStatistics
+from llm_astar_planner.planning.path_ends import cell_of, with_exact_ends
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.types import Plan
@@ -37,32 +38,61 @@ LEAST_SECONDS = 0.001
 
 
 class PathWriter:
-    """Writes the paths of one goal as messages: one frame, one stamp, one final heading."""
+    """Writes the paths of one goal as messages: one frame, one stamp, the same ends."""
 
     def __init__(
-        self, grid_map: GridMap, stamp: Time, start_yaw: float, goal_yaw: float | None
+        self, planner: Planner, stamp: Time, start: Pose2D, goal: Pose2D, *, keeps_heading: bool
     ) -> None:
-        """Take the map of the cells, and the headings at start and goal in radians.
+        """Take the planner of the paths, and the poses that were asked for in the map's frame.
 
-        With `goal_yaw` None the last pose looks along the path, and the only pose of a path of
-        one cell as the start (Nav2's use_final_approach_orientation).
+        With `keeps_heading` the last pose looks along the path instead of as `goal` does, and the
+        only pose of a path of one as the start (Nav2's use_final_approach_orientation).
         """
-        self._grid_map = grid_map
+        self._planner = planner
         self._stamp = stamp
-        self._start_yaw = start_yaw
-        self._goal_yaw = goal_yaw
+        self._start = start
+        self._goal = goal
+        self._goal_yaw = None if keeps_heading else goal.yaw
         self._last: tuple[NDArray[np.float64], Path] | None = None
 
     def write(self, points: ArrayLike) -> Path:
-        """Write points [n, 2] in grid coordinates; equal points give the same message again."""
+        """Write points [n, 2] in grid coordinates; equal points give the same message again.
+
+        Where they begin in the start's cell and end in the goal's, the path begins and ends at
+        those poses. Where an end was moved it stays at the centre of its cell.
+        """
         cells = np.asarray(points, dtype=np.float64)
         if self._last is not None and np.array_equal(self._last[0], cells):
             return self._last[1]
-        places = self._grid_map.grid_to_world(cells)
-        yaw = self._start_yaw if len(cells) == 1 and self._goal_yaw is None else self._goal_yaw
-        path = path_to_message(places, self._grid_map.frame_id, self._stamp, yaw)
+        grid_map = self._planner.grid_map
+        places, start_yaw = grid_map.grid_to_world(cells), None
+        if len(cells):
+            places, start_yaw = self.places_with_ends(cells)
+        path = path_to_message(places, grid_map.frame_id, self._stamp, self._goal_yaw, start_yaw)
         self._last = (cells, path)
         return path
+
+    def places_with_ends(
+        self, cells: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], float | None]:
+        """Return the places [n, 2] in metres of a path of n > 0 points, with the exact ends.
+
+        Also the heading (rad) of the first, None for that of the path.
+        """
+        grid_map = self._planner.grid_map
+        ends = [self._start[:2], self._goal[:2]]
+        start, goal = grid_map.world_to_grid(ends)
+        begins = cell_of(cells[0]) == cell_of(start)
+        arrives = cell_of(cells[-1]) == cell_of(goal)
+        points = with_exact_ends(
+            cells, start if begins else None, goal if arrives else None, self._planner.checker
+        )
+        places = grid_map.grid_to_world(points)
+        if arrives:
+            places[-1] = ends[1]
+        if begins:
+            places[0] = ends[0]
+        return places, self._start.yaw if begins or len(places) == 1 else None
 
     def write_plan(self, plan: Plan, deadline: float) -> tuple[Path, tuple[str, ...]]:
         """Write a plan's path with one pose per cell, as controllers expect; return it.

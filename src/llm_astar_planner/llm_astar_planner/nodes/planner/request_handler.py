@@ -217,9 +217,9 @@ class RequestHandler:
             raise RequestError(ResultCode.TIMEOUT, waited.warnings[0])
         planner, map_age = newest.planner, time.monotonic() - newest.arrived
         poses = self._converter.poses(job.goal, planner.grid_map, job.may_wait)
-        ends_as_it_arrives = self._settings.current['use_final_approach_orientation']
-        goal_yaw = None if ends_as_it_arrives else poses.goals[-1].yaw
-        writer = PathWriter(planner.grid_map, job.stamp, poses.start.yaw, goal_yaw)
+        keeps_heading = self._settings.current['use_final_approach_orientation']
+        ends = poses.start, poses.goals[-1]
+        writer = PathWriter(planner, job.stamp, *ends, keeps_heading=keeps_heading)
         deadline = job.begin + job.limit
         finish = min(FINISH_SECONDS, FINISH_SHARE * job.limit)
         request = self._converter.to_request(
