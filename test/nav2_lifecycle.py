@@ -21,6 +21,7 @@ CONNECT_TIMEOUT = 10.0
 DISCONNECT_TIMEOUT = 2.0
 DEAD_PUBLISH_PERIOD = 0.05
 CHECK_PERIOD = 0.2
+RESPAWN_PERIOD = 1.0
 SERVICE_SECONDS = 5.0
 STATE_SECONDS = 2.0
 # Where Nav2 waits for a transition without a limit.
@@ -223,6 +224,21 @@ class LifecycleManager(Node):
         self._change_all(Transition.TRANSITION_DEACTIVATE)
         self._change_all(Transition.TRANSITION_CLEANUP)
         return self._change_all(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+
+    def wait_for_respawn(self, seconds):
+        """Ask all nodes every second until all answer again; tell whether they do."""
+        deadline = time.monotonic() + seconds
+        while not self._all_answer():
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(RESPAWN_PERIOD)
+        return True
+
+    def _all_answer(self):
+        try:
+            return len(self.states()) == len(self._names)
+        except ServiceError:
+            return False
 
     def states(self):
         return [self.managed[name].get_state() for name in self._names]

@@ -50,8 +50,11 @@ class TreeNode:
         raise NotImplementedError
 
     def halt(self):
+        """Stop what is running; a node that has ended is made ready to be ticked again."""
         for child in self.children:
-            child.halt()
+            if child.status is RUNNING:
+                child.halt()
+            child.status = IDLE
         self.status = IDLE
 
 
@@ -123,8 +126,7 @@ class RecoveryNode(TreeNode):
                     break
                 self._count += 1
                 self._index = 0
-            for child in self.children:
-                child.halt()
+            super().halt()
         self.halt()
         return status
 
@@ -172,8 +174,7 @@ class RoundRobin(TreeNode):
             self._index = (self._index + 1) % len(self.children)
             if status is SUCCESS:
                 self._failed = 0
-                for child in self.children:
-                    child.halt()
+                super().halt()
                 return SUCCESS
             self._failed += 1
         self.halt()
@@ -264,7 +265,7 @@ class ActionNode(TreeNode):
         raise NotImplementedError
 
     def tick(self):
-        if self.status is IDLE or self.status in (SUCCESS, FAILURE):
+        if self.status is not RUNNING:
             self.status = RUNNING
             self._handle = self._result = None
             self._future = self._client.actions[self.name].send_goal_async(self.make_goal())

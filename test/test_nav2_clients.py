@@ -311,6 +311,7 @@ def test_a_killed_planner_brings_the_stack_down_and_a_new_one_up_again(running_s
         assert manager.broken_at - begin < 1.5 * lifecycle.BOND_TIMEOUT
         assert manager.managed['controller_server'].get_state() == UNCONFIGURED
         running.enter_context(planner_process(space))
+        assert manager.wait_for_respawn(PATIENCE)
         assert manager.startup()
         assert manager.shutdown()
         assert manager.states() == [State.PRIMARY_STATE_FINALIZED] * 2

@@ -1,0 +1,87 @@
+"""docs/nav2.md compares every code, parameter, topic, service and action of planner_node."""
+
+import re
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import rclpy
+from graph_tools import running
+from llm_astar_planner.nodes.planner.nav2_server import error_name
+from llm_astar_planner.nodes.planner.planner_node import PlannerNode
+from llm_astar_planner.planning.parameters import NODES
+from llm_astar_planner.planning.types import ResultCode
+from rclpy.action import get_action_server_names_and_types_by_node as action_names
+
+PAGE = Path(__file__).resolve().parents[1] / 'docs' / 'nav2.md'
+SECTION = re.compile(r'^## (.*?)\n(.*?)(?=^## |\Z)', re.MULTILINE | re.DOTALL)
+SECTIONS = dict(SECTION.findall(PAGE.read_text()))
+SPACE = '/compared'
+# One row of the page stands for these.
+OF_ANY_NODE = re.compile(r'.*(get_type_description|parameters?|parameter_types|_atomically)$')
+# What planner_node and its waypoint client say to each other is no part of Nav2's interface.
+OF_THE_CLIENT = re.compile(r'^llm_client_node/|.*/_action/')
+REPORTED = {'goal occupied, `tolerance` 0': 0.0}
+REASONS = {'cancelled, or preempted': 'a newer goal came'}
+
+
+def code_rows():
+    """Return the cells of each row of the table of codes."""
+    rows = [line[1:-1].split('|') for line in SECTIONS['Codes'].splitlines() if line[:1] == '|']
+    return rows[2:]
+
+
+def names(text):
+    return set(re.findall(r'`([^`]+)`', text))
+
+
+def test_every_parameter_is_compared():
+    own = {parameter.name for parameter in NODES['planner_node']}
+    assert own - names(SECTIONS['Parameters']) == set()
+
+
+@pytest.mark.parametrize('row', code_rows(), ids=lambda row: row[0])
+def test_the_codes_of_the_actions_are_those_of_the_table(row):
+    case, ours, reported = row[0], row[-2], row[-1].strip('`')
+    code = ResultCode[reported]
+    goals = () if case.startswith('`goals`') else ('a pose',)
+    response = SimpleNamespace(
+        plan=SimpleNamespace(code=code),
+        goal=SimpleNamespace(goals=goals),
+        request=SimpleNamespace(tolerance=REPORTED.get(case, 0.5)),
+    )
+    name = error_name(response, REASONS.get(case, ''))
+    if name == 'NONE':
+        assert ours.startswith(('a path', 'no code'))
+    else:
+        assert ours == f'`{name}`'
+
+
+def test_every_code_of_a_plan_is_in_the_table():
+    assert {code.name for code in ResultCode} == {row[-1].strip('`') for row in code_rows()}
+
+
+def names_in_the_graph(node):
+    """Return the topics, services and actions of a node and of its side nodes, as in the page."""
+    found = {name for name, _ in action_names(node, node.get_name(), SPACE)}
+    for owner in node.get_node_names():
+        for kind in ('publisher', 'subscriber', 'service'):
+            get = getattr(node, f'get_{kind}_names_and_types_by_node')
+            found |= {name for name, _ in get(owner, SPACE)}
+    relative = {name.removeprefix(f'{SPACE}/') for name in found}
+    return {name.replace(f'{node.get_name()}/', '~/') for name in relative}
+
+
+def test_every_topic_service_and_action_is_compared():
+    rclpy.init()
+    node = PlannerNode(namespace=SPACE)
+    compared = names(SECTIONS['Topics, services and actions'])
+    with running(node):
+        deadline = time.monotonic() + 10.0
+        while 'map' not in (found := names_in_the_graph(node)) and time.monotonic() < deadline:
+            time.sleep(0.05)
+    rclpy.try_shutdown()
+    assert {'map', 'plan', '~/get_plan'} <= found
+    missing = {name for name in found - compared if not OF_ANY_NODE.match(name)}
+    assert {name for name in missing if not OF_THE_CLIENT.match(name)} == set()
