@@ -20,7 +20,8 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.search.paper import EXACT, GUIDED, PAPER_METHODS, compile_kernels
+from llm_astar_planner.search.methods import EXACT, GUIDED
+from llm_astar_planner.search.paper import PAPER_METHODS, compile_kernels
 from llm_astar_planner.search.result import Cell
 
 ROUNDS = 15

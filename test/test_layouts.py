@@ -6,7 +6,7 @@ from typing import NamedTuple
 import pytest
 import rclpy
 import yaml
-from graph_tools import wait_for
+from graph_tools import spinning, wait_for
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
@@ -55,12 +55,11 @@ class Wanted(NamedTuple):
 
 @pytest.fixture(scope='module')
 def nodes():
-    """The nodes of the graph in a namespace of their own; they need not be spun."""
+    """The nodes of the graph in a namespace of their own."""
     rclpy.init()
     made = [make(namespace=SPACE) for make in (MapNode, LlmClientNode, PlannerNode)]
-    yield made
-    for node in made:
-        node.destroy_node()
+    with spinning(*made):
+        yield made
     rclpy.try_shutdown()
 
 

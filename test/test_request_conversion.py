@@ -18,24 +18,18 @@ from llm_astar_msgs_adapter.messages.writing import path_to_message, pose_to_mes
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.nodes.common.tf import PATIENCE, POLL_PERIOD_S, FrameError, Frames
 from llm_astar_planner.nodes.planner import nav2_server
-from llm_astar_planner.nodes.planner.map_manager import PlanningMap
-from llm_astar_planner.nodes.planner.nav2_server import (
-    PathAction,
-    PathValidityService,
-    fill_result,
-    plan_goal,
-)
-from llm_astar_planner.nodes.planner.request_conversion import (
-    PlanGoal,
-    RequestConverter,
-    RequestError,
-)
-from llm_astar_planner.nodes.planner.request_handler import (
+from llm_astar_planner.nodes.planner.goals import (
     CancellationToken,
+    PlanGoal,
     PlanResponse,
     PreemptingGoalSlot,
-    RequestHandler,
 )
+from llm_astar_planner.nodes.planner.map_manager import PlanningMap
+from llm_astar_planner.nodes.planner.nav2_server import PathAction, fill_result, plan_goal
+from llm_astar_planner.nodes.planner.path_validity import PathValidityService
+from llm_astar_planner.nodes.planner.request_conversion import RequestConverter, RequestError
+from llm_astar_planner.nodes.planner.request_handler import RequestHandler
+from llm_astar_planner.planning.kernel_compiler import Compiled
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
@@ -117,6 +111,7 @@ def answered(buffer, max_planning_time=LONG, token=None):
         settings,
         SimpleNamespace(newest=PlanningMap(Planner(MAP), 0.0), is_preparing=False),
         RequestConverter(settings, Frames(buffer), None),
+        compiler=SimpleNamespace(compiled=Compiled.EVERYTHING),
         publisher=Mock(wants_expanded=False),
         replans=PreemptingGoalSlot(),
         instructions=SimpleNamespace(current=SimpleNamespace(instruction=None)),

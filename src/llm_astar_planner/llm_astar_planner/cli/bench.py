@@ -49,7 +49,7 @@ from llm_astar_planner.cli.run_options import (
     source_specs,
 )
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.search.paper import WAYPOINT_METHODS
+from llm_astar_planner.search.methods import WAYPOINT_METHODS
 from llm_astar_planner.waypoints.baselines import baseline_sources
 
 EPILOG = """\

@@ -55,7 +55,7 @@ from llm_astar_planner.instructions.interpretation import RouteInstruction, clea
 from llm_astar_planner.parameter import Scalar
 from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, defaults
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.search.paper import GUIDED
+from llm_astar_planner.search.methods import GUIDED
 from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path

@@ -54,7 +54,7 @@ from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import leave
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS
+from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS
 
 # Parameters of the planner that a run sets and restores; the paper's paths may cut corners.
 RULES = {'corner_cutting': True}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
@@ -25,11 +27,25 @@ from llm_astar_planner.instructions.specification import (
 from llm_astar_planner.planning._kernels.nearest import nearest_places
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.search.paper import METHODS
+from llm_astar_planner.search.methods import METHODS
 from llm_astar_planner.search.paper import compile_kernels as compile_search_kernels
 
 # Seconds, more than compiling takes.
 PATIENCE = 3600.0
+# Without and with what lethal cells do to others, which takes other kernels.
+CONFIGS = (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0))
+
+
+def compile_for(config: CostmapConfig, fields: Mapping[str, Any]) -> None:
+    """Compile what plans on costmaps of `config`, of requests with these fields, take."""
+    cells = np.zeros((24, 24), dtype=np.int8)
+    cells[4:, 12], cells[4, 4] = OCCUPIED, 50
+    planner = Planner(GridMap(cells), config)
+    planner.costmap.prepare()
+    request = PlanRequest((2, 20), (21, 20), **{**fields, 'time_limit': PATIENCE})
+    # Without landmarks, which are measured in the background, and without waypoints; with both.
+    planner.plan(replace(request, source=None))
+    planner.prepare().plan(request)
 
 
 def compile_kernels() -> None:
@@ -41,7 +57,7 @@ def compile_kernels() -> None:
     compile_map_kernels()
     cells = np.zeros((24, 24), dtype=np.int8)
     cells[4:, 12] = 50
-    for config in (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0)):
+    for config in CONFIGS:
         planner: Planner | None = None
         for occupancy in (FREE, OCCUPIED):
             cells[10:, 12] = occupancy
@@ -55,16 +71,21 @@ def compile_kernels() -> None:
                 nearest_places(plan.path, np.zeros((1, 2)))
 
 
-def compile_map_kernels() -> None:
-    """Compile what a costmap takes, from nothing and in increments, or load it from the cache."""
+def compile_map_kernels(configs: Sequence[CostmapConfig] = CONFIGS) -> None:
+    """Compile what costmaps take, from nothing and in increments, or load it from the cache."""
+    for config in configs:
+        compile_costmap(config)
+
+
+def compile_costmap(config: CostmapConfig) -> None:
+    """Compile what a costmap takes, from nothing and in increments."""
     cells = np.zeros((24, 24), dtype=np.int8)
-    for config in (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0)):
-        costmap: Costmap | None = None
-        for occupancy in (FREE, OCCUPIED):
-            cells[10:, 12] = occupancy
-            costmap = Costmap(GridMap(cells), config, previous=costmap)
-            costmap.prepare()
-            costmap.line_of_sight.clear([(0, 0)], [(1, 1)])
+    costmap: Costmap | None = None
+    for occupancy in (FREE, OCCUPIED):
+        cells[10:, 12] = occupancy
+        costmap = Costmap(GridMap(cells), config, previous=costmap)
+        costmap.prepare()
+        costmap.line_of_sight.clear([(0, 0)], [(1, 1)])
 
 
 def compile_instruction_kernels() -> None:

@@ -24,7 +24,7 @@ from llm_astar_planner.parameter import (
     ParameterError,
     nearest_name,
 )
-from llm_astar_planner.search.paper import GUIDED, HEURISTICS, METHODS
+from llm_astar_planner.search.methods import GUIDED, HEURISTIC_NAMES, METHODS
 from llm_astar_planner.waypoints import config as waypoints
 from llm_astar_planner.waypoints.config import SourceSettings
 
@@ -40,7 +40,7 @@ def instruction_problem(instruction: str) -> str | None:
 
 COSTMAP = tuple(costmap.COSTMAP.values())
 SEARCH = (
-    Parameter('method', GUIDED, 'Search method; see the table of methods', choices=tuple(METHODS)),
+    Parameter('method', GUIDED, 'Search method; see the table of methods', choices=METHODS),
     Parameter(
         'max_suboptimality',
         1.1,
@@ -63,7 +63,7 @@ SEARCH = (
         'heuristic',
         'euclidean',
         'Heuristic of `llm_astar`, `astar`, `weighted_astar` and `dynamic_weighted_astar`',
-        choices=tuple(HEURISTICS),
+        choices=HEURISTIC_NAMES,
     ),
     Parameter('weight', 2.0, 'Weight of the heuristic in `weighted_astar`', between=(1.0, 1000.0)),
 )

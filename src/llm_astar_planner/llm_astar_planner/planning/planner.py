@@ -39,7 +39,7 @@ from llm_astar_planner.planning.waypoint_filter import mark_out_of_order
 from llm_astar_planner.search.any_angle import AnyAnglePath, string_pull
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
-from llm_astar_planner.search.paper import GUIDED
+from llm_astar_planner.search.methods import GUIDED
 from llm_astar_planner.search.result import (
     BoundedResult,
     Cell,

@@ -24,13 +24,8 @@ from llm_astar_planner.search.astar import exact_astar
 from llm_astar_planner.search.guided import AnytimeSolution, GuidedSearch
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.layered import LayeredResult, VisitProblem, visit_search
-from llm_astar_planner.search.paper import (
-    EXACT,
-    GUIDED,
-    PAPER_METHODS,
-    WAYPOINT_METHODS,
-    SearchOptions,
-)
+from llm_astar_planner.search.methods import EXACT, GUIDED, WAYPOINT_METHODS
+from llm_astar_planner.search.paper import PAPER_METHODS, SearchOptions
 from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus
 from llm_astar_planner.waypoints.async_query import WaypointQueryTask, query_source
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply, WaypointSource

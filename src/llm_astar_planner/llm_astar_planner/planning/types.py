@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from operator import index
-from typing import Any, SupportsIndex
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.planning.parameters import PLANNER
-from llm_astar_planner.planning.waypoint_filter import CheckedWaypoint
-from llm_astar_planner.search.any_angle import AnyAnglePath
 from llm_astar_planner.search.result import Cell, empty_path
 from llm_astar_planner.waypoints.source import (
     SampleKey,
@@ -25,6 +23,10 @@ from llm_astar_planner.waypoints.source import (
     WaypointReply,
     WaypointSource,
 )
+
+if TYPE_CHECKING:
+    from llm_astar_planner.planning.waypoint_filter import CheckedWaypoint
+    from llm_astar_planner.search.any_angle import AnyAnglePath
 
 # Via points of a request, at most: as poses of a message these are about 1 MB. How many can be
 # planned through is a matter of the time limit.

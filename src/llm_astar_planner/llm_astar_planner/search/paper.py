@@ -1,4 +1,4 @@
-"""The paper's search methods, exact to its published code, and the names of all methods."""
+"""The paper's search methods, exact to its published code."""
 
 from __future__ import annotations
 
@@ -122,12 +122,6 @@ PAPER_METHODS: dict[str, Method] = {
     'dynamic_weighted_astar': dynamic_weighted_astar,
     'llm_astar': llm_astar,
 }
-# Our own searches, whose paths carry a suboptimality bound: see docs/guided-search.md.
-EXACT = 'exact_astar'
-GUIDED = 'guided'
-METHODS = (GUIDED, EXACT, *PAPER_METHODS)
-# The methods that use waypoints; the others never query a source.
-WAYPOINT_METHODS = frozenset({GUIDED, 'llm_astar'})
 
 
 def compile_kernels() -> None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
-from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.llm.credentials import Endpoint
 from llm_astar_planner.waypoints.llm.protocol import RESPONSE_FORMATS
 from llm_astar_planner.waypoints.prompts.template import load_template
 
 DEFAULT_PROMPT = 'few_shot'
-SOURCE_NAMES = ('none', 'embedded', 'replay', 'endpoint', *baseline_sources())
+# As `waypoints.baselines` has them.
+BASELINE_NAMES = ('coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
+SOURCE_NAMES = ('none', 'embedded', 'replay', 'endpoint', *BASELINE_NAMES)
 
 
 class SettingsError(ParameterError):

@@ -5,13 +5,15 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
-from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.stop import StopFlag
+
+if TYPE_CHECKING:
+    from llm_astar_planner.costmap.costmap import Costmap
 
 Waypoint = tuple[float, float]
 

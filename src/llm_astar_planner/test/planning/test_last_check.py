@@ -14,7 +14,7 @@ from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.any_angle import AnyAnglePath
 from llm_astar_planner.search.astar import exact_astar
-from llm_astar_planner.search.paper import METHODS
+from llm_astar_planner.search.methods import METHODS
 
 CELLS = np.zeros((30, 40), dtype=np.int8)
 CELLS[8:30, 20] = 100

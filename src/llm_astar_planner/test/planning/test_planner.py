@@ -16,7 +16,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
 from llm_astar_planner.search.any_angle import string_pull
-from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS
+from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS
 from llm_astar_planner.search.result import SearchResult, SearchStatus
 from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.fixed import FixedReply

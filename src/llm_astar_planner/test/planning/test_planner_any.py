@@ -10,7 +10,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.search.paper import METHODS
+from llm_astar_planner.search.methods import METHODS
 from llm_astar_planner.waypoints.source import WaypointReply
 
 

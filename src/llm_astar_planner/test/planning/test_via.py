@@ -12,7 +12,7 @@ from llm_astar_planner.planning.path_validator import via_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.search.paper import METHODS
+from llm_astar_planner.search.methods import METHODS
 from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.fixed import FixedReply
 

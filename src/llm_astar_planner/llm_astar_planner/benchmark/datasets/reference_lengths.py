@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.benchmark.results import Row, Variant
-from llm_astar_planner.search.paper import EXACT
+from llm_astar_planner.search.methods import EXACT
 
 # Reference lengths are printed with at least two digits.
 ABSOLUTE_TOLERANCE, RELATIVE_TOLERANCE = 0.005, 1e-6

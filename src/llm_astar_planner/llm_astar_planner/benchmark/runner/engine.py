@@ -38,7 +38,7 @@ from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
-from llm_astar_planner.search.paper import METHODS, WAYPOINT_METHODS
+from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.source import (

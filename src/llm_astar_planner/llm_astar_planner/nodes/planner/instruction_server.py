@@ -26,7 +26,6 @@ from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.question_server import QuestionServer
 from llm_astar_planner.nodes.planner.instruction_client import InstructionClient
 from llm_astar_planner.nodes.planner.request_conversion import GoalPoses
-from llm_astar_planner.planning.compile import compile_instruction_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 
@@ -63,7 +62,6 @@ class InstructionServer:
         self._progress = Progress()
         self._client_changed = False
         self._prepared = NO_PLACES
-        self._is_compiled = False
 
     def start(self) -> None:
         """Serve the topics, and understand the instruction that the parameters have."""
@@ -87,11 +85,6 @@ class InstructionServer:
         if places is not self._prepared:
             self._prepared = places
             self._reader.prepare(places)
-        if (text or len(places)) and not self._is_compiled:
-            # Takes half a minute once after an installation: not during a plan.
-            self._node.get_logger().info('loading the searches for instructions')
-            compile_instruction_kernels()
-            self._is_compiled = True
         self.current.set(text, places)
 
     def on_client_change(self) -> None:

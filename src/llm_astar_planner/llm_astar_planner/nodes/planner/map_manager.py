@@ -13,6 +13,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.nodes.planner.map_arrivals import MapArrivals
+from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler
 from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.search.landmarks import LandmarkManager
@@ -43,14 +44,19 @@ class MapManager:
         logger: RcutilsLogger,
         config: Callable[[], CostmapConfig],
         on_planner: Callable[[Planner], None],
+        compiler: KernelCompiler | None = None,
     ) -> None:
-        """Start without a map; `on_planner` gets each new planner, on the preparing thread."""
+        """Start without a map; `on_planner` gets each new planner, on the preparing thread.
+
+        A map that arrives while `compiler` compiles what it takes is prepared after that.
+        """
         self.newest: PlanningMap | None = None
         self.is_preparing = False
         self.arrivals = MapArrivals()
         self._logger = logger
         self._config = config
         self._on_planner = on_planner
+        self._compiler = compiler
         self._landmarks = LandmarkManager()
         self._grid_map: GridMap | None = None
         self._arrived = 0.0
@@ -158,6 +164,8 @@ class MapManager:
                     return
                 number, grid_map, arrived = self._requested, self._grid_map, self._arrived
             before = self.planner
+            if grid_map is not None and self._compiler is not None:
+                self._compiler.wait(Compiled.USUAL, lambda: not self._closing)
             planner = self.make_planner(grid_map, before)
             with self._changed:
                 if planner is not None:

@@ -9,13 +9,13 @@ from dataclasses import replace
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.planner.map_manager import MapManager
-from llm_astar_planner.nodes.planner.request_handler import (
+from llm_astar_planner.nodes.planner.goals import (
     CancellationToken,
     PlanResponse,
     PreemptingGoalSlot,
-    RequestHandler,
 )
+from llm_astar_planner.nodes.planner.map_manager import MapManager
+from llm_astar_planner.nodes.planner.request_handler import RequestHandler
 from llm_astar_planner.planning.plan_reuse import CachedWaypointSource, reuse_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import ResultCode

@@ -19,7 +19,6 @@ from llm_astar_msgs_adapter.maps.places_problems import places_problems
 from llm_astar_msgs_adapter.messages.place_markers import places_to_markers
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
@@ -41,12 +40,14 @@ class PlacesParameter:
     A file that is refused keeps the last places. To read a changed file again, set its name again.
     """
 
-    def __init__(self, node: Node, settings: Parameters) -> None:
+    def __init__(self, entities: Entities, settings: Parameters) -> None:
         """Load the file. Raises PlacesError or FileNotFoundError."""
         self._settings = settings
         name = settings[PARAMETER]
         self._loaded = {name: load(name)}
+        node = entities.node
         node.add_on_set_parameters_callback(self.on_set)
+        entities.on_close(lambda: node.remove_on_set_parameters_callback(self.on_set))
 
     @property
     def places(self) -> Places:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PoseStamped
@@ -12,6 +11,7 @@ from llm_astar_msgs_adapter.messages.fields import pose_from_message
 
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
+from llm_astar_planner.nodes.planner.goals import PlanGoal
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.types import (
     MAX_VIAPOINTS,
@@ -19,29 +19,12 @@ from llm_astar_planner.planning.types import (
     PlanRequest,
     ResultCode,
 )
-from llm_astar_planner.search.paper import METHODS
+from llm_astar_planner.search.methods import METHODS
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.source import WaypointSource
 
 # How a caller names this planner in `planner_id`; GridBased is what Nav2's behaviour trees say.
 OWN_IDS = ('', 'LLMAStar', 'GridBased')
-
-
-@dataclass(frozen=True, eq=False)
-class PlanGoal:
-    """What a caller wants: a path from `start`, or from the robot's pose, through `goals`.
-
-    `tolerance` in metres replaces the parameter if it is above 0. `planner_id` may name a method.
-    `fallback_start` is used if the robot's pose is not known. `viapoints` guide the search; the
-    path need not pass them.
-    """
-
-    goals: tuple[PoseStamped, ...]
-    start: PoseStamped | None = None
-    tolerance: float = 0.0
-    planner_id: str = ''
-    fallback_start: PoseStamped | None = None
-    viapoints: tuple[PoseStamped, ...] = ()
 
 
 class RequestError(PlanningFailure):

@@ -17,16 +17,22 @@ from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.planner.costmap_wait import NOT_WAITED, CostmapWait
+from llm_astar_planner.nodes.planner.goals import (
+    CancellationToken,
+    PlanGoal,
+    PlanResponse,
+    PreemptingGoalSlot,
+)
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import (
-    PlanGoal,
+    OWN_IDS,
     RequestConverter,
     RequestError,
 )
-from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, ResultCode
+from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler
+from llm_astar_planner.planning.types import Plan, PlanningFailure, ResultCode
 
 # The part of the planning time that is kept for checking and writing the path: seconds or a share.
 FINISH_SECONDS, FINISH_SHARE = 0.1, 0.1
@@ -35,60 +41,6 @@ LEAST_SECONDS = 0.001
 LONGEST_END = 2.0
 INACTIVE = 'the node is not active: configure and activate it (lifecycle)'
 NEWER_PATH = 'a newer path was published'
-
-
-class CancellationToken:
-    """Cancellation of one plan: the search polls `stop`; `reason` says why, '' while it runs."""
-
-    def __init__(self) -> None:
-        """Make a token that is not cancelled."""
-        self.stop = np.zeros(1, dtype=np.uint8)
-        self.reason = ''
-
-    def cancel(self, reason: str) -> None:
-        """Cancel, once and for all; the first reason counts."""
-        self.reason = self.reason or reason
-        self.stop[0] = 1
-
-
-class PreemptingGoalSlot:
-    """A new goal preempts the previous one."""
-
-    def __init__(self) -> None:
-        """Make an empty slot."""
-        self._lock = threading.Lock()
-        self._current = CancellationToken()
-
-    def begin(self, reason: str, token: CancellationToken | None = None) -> CancellationToken:
-        """Cancel the previous goal for this reason; return the token of the new one."""
-        with self._lock:
-            previous, self._current = self._current, token or CancellationToken()
-            previous.cancel(reason)
-            return self._current
-
-    def cancel(self, reason: str) -> None:
-        """Cancel the current goal, if there is one."""
-        with self._lock:
-            self._current.cancel(reason)
-
-
-@dataclass(frozen=True, eq=False)
-class PlanResponse:
-    """What a caller gets: the goal, the plan, its path as a message (empty on failure).
-
-    `planner` is the one that planned and `request` what it was asked, None if it never came to
-    planning; its map had arrived `map_age` seconds before. `started` is in monotonic seconds,
-    `seconds` wall time.
-    """
-
-    goal: PlanGoal
-    plan: Plan
-    path: Path
-    started: float = 0.0
-    seconds: float = 0.0
-    planner: Planner | None = None
-    request: PlanRequest | None = None
-    map_age: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +79,7 @@ class RequestHandler:
         maps: MapManager,
         converter: RequestConverter,
         *,
+        compiler: KernelCompiler,
         publisher: PlanPublisher,
         replans: PreemptingGoalSlot,
         instructions: InstructionServer,
@@ -143,6 +96,7 @@ class RequestHandler:
         self._settings = settings
         self._maps = maps
         self._waits = CostmapWait(maps, lambda: settings.current['costmap_update_timeout'])
+        self._compiler = compiler
         self._converter = converter
         self._publisher = publisher
         self._replans = replans
@@ -205,6 +159,8 @@ class RequestHandler:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         if not self._is_active:
             raise RequestError(ResultCode.UNKNOWN, INACTIVE)
+        if self._compiler.compiled < Compiled.EVERYTHING:
+            job = self.wait_for_searches(job)
         waited, maps = NOT_WAITED, self._maps
         is_late = time.monotonic() > maps.arrivals.overdue_at
         if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
@@ -255,6 +211,20 @@ class RequestHandler:
             warnings = (*plan.warnings, *waited.warnings, *left_out)
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
+
+    def wait_for_searches(self, job: Job) -> Job:
+        """Wait until what a goal takes is compiled; its time begins after that.
+
+        Raises RequestError if the goal was cancelled.
+        """
+        needed = Compiled.USUAL
+        if self._instructions.current.instruction is not None:
+            needed = Compiled.INSTRUCTIONS
+        if job.goal.planner_id not in OWN_IDS:
+            needed = Compiled.EVERYTHING
+        self._compiler.wait(needed, lambda: not job.token.reason)
+        job.raise_if_cancelled()
+        return replace(job, begin=time.monotonic())
 
     def publish(self, path: Path, replan_reason: str) -> None:
         """Publish a path; one that a client has just requested preempts a replan."""

@@ -6,12 +6,14 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from llm_astar_planner.waypoints.llm.http import HttpReply
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure, is_retryable, retry_after
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 from llm_astar_planner.waypoints.source import Message, SourceStatus
+
+if TYPE_CHECKING:
+    from llm_astar_planner.waypoints.llm.http import HttpReply
 
 RESPONSE_FORMATS = ('text', 'json_object', 'json_schema')
 # What servers write when the prompt does not fit: OpenAI, vLLM, llama.cpp, Ollama, Anthropic.

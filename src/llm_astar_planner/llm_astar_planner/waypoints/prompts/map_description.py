@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_decomposition import MAX_SIDE, coarsen, decompose_barriers
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from numpy.typing import NDArray
 
-from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.source import Waypoint
+
+if TYPE_CHECKING:
+    from llm_astar_planner.costmap.costmap import Costmap
 
 # A longer side is described on a coarser lattice; the demonstrations are 51 x 31.
 MAX_LATTICE_SIDE = 100

@@ -1,0 +1,251 @@
+"""The parts of planner_node that plan, and the topics that go with them.
+
+Importing them takes a second, so planner_node does it after its first services are there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from llm_astar_planner.instructions.place_names import PlaceGoalError
+from llm_astar_planner.nodes.common.bond import Bond, make_bond
+from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.map_subscription import MapSubscription
+from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.common.qos import RELIABLE
+from llm_astar_planner.nodes.common.spin import SpinThread, side_node
+from llm_astar_planner.nodes.common.tf import HAS_TF2, Frames, TransformListener
+from llm_astar_planner.nodes.planner.diagnostics import DiagnosticsPublisher
+from llm_astar_planner.nodes.planner.goals import (
+    CancellationToken,
+    PlanGoal,
+    PlanResponse,
+    PreemptingGoalSlot,
+)
+from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
+from llm_astar_planner.nodes.planner.map_manager import MapManager
+from llm_astar_planner.nodes.planner.path_monitor import QUIET_SECONDS, PathMonitor
+from llm_astar_planner.nodes.planner.path_validity import (
+    PathValidityService,
+    serve_path_validity,
+)
+from llm_astar_planner.nodes.planner.places_server import PlacesParameter, PlacesServer
+from llm_astar_planner.nodes.planner.publishers import PlanPublisher
+from llm_astar_planner.nodes.planner.request_conversion import RequestConverter
+from llm_astar_planner.nodes.planner.request_handler import RequestHandler
+from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
+from llm_astar_planner.planning.kernel_compiler import KernelCompiler
+from llm_astar_planner.planning.parameters import costmap_config, request_fields
+from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.waypoints.fixed import FixedReply
+
+
+class PlannerServer:
+    """What the node does between configure and cleanup: its parts, and its topics and services.
+
+    Goals are answered while it is active and refused with the reason otherwise; maps are taken
+    in both states. Those that come while the searches are being compiled wait for it.
+    """
+
+    def __init__(self, node: Node, settings: Parameters) -> None:
+        """Join the graph, not active yet."""
+        self._node = node
+        self._settings = settings
+        self._entities = entities = Entities(node)
+        self._goals = PreemptingGoalSlot()
+        self._bond: Bond | None = None
+        self._initial_pose: PoseStamped | None = None
+        self._cache: CachedWaypointSource | None = None
+        self._places = PlacesServer(entities, PlacesParameter(entities, settings))
+        compiler = self.make_compiler()
+        self._instructions = InstructionServer(
+            entities, settings, lambda: self._places.places, self.on_understood
+        )
+        self._client = self.make_client()
+        self._cache = CachedWaypointSource(self._client) if self._client else None
+        frames = self.make_frames()
+        self._maps = MapManager(
+            node.get_logger(),
+            lambda: costmap_config(settings.values()),
+            self.on_planner,
+            compiler,
+        )
+        replans = PreemptingGoalSlot()
+        self._publisher = PlanPublisher(entities)
+        self._handler = RequestHandler(
+            node,
+            settings,
+            self._maps,
+            RequestConverter(settings, frames, self._cache),
+            compiler=compiler,
+            publisher=self._publisher,
+            replans=replans,
+            instructions=self._instructions,
+        )
+        self._monitor = PathMonitor(
+            node, settings, self._maps, self._handler, replans=replans, cache=self._cache
+        )
+        self._diagnostics = DiagnosticsPublisher(entities, self.state)
+        # Last of all: the executor may call back at once.
+        self._instructions.start()
+        self.subscribe()
+        validity = PathValidityService(frames, lambda: str(settings['robot_base_frame']))
+        serve_path_validity(entities, validity, lambda: self._maps.planner)
+        self.subscribe_to_maps()
+
+    @property
+    def is_active(self) -> bool:
+        """Whether goals are answered."""
+        return self._handler.is_active
+
+    def activate(self) -> None:
+        """Answer goals from now on, bound to a lifecycle manager."""
+        self._handler.activate()
+        self._bond = make_bond(self._node, self._settings['bond_heartbeat_period'])
+
+    def deactivate(self) -> None:
+        """Refuse goals from now on; cancel what is being planned."""
+        self._handler.deactivate('the node was deactivated')
+        # The path must not be replanned when the node is activated again.
+        self._monitor.forget()
+        if self._bond is not None:
+            self._bond.close()
+            self._bond = None
+
+    def close(self) -> None:
+        """Cancel what is being planned, and leave the graph."""
+        self.deactivate()
+        self._maps.close()
+        self._monitor.close()
+        self._entities.close()
+
+    def answer_goal(
+        self,
+        goal: PlanGoal,
+        token: CancellationToken | None = None,
+        on_better: Callable[[], None] | None = None,
+    ) -> PlanResponse:
+        """Plan, publish and watch the path; never raises. See RequestHandler.answer."""
+        response = self._handler.answer(goal, token, on_better)
+        self._monitor.watch(response)
+        return response
+
+    def on_goal_pose(self, message: PoseStamped) -> None:
+        """Plan to the goal that was set in RViz; a newer one preempts it."""
+        token = self._goals.begin('a newer goal came')
+        self.answer_goal(PlanGoal((message,), fallback_start=self._initial_pose), token)
+
+    def on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        """Keep the pose that was set in RViz as the start if tf does not know the robot's."""
+        self._initial_pose = PoseStamped(header=message.header, pose=message.pose.pose)
+
+    def on_goal_place(self, message: String) -> None:
+        """Plan to the place of this name, as to a goal that was set in RViz."""
+        try:
+            pose = self._places.goal_pose(message.data)
+        except PlaceGoalError as error:
+            self._node.get_logger().error(f'goal_place: {error}')
+            return
+        self.on_goal_pose(pose)
+
+    def on_parameters(self, _: Any) -> None:  # noqa: ANN401 - rclpy's own
+        """Follow changed parameters."""
+        self._places.refresh()
+        self._instructions.refresh()
+        self._maps.refresh()
+
+    def on_planner(self, planner: Planner) -> None:
+        """Check the last path on a new map."""
+        message = f'planning on {self._maps.name}'
+        self._node.get_logger().info(message, throttle_duration_sec=QUIET_SECONDS)
+        self._diagnostics.publish()
+        self._places.on_planner(planner)
+        self._monitor.check(planner)
+
+    def on_understood(self) -> None:
+        """Replan the last path if new maps do, as something else is asked of it now."""
+        planner = self._maps.planner
+        if planner is not None and self._settings['replan_on_map']:
+            self._monitor.check(planner, 'the instruction has changed')
+
+    def make_compiler(self) -> KernelCompiler:
+        """Return what compiles the searches, at first those under the present settings."""
+        settings = self._settings.current
+        source = FixedReply('[[2, 2]]') if settings['llm_client'] else None
+        fields = request_fields(settings) | {'source': source}
+        report = self._node.get_logger().info
+        compiler = KernelCompiler(costmap_config(settings), fields, report)
+        self._entities.on_close(compiler.close)
+        return compiler
+
+    def make_client(self) -> WaypointClient | None:
+        """Return the client of the waypoint node, None if no node is to be asked."""
+        name = self._settings['llm_client']
+        if not name:
+            return None
+        client = WaypointClient(self._node, name, self.on_client_change)
+        self._entities.on_close(client.close)
+        return client
+
+    def on_client_change(self) -> None:
+        """Drop the client's answers: it may answer differently from now on."""
+        self._instructions.on_client_change()
+        if self._cache is not None:
+            self._cache.clear()
+
+    def make_frames(self) -> Frames:
+        """Return the transforms, empty without tf2_ros."""
+        if not HAS_TF2:
+            return Frames(None)
+        listener = TransformListener(self._node)
+        self._entities.on_close(listener.close)
+        return Frames(listener.buffer)
+
+    def subscribe(self) -> None:
+        """Subscribe."""
+        # A newer goal must get through while one is planned for.
+        group, node = ReentrantCallbackGroup(), self._node
+        for kind, topic, callback in (
+            (PoseWithCovarianceStamped, 'initialpose', self.on_initial_pose),
+            (PoseStamped, 'goal_pose', self.on_goal_pose),
+            (String, '~/goal_place', self.on_goal_place),
+        ):
+            self._entities.subscription(kind, topic, callback, RELIABLE, group)
+        node.add_post_set_parameters_callback(self.on_parameters)
+        self._entities.on_close(
+            lambda: node.remove_post_set_parameters_callback(self.on_parameters)
+        )
+
+    def subscribe_to_maps(self) -> None:
+        """Take maps on a thread of their own: requests that came later must not overtake them."""
+        node = side_node(self._node, 'maps')
+        thread = SpinThread(node)
+        self._entities.on_close(node.destroy_node)
+        self._entities.on_close(thread.close)
+        MapSubscription(Entities(node), self._maps.take, self._node, self._maps.arrivals.note)
+        thread.start()
+
+    def state(self) -> tuple[bool, str, dict[str, Any]]:
+        """Return what /diagnostics says."""
+        planner, age = self._maps.planner, self._maps.age
+        values = {
+            'active': self.is_active,
+            'map_digest': planner.grid_map.digest if planner else None,
+            'map_age': None if age is None else round(age, 3),
+            'llm_client_ready': self._client is not None and self._client.ready,
+            'last_path': self._monitor.state,
+            **{name: round(value, 3) for name, value in self._maps.landmark_statistics().items()},
+            **self._instructions.values(),
+            **self._publisher.statistics.values(),
+        }
+        overdue = self._maps.arrivals.warnings()
+        is_well = planner is not None and self.is_active and not overdue
+        state = 'planning' if self.is_active else 'not active'
+        return is_well, '; '.join((f'{state} on {self._maps.name}', *overdue)), values
