@@ -137,6 +137,8 @@ class RequestHandler:
         job = Job(goal, token or CancellationToken(), stamp, time.monotonic(), limit)
         with self.running(job.token):
             try:
+                if self._is_active and self._compiler.compiled < Compiled.EVERYTHING:
+                    job = self.wait_for_searches(job)
                 response = self.plan(job, on_better, replan_reason)
             except PlanningFailure as failure:
                 response = self.failed(job, failure.code, str(failure))
@@ -159,8 +161,6 @@ class RequestHandler:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
         if not self._is_active:
             raise RequestError(ResultCode.UNKNOWN, INACTIVE)
-        if self._compiler.compiled < Compiled.EVERYTHING:
-            job = self.wait_for_searches(job)
         waited, maps = NOT_WAITED, self._maps
         is_late = time.monotonic() > maps.arrivals.overdue_at
         if is_late or maps.is_preparing or maps.newest is None or self._waits.failures:
