@@ -229,7 +229,9 @@ def test_the_client_is_given_the_rules_that_the_planner_plans_by(world):
 
 def test_the_last_path_is_checked_on_a_new_map_and_replanned_only_if_broken(world):
     forget(world)
-    path, _, _ = world.caller.call(START, GOAL)
+    path, report, _ = world.caller.call(START, GOAL)
+    planned = f'planned on map {report.map_digest}: {report.message}'
+    wait_for(lambda: world.health().get('last_path') == planned, 'what was planned')
     world.caller._reports.clear()
     world.paths.clear()
     elsewhere = world.show((2, 28))

@@ -22,6 +22,7 @@ from llm_astar_planner.planning.types import ResultCode
 
 # A costmap changes every second: that all is well is logged once in so many seconds.
 QUIET_SECONDS = 10.0
+NO_PATH = 'no path yet'
 
 
 class PathMonitor:
@@ -44,7 +45,7 @@ class PathMonitor:
 
         `cache` is given the waypoints of the paths watched.
         """
-        self.state = 'no path yet'
+        self.state = NO_PATH
         self._logger = node.get_logger()
         self._settings = settings
         self._maps = maps
@@ -61,19 +62,22 @@ class PathMonitor:
 
     def watch(self, response: PlanResponse) -> None:
         """Watch the path of a response instead of the last one; a failure changes nothing."""
-        if response.plan.code is not ResultCode.NONE:
+        planner = response.planner
+        if response.plan.code is not ResultCode.NONE or planner is None:
             return
         self._watched = response
+        self.state = f'planned on map {planner.grid_map.digest}: {response.plan.message}'
         with self._changed:
             self._to_remember = response
             self._changed.notify()
         newest = self._maps.newest
-        if newest is not None and newest.planner is not response.planner:
+        if newest is not None and newest.planner is not planner:
             self.check(newest.planner)  # the map changed while the path was planned
 
     def forget(self) -> None:
         """Stop watching: no robot follows the path any more."""
         self._watched = None
+        self.state = NO_PATH
 
     def check(self, planner: Planner, change: str = '') -> None:
         """Check the path on this map soon; a check that still runs is cancelled.
