@@ -398,7 +398,7 @@ def test_a_managed_node_tells_its_state_while_a_parameter_waits_for_the_map(monk
         go.wait(PATIENCE)
 
     monkeypatch.setattr(MapManager, 'refresh', refresh)
-    node = node_of(WAITING, autostart=False, llm_client='')
+    node = node_of(WAITING, autostart_node=False, llm_client='')
     with running(node), calling(WAITING) as caller:
         assert change_state(caller, Transition.TRANSITION_CONFIGURE)
         setting = threading.Thread(
