@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import re
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from llm_astar_planner.costmap.config import MAX_RADIUS
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning._kernels import footprint as kernels
+from llm_astar_planner.search.result import Cell
 
 MIN_POINTS, MAX_POINTS = 3, 64
 MAX_CHARS = 4096
@@ -174,12 +176,17 @@ def footprint_problem(text: str) -> str | None:
     return None
 
 
+# Cells [height, width], the threshold from which they are lethal, and whether unknown ones are.
+Obstacles = tuple[NDArray[np.int8], int, bool]
+
+
 class FootprintChecker:
     """Tells at which poses a footprint meets an obstacle of a map, or leaves the map.
 
     The whole area counts, not the outline alone. Lethal are cells of `occupied_threshold` or
     more; on a costmap (threshold 99) those of 100, since inscribed cells are no obstacles to a
-    polygon. Unknown cells are obstacles unless `allow_unknown`. Immutable.
+    polygon. Unknown cells are obstacles unless `allow_unknown`. `points` [n, 2] are in cells.
+    Immutable.
     """
 
     def __init__(
@@ -191,11 +198,50 @@ class FootprintChecker:
         """
         self.grid_map, config = costmap.grid_map, costmap.config
         self.footprint = footprint
-        points = footprint.array / self.grid_map.resolution
+        self.points = points = footprint.array / self.grid_map.resolution
         is_costmap = config.occupied_threshold == COSTMAP_THRESHOLD
         threshold = LETHAL if is_costmap else config.occupied_threshold
         allowed = config.allow_unknown if allow_unknown is None else allow_unknown
         self._rules = self.grid_map.cells, threshold, not allowed, points
+
+    @property
+    def obstacles(self) -> Obstacles:
+        """What the polygon must not meet."""
+        return self._rules[:3]
+
+    def cleared(self, pose: ArrayLike) -> FootprintChecker:
+        """Return a checker for which the cells under the footprint at a pose [3] are free.
+
+        Nav2's costmap layers clear them too (`footprint_clearing_enabled`). The pose is in metres
+        and radians.
+        """
+        cells, *others = self._rules
+        cells = cells.copy()
+        kernels.clear(cells, self._rules[3], self.to_grid(pose)[0])
+        checker = copy.copy(self)
+        checker._rules = (cells, *others)
+        return checker
+
+    def can_turn(self, place: Cell, begin: float, end: float) -> bool:
+        """Tell whether the robot can turn on the spot at a cell (x, y), one way or the other.
+
+        Yaws are relative to the grid, in radians.
+        """
+        return not kernels.turn_collides(*self._rules, float(place[0]), float(place[1]), begin, end)
+
+    def path_collision(
+        self, path: ArrayLike, goal_yaw: float | None = None
+    ) -> tuple[int, float] | None:
+        """Return the index of the point of a path [n, 2] where it collides, and the yaw; or None.
+
+        The robot moves straight ahead from point to point and turns on the spot, at the end to
+        `goal_yaw` where given. Points are in grid coordinates, yaws in radians, relative to the
+        grid.
+        """
+        points = np.ascontiguousarray(path, dtype=np.float64).reshape(-1, 2)
+        last = math.nan if goal_yaw is None else goal_yaw
+        index, yaw = kernels.path_collision(*self._rules, points, last)
+        return None if index < 0 else (int(index), float(yaw))
 
     def to_grid(self, poses: ArrayLike) -> NDArray[np.float64]:
         """Turn poses (x, y, yaw) [n, 3] in metres and radians into poses on the grid, in cells."""
@@ -208,14 +254,14 @@ class FootprintChecker:
 
         Poses are in metres and radians, in the map's frame. One that is not finite collides.
         """
-        return self.first_on_grid(self.to_grid(poses))
+        index = kernels.first_collision(*self._rules, self.to_grid(poses))
+        return None if index < 0 else int(index)
 
     def collisions(self, poses: ArrayLike) -> NDArray[np.bool_]:
         """Tell for each pose (x, y, yaw) [n, 3] in metres whether it collides: bool [n]."""
-        found: NDArray[np.bool_] = kernels.all_collisions(*self._rules, self.to_grid(poses))
-        return found
+        return self.collisions_on_grid(self.to_grid(poses))
 
-    def first_on_grid(self, poses: NDArray[np.float64]) -> int | None:
-        """Return the index of the first pose [n, 3] in grid coordinates that collides, or None."""
-        index = kernels.first_collision(*self._rules, np.ascontiguousarray(poses))
-        return None if index < 0 else int(index)
+    def collisions_on_grid(self, poses: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell for each pose [n, 3] in grid coordinates whether it collides: bool [n]."""
+        found: NDArray[np.bool_] = kernels.all_collisions(*self._rules, poses)
+        return found

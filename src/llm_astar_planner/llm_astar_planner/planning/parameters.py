@@ -24,6 +24,7 @@ from llm_astar_planner.parameter import (
     ParameterError,
     nearest_name,
 )
+from llm_astar_planner.planning.footprint import Footprint, footprint_problem
 from llm_astar_planner.search.methods import GUIDED, HEURISTIC_NAMES, METHODS
 from llm_astar_planner.waypoints import config as waypoints
 from llm_astar_planner.waypoints.config import SourceSettings
@@ -118,6 +119,16 @@ REQUESTS = (
         'base_link',
         'Frame of the robot in tf; the start, where a request has none',
         node_only=True,
+    ),
+)
+BODY = (
+    Parameter(
+        'footprint',
+        '',
+        "The robot's polygon as Nav2 writes it, `[[x, y], ...]` in metres of its base frame: paths "
+        'that it cannot pass are not returned; empty: that of the topic `published_footprint`, if '
+        'there is one',
+        check=footprint_problem,
     ),
 )
 WAYPOINTS = (
@@ -227,7 +238,7 @@ MAP = (
 # The client's parameters that planner_node sets before each query. Neither the source nor its
 # cache depends on them, and no file needs to set them.
 SET_BY_PLANNER = tuple(costmap.COSTMAP)
-PLANNER = (*SEARCH, *COSTMAP, *REQUESTS, *WAYPOINTS, *NODE)
+PLANNER = (*SEARCH, *COSTMAP, *BODY, *REQUESTS, *WAYPOINTS, *NODE)
 
 # The nodes with parameters of their own; benchmark_node has options only.
 NODES: dict[str, tuple[Parameter, ...]] = {
@@ -316,4 +327,5 @@ def request_fields(values: Mapping[str, Any]) -> dict[str, Any]:
         'any_angle': values['any_angle'],
         'tolerance': values['tolerance'],
         'start_tolerance': values['start_tolerance'],
+        'footprint': Footprint.parse(values['footprint']),
     }

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
+from llm_astar_planner.planning.footprint_search import fit_footprint
+from llm_astar_planner.planning.footprint_validator import footprint_problem
 from llm_astar_planner.planning.instruction import plan_with_instruction
 from llm_astar_planner.planning.path_validator import (
     CollisionChecker,
@@ -55,6 +57,8 @@ SEARCH_SHARE = 0.9
 LEAST_SHARE_S, LEAST_SHARE = 0.1, 0.1
 # Bytes that the segments' pictures of expanded cells may take together.
 MAX_PICTURES = 2**29
+# The part of the time that is kept for a second search, where a footprint is given.
+FIT_SHARE = 0.4
 
 
 class Planner:
@@ -133,13 +137,16 @@ class Planner:
         """Yield each better plan of a request without an instruction."""
         begin = time.monotonic()
         deadline = begin + request.time_limit
-        search_deadline = begin + (SEARCH_SHARE if request.any_angle else 1.0) * request.time_limit
+        share = SEARCH_SHARE if request.any_angle else 1.0
+        fit_deadline = search_deadline = begin + share * request.time_limit
         endpoints = Endpoints(request.start, request.goal, request.via)
         segments: list[SegmentPlanner] = []
         try:
             # 1. Can the request be served, and between which cells?
             check_request(request)
             endpoints = resolve_endpoints(self.costmap, request)
+            if request.footprint is not None:
+                search_deadline -= FIT_SHARE * request.time_limit
             # 2. Search the segments between the via points, with the source's waypoints.
             for segment in self.segments(request, endpoints, search_deadline, stop):
                 segments.append(segment)
@@ -150,6 +157,10 @@ class Planner:
                     if self.problem(request, endpoints, solution.path) is None:
                         yield self.build_plan(request, endpoints, segments, solution)
                 check_found(request, segments)
+            if request.footprint is not None:
+                endpoints = fit_footprint(
+                    self.costmap, request, endpoints, segments, fit_deadline
+                )
             # 4. Only a path that passes the independent check leaves.
             result = concatenate_results(segments)
             problem = self.problem(request, endpoints, result.path)
@@ -220,8 +231,17 @@ class Planner:
                     return problem
         problem = self.path_problem(path, start, goal)
         if problem is None and request.via:
-            return via_problem(path, endpoints.via)
+            problem = via_problem(path, endpoints.via)
+        if problem is None and request.footprint is not None:
+            problem = self.footprint_problem(path, request)
         return problem
+
+    def footprint_problem(self, path: NDArray[np.int32], request: PlanRequest) -> str | None:
+        """Say where the footprint of a request meets an obstacle on a path [n, 2], or None."""
+        if request.footprint is None:
+            return None
+        poses = request.start_pose, request.goal_yaw
+        return footprint_problem(path, self.grid_map, self.config, request.footprint, *poses)
 
     def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
         """Say what is wrong with a path of cells [n, 2] on this map, or None.

@@ -45,7 +45,7 @@ class SegmentPlanner:
     `via` of the request is ignored. `search` fills in `result` (NOT_SEARCHED before its end),
     `reply`, `checked_waypoints`, `waypoints_used` (whether the search used what waypoints there
     were), `seconds_source` and `seconds_search`; `search_visits` instead fills in `result`,
-    `visit_problem` and `seconds_search`.
+    `visit_problem` and `seconds_search`. `by_heading` says that another search replaced its path.
     """
 
     def __init__(
@@ -67,6 +67,7 @@ class SegmentPlanner:
         self.reply: WaypointReply = NOT_ASKED
         self.checked_waypoints: tuple[CheckedWaypoint, ...] = ()
         self.waypoints_used = True
+        self.by_heading = False
         self.seconds_source = 0.0
         self.seconds_search = 0.0
 
@@ -115,6 +116,12 @@ class SegmentPlanner:
             want_expanded=self.request.want_expanded,
         )
         self.seconds_search = time.monotonic() - begin
+
+    def take(self, result: SearchResult, seconds: float) -> None:
+        """Take the path of a search by heading, which took so many seconds, instead of its own."""
+        self.result = result
+        self.seconds_search += seconds
+        self.by_heading, self.waypoints_used = True, False
 
     def stretches(self) -> list[NDArray[np.int32]]:
         """Return the parts of the path found, int32 [n, 2], that may be shortened at any angle.

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.instructions.outcome import InstructionOutcome
+from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.search.result import Cell, empty_path
 from llm_astar_planner.waypoints.source import (
@@ -88,6 +90,9 @@ class PlanRequest:
     - `viapoints`: cells that guide the search as a source's waypoints do, instead of `source`: a
       reference route that the path need not pass. One that cannot be reached is replaced by the
       nearest cell within `tolerance` that can, or dropped. Ignored where there is `via`.
+    - `footprint`: the robot's polygon; a path that it cannot pass is not returned. It stands at
+      `start_pose` and ends with `goal_yaw`, in metres and radians of the map's frame; None: as the
+      path begins and ends. None of the three matters without a footprint.
     - `instruction`: what was understood of an instruction; the path keeps to it as far as
       possible, and the plan says clause by clause how far. Not together with `via`.
 
@@ -112,6 +117,9 @@ class PlanRequest:
     via: tuple[Cell, ...] = ()
     instruction: RouteInstruction | None = None
     viapoints: tuple[Cell, ...] = ()
+    footprint: Footprint | None = None
+    start_pose: Pose2D | None = None
+    goal_yaw: float | None = None
 
     def __post_init__(self) -> None:
         """Turn any whole numbers, numpy's too, into cells. Raises ValueError otherwise."""

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.search._kernels import distances as kernels
-from llm_astar_planner.search._kernels.astar import FOUND, NEED_SPACE, NO_PATH, RUNNING
+from llm_astar_planner.search._kernels.astar import FOUND, NEED_SPACE, RUNNING
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.stop import StopFlag
 
 # Cells that one step of a repair expands: about 2 ms.
 REPAIR_STEP = 1 << 14
+# Cells measured between two looks at the deadline: about 30 ms.
+FILL_STEP = 1 << 18
 # Cells tried as the first source, to find the largest connected area.
 _SEEDS = 8
 # A group of blocked cells up to this size that loses some is taken for a moving obstacle: 2 m^2 at
@@ -92,8 +96,10 @@ class DistanceRows:
         self._heads = np.zeros(freest.ring, dtype=np.int32)
         self._control = np.zeros(kernels.D_SIZE, dtype=np.int64)
 
-    def fill(self, row: int, source: int, stop: StopFlag) -> bool:
-        """Measure a row from the cell `source`; False: stopped, or beyond 32 bits.
+    def fill(
+        self, row: int, source: int, stop: StopFlag, deadline: float = math.inf
+    ) -> bool:
+        """Measure a row from the cell `source`; False: stopped, out of time or beyond 32 bits.
 
         The map must be that of a single grid: its moves are pruned if its costs are uniform.
         """
@@ -101,7 +107,10 @@ class DistanceRows:
         self._distances[row, source] = 0
         self._clear()
         canonical = self._map.cell_surcharge.size == 0
-        return self._propagate(row, np.array([source]), canonical, NO_PATH, stop) == FOUND
+        seeds, status = np.array([source]), RUNNING
+        while status == RUNNING and time.monotonic() < deadline:
+            status = self._propagate(row, seeds, canonical, FILL_STEP, stop)
+        return status == FOUND
 
     def largest_area(self, stop: StopFlag) -> NDArray[np.int32] | None:
         """Measure from a cell in the largest connected area that a few tries find, into row 0.

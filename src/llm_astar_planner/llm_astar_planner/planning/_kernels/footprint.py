@@ -14,6 +14,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 HALF = 0.5
+# Cells that a point of the polygon may move between two looks.
+STEP = 0.5
 
 _jit: Any = njit(cache=True, nogil=True)
 
@@ -84,6 +86,22 @@ def collides(
 
 
 @_jit
+def clear(cells: NDArray[np.int8], points: NDArray[np.float64], pose: NDArray[np.float64]) -> None:
+    """Set the cells that a polygon at a pose (x, y, yaw) touches to 0, free."""
+    height, width = cells.shape
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    corners = np.empty_like(points)
+    corners[:, 0] = pose[0] + points[:, 0] * cos - points[:, 1] * sin
+    corners[:, 1] = pose[1] + points[:, 0] * sin + points[:, 1] * cos
+    first, last = max(corners[:, 0].min() + HALF, 0.0), min(corners[:, 0].max() + HALF, width)
+    top, bottom = max(corners[:, 1].min() + HALF, 0.0), min(corners[:, 1].max() + HALF, height)
+    for y in range(math.floor(top), min(math.floor(bottom) + 1, height)):
+        for x in range(math.floor(first), min(math.floor(last) + 1, width)):
+            if touches(corners, x, y):
+                cells[y, x] = 0
+
+
+@_jit
 def first_collision(
     cells: NDArray[np.int8],
     threshold: int,
@@ -113,3 +131,82 @@ def all_collisions(
     for n in range(len(poses)):
         found[n] = collides(cells, threshold, unknown_blocks, points, poses[n], corners)
     return found
+
+
+@_jit
+def turn_collides(
+    cells: NDArray[np.int8],
+    threshold: int,
+    unknown_blocks: bool,
+    points: NDArray[np.float64],
+    x: float,
+    y: float,
+    begin: float,
+    end: float,
+) -> bool:
+    """Tell whether a polygon collides that turns on the spot, whichever way round it turns.
+
+    It is looked at in steps in which no point moves farther than STEP.
+    """
+    reach = 0.0
+    for n in range(len(points)):
+        reach = max(reach, math.hypot(points[n, 0], points[n, 1]))
+    corners = np.empty_like(points)
+    pose = np.array([x, y, 0.0])
+    angle = (end - begin + math.pi) % (2.0 * math.pi) - math.pi
+    for way in range(2):
+        if way == 1:
+            angle -= 2.0 * math.pi if angle > 0.0 else -2.0 * math.pi
+        count = math.ceil(abs(angle) * reach / STEP) + 1
+        free = True
+        for n in range(count + 1):
+            pose[2] = begin + angle * n / count
+            if collides(cells, threshold, unknown_blocks, points, pose, corners):
+                free = False
+                break
+        if free:
+            return False
+    return True
+
+
+@_jit
+def path_collision(
+    cells: NDArray[np.int8],
+    threshold: int,
+    unknown_blocks: bool,
+    points: NDArray[np.float64],
+    path: NDArray[np.float64],
+    goal_yaw: float,
+) -> tuple[int, float]:
+    """Return the index of the first point of a path [n, 2] at which a polygon collides, and a yaw.
+
+    It moves ahead from point to point, looked at every STEP, and turns on the spot between; at
+    the last point it turns to `goal_yaw`, unless that is NaN. The index is -1 if it is free.
+    """
+    corners = np.empty_like(points)
+    pose = np.empty(3)
+    before = math.nan
+    for n in range(len(path) - 1):
+        step_x, step_y = path[n + 1, 0] - path[n, 0], path[n + 1, 1] - path[n, 1]
+        length = math.hypot(step_x, step_y)
+        if length == 0.0:
+            continue
+        yaw = math.atan2(step_y, step_x)
+        pose[2] = yaw
+        count = math.ceil(length / STEP)
+        for m in range(count + 1):
+            pose[0], pose[1] = path[n, 0] + step_x * m / count, path[n, 1] + step_y * m / count
+            if collides(cells, threshold, unknown_blocks, points, pose, corners):
+                return n + (2 * m > count), yaw
+        if not math.isnan(before) and before != yaw:
+            x, y = path[n]
+            if turn_collides(cells, threshold, unknown_blocks, points, x, y, before, yaw):
+                return n, yaw
+        before = yaw
+    last = len(path) - 1
+    if not math.isnan(goal_yaw):
+        before = goal_yaw if math.isnan(before) else before
+        x, y = path[last]
+        if turn_collides(cells, threshold, unknown_blocks, points, x, y, before, goal_yaw):
+            return last, goal_yaw
+    return -1, 0.0

@@ -1,0 +1,281 @@
+"""Makes paths ones that the robot's polygon passes: checks them, and searches again by heading.
+
+The robot moves straight ahead and turns on the spot, so a pose is free, or not, by its heading.
+Where a path does not fit, A* over cells and headings looks for the cheapest that does.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.planning.endpoints import Endpoints, window_around
+from llm_astar_planner.planning.footprint import FootprintChecker
+from llm_astar_planner.planning.segment import SegmentPlanner
+from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
+from llm_astar_planner.search.headings import (
+    EVERY_HEADING,
+    HEADINGS,
+    HeadingSearch,
+    swept_cells,
+)
+from llm_astar_planner.search.result import Cell, SearchStatus
+from llm_astar_planner.search.stop import StopFlag
+
+# Cells; a larger footprint would take too long to prepare.
+MAX_REACH = 1000.0
+# Cells that are tried, nearest first, where the footprint does not fit at the one requested.
+MAX_CELLS = 20_000
+ROUNDING = 1e-6
+HEADING_ANGLE = 2.0 * math.pi / HEADINGS
+CLEARED = 'the footprint meets an obstacle where the robot stands: cells under it count as free'
+NO_TURN = 'the footprint cannot turn on the spot at the start to where the path leads'
+
+
+def fit_footprint(
+    costmap: Costmap,
+    request: PlanRequest,
+    endpoints: Endpoints,
+    segments: Sequence[SegmentPlanner],
+    deadline: float,
+) -> Endpoints:
+    """Search the segments again, by heading, if the footprint of the request cannot pass them.
+
+    Returns the endpoints, moved within the tolerances if need be, with warnings. Raises
+    PlanningFailure if there is no path that the footprint passes, or none until the deadline
+    (monotonic seconds), and PathTooLongError.
+    """
+    search = FootprintSearch(costmap, request, endpoints, deadline)
+    path = np.concatenate([segment.result.path for segment in segments])
+    place = search.collision(path)
+    if place is None:
+        return search.endpoints
+    search.place = place
+    if any(segment.visit_problem is not None for segment in segments):
+        raise search.failure()
+    search.search_again(segments)
+    return search.endpoints
+
+
+class FootprintSearch:
+    """Checks and searches for one request with a footprint; `endpoints` are those it ends with.
+
+    Where the robot's footprint collides at the start, the cells under it count as free: the robot
+    is there.
+    """
+
+    def __init__(
+        self, costmap: Costmap, request: PlanRequest, endpoints: Endpoints, deadline: float
+    ) -> None:
+        """Take the request, the cells to plan between, and monotonic seconds."""
+        assert request.footprint is not None
+        yaw = costmap.grid_map.origin.yaw
+        self.costmap = costmap
+        self.request = request
+        self.endpoints = endpoints
+        self.deadline = deadline
+        self.checker = FootprintChecker(costmap, request.footprint)
+        # Relative to the grid.
+        self.start_yaw = None if request.start_pose is None else request.start_pose.yaw - yaw
+        self.goal_yaw = None if request.goal_yaw is None else request.goal_yaw - yaw
+        self.place = (0.0, 0.0, 0.0)
+        pose = request.start_pose
+        if pose is not None and self.checker.first_collision(pose) is not None:
+            self.warn(CLEARED)
+            self.checker = self.checker.cleared(pose)
+
+    def warn(self, warning: str, **changes: Any) -> None:
+        """Add a warning to the endpoints, and change them."""
+        warnings = (*self.endpoints.warnings, warning)
+        self.endpoints = self.endpoints._replace(warnings=warnings, **changes)
+
+    def collision(self, path: NDArray[np.int32]) -> tuple[float, float, float] | None:
+        """Return the first pose (x, y, yaw) on a path [n, 2] at which the footprint collides.
+
+        In metres and radians, None if it passes.
+        """
+        grid_map = self.costmap.grid_map
+        fault = self.checker.path_collision(path, self.goal_yaw)
+        ahead = np.flatnonzero((path != path[0]).any(axis=1))
+        if fault is None and len(ahead) and self.start_yaw is not None:
+            step = path[ahead[0]] - path[0]
+            yaw = math.atan2(step[1], step[0])
+            if not self.checker.can_turn(as_cell(path[0]), self.start_yaw, yaw):
+                fault = 0, yaw
+        if fault is None:
+            return None
+        x, y = grid_map.grid_to_world(path[fault[0]])[0].tolist()
+        return x, y, fault[1] + grid_map.origin.yaw
+
+    def failure(self, code: ResultCode = ResultCode.NO_VALID_PATH) -> PlanningFailure:
+        """Return what to raise: no path fits, and where the footprint met an obstacle first."""
+        x, y, yaw = self.place
+        message = (
+            f'no path fits the footprint ({self.checker.footprint.description}): at '
+            f'({x:.2f}, {y:.2f}) m, turned by {math.degrees(yaw) % 360.0:.0f} degrees, it meets '
+            'an obstacle'
+        )
+        return PlanningFailure(code, message)
+
+    def search_again(self, segments: Sequence[SegmentPlanner]) -> None:
+        """Search each segment by heading; each begins with the heading that the last ended with.
+
+        Raises PlanningFailure and PathTooLongError.
+        """
+        points = self.checker.points
+        if np.abs(points).max() > MAX_REACH:
+            message = f'the footprint is over {MAX_REACH:.0f} cells large, too large to search for'
+            raise PlanningFailure(ResultCode.UNKNOWN, message)
+        swept = swept_cells(tuple((x, y) for x, y in points.tolist()))
+        self.move_start()
+        self.move_goal()
+        goals = [*self.request.via, self.endpoints.goal]
+        start, headings = self.endpoints.start, self.headings_at(self.endpoints.start, True)
+        for segment, goal in zip(segments, goals):
+            begin = time.monotonic()
+            search = HeadingSearch(
+                segment.costmap.grid_graph, self.checker.obstacles, swept, start, goal
+            )
+            is_last = segment is segments[-1]
+            state = self.run(search, segment.stop, headings, segment is segments[0], is_last)
+            expansions = segment.result.expansions + search.expansions
+            result = search.result(state, want_expanded=self.request.want_expanded)
+            result = replace(result, expansions=expansions, first_expansions=expansions)
+            segment.take(result, time.monotonic() - begin)
+            start, headings = goal, 1 << state % HEADINGS
+
+    def run(
+        self,
+        search: HeadingSearch,
+        stop: StopFlag,
+        headings: int,
+        is_first: bool,
+        is_last: bool,
+    ) -> int:
+        """Return the state at which a search ends that begins with some headings, bits of a mask.
+
+        At the start, where the robot is anyway, it may begin with another if there is no other
+        way. Raises PlanningFailure and PathTooLongError.
+        """
+        ends = self.headings_at(self.endpoints.goal, False) if is_last else EVERY_HEADING
+        status = search.run(headings, ends, self.deadline, stop)
+        if status is SearchStatus.EXHAUSTED and is_first and headings != EVERY_HEADING:
+            status = search.run(EVERY_HEADING, ends, self.deadline, stop)
+            if status is SearchStatus.FOUND:
+                self.warn(NO_TURN)
+        if status is SearchStatus.STOPPED:
+            reason = 'cancelled' if stop[0] else 'out of time'
+            message = f'{reason} while looking for a path that fits the footprint'
+            raise PlanningFailure(ResultCode.TIMEOUT, message)
+        if status is SearchStatus.FOUND:
+            return search.found
+        state = self.nearest_reached(search) if is_last else None
+        if state is None:
+            raise self.failure()
+        return state
+
+    def nearest_reached(self, search: HeadingSearch) -> int | None:
+        """Return a state of an exhausted search at the reached cell nearest to the goal, or None.
+
+        The cell lies within the tolerance, and becomes the goal.
+        """
+        for cell in self.fitting_cells(self.request.goal, self.request.tolerance, self.goal_yaw):
+            reached = search.reached(cell)
+            ends = self.headings_at(cell, False) if reached else 0
+            for heading in reached:
+                if ends >> heading & 1:
+                    self.end_at(cell)
+                    return search.grid.index(cell) * HEADINGS + heading
+        return None
+
+    def move_start(self) -> None:
+        """Begin at the nearest cell within the tolerance where the footprint fits, if any.
+
+        It looks there as the robot does. The start stays if it fits, and if no cell does.
+        """
+        request, start = self.request, self.endpoints.start
+        if self.start_yaw is None or self.fits(start, self.start_yaw):
+            return
+        cells = self.fitting_cells(request.start, request.start_tolerance, self.start_yaw)
+        cell = next(cells, None)
+        if cell is not None:
+            shift = math.dist(cell, request.start) * self.costmap.grid_map.resolution
+            warning = f'the path begins at {cell}, {shift:.2f} m off, where the footprint fits'
+            self.warn(warning, start=cell, start_shift=shift)
+
+    def move_goal(self) -> None:
+        """End at the nearest cell within the tolerance where the footprint fits.
+
+        Raises PlanningFailure if there is none.
+        """
+        if self.fits(self.endpoints.goal, self.goal_yaw):
+            return
+        request = self.request
+        cell = next(self.fitting_cells(request.goal, request.tolerance, self.goal_yaw), None)
+        if cell is None:
+            within = request.tolerance > 0.0
+            code = ResultCode.NO_VALID_PATH if within else ResultCode.GOAL_OCCUPIED
+            description = self.checker.footprint.description
+            message = f'the footprint ({description}) does not fit at the goal {request.goal}'
+            if within:
+                message += f', nor at a cell within {request.tolerance:g} m of it'
+            raise PlanningFailure(code, message)
+        self.end_at(cell)
+
+    def end_at(self, cell: Cell) -> None:
+        """End at another cell than at the goal."""
+        shift = math.dist(cell, self.request.goal) * self.costmap.grid_map.resolution
+        warning = f'the footprint ends at {cell}, {shift:.2f} m off the goal, where it can get to'
+        self.warn(warning, goal=cell, goal_shift=shift)
+
+    def fits(self, cell: Cell, yaw: float | None) -> bool:
+        """Tell whether the footprint is free at a cell, looking along yaw; None: along any."""
+        return bool(self.free_cells(np.array([cell]), yaw)[0])
+
+    def free_cells(
+        self, cells: NDArray[np.int64], yaw: float | None
+    ) -> NDArray[np.bool_]:
+        """Tell at which cells [n, 2] the footprint is free, looking along yaw; None: along any."""
+        free = np.zeros(len(cells), dtype=np.bool_)
+        every = [HEADING_ANGLE * heading for heading in range(HEADINGS)]
+        for angle in every if yaw is None else [yaw]:
+            poses = np.column_stack([cells, np.full(len(cells), angle)])
+            free |= ~self.checker.collisions_on_grid(poses)
+        return free
+
+    def fitting_cells(self, centre: Cell, metres: float, yaw: float | None) -> Iterator[Cell]:
+        """Yield the cells, nearest first, around a cell at which the footprint is free.
+
+        They are connected to the start for a robot that is a circle.
+        """
+        components = self.costmap.components
+        reach = int(metres / self.costmap.grid_map.resolution + ROUNDING)
+        rows, columns = window_around(components.shape, centre, reach)
+        component = components[self.endpoints.start[1], self.endpoints.start[0]]
+        y, x = np.nonzero(components[rows, columns] == component)
+        cells = np.column_stack([x + columns.start, y + rows.start])
+        squared = ((cells - centre) ** 2).sum(axis=1)
+        nearest = np.argsort(squared, kind='stable')[: np.count_nonzero(squared <= reach**2)]
+        cells = cells[nearest[:MAX_CELLS]]
+        for cell in cells[self.free_cells(cells, yaw)]:
+            yield as_cell(cell)
+
+    def headings_at(self, cell: Cell, is_start: bool) -> int:
+        """Return from which headings, bits of a mask, the robot can turn to its yaw at an end."""
+        yaw = self.start_yaw if is_start else self.goal_yaw
+        if yaw is None:
+            return EVERY_HEADING
+        angles = [HEADING_ANGLE * heading for heading in range(HEADINGS)]
+        return sum(1 << h for h, a in enumerate(angles) if self.checker.can_turn(cell, a, yaw))
+
+
+def as_cell(point: NDArray[np.int32]) -> Cell:
+    """Return a cell [2] as two ints."""
+    return int(point[0]), int(point[1])
