@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
+from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap, Pose2D
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
@@ -25,6 +25,7 @@ from llm_astar_planner.instructions.specification import (
     Visit,
 )
 from llm_astar_planner.planning._kernels.nearest import nearest_places
+from llm_astar_planner.planning.footprint import Footprint, FootprintChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.methods import METHODS
@@ -86,6 +87,20 @@ def compile_costmap(config: CostmapConfig) -> None:
         costmap = Costmap(GridMap(cells), config, previous=costmap)
         costmap.prepare()
         costmap.line_of_sight.clear([(0, 0)], [(1, 1)])
+
+
+def compile_footprint_kernels() -> None:
+    """Compile what plans with a footprint run besides, or load it from numba's cache."""
+    cells = np.zeros((24, 24), dtype=np.int8)
+    cells[4:, 12] = OCCUPIED
+    footprint = Footprint(((1.5, 0.3), (1.5, -0.3), (-1.5, -0.3), (-1.5, 0.3)))
+    planner = Planner(GridMap(cells)).prepare()
+    for start_pose in (None, Pose2D(3.0, 20.0, 1.0), Pose2D(11.0, 20.0)):
+        request = PlanRequest(
+            (2, 20), (21, 20), time_limit=PATIENCE, footprint=footprint, start_pose=start_pose
+        )
+        planner.plan(request)
+    FootprintChecker(planner.costmap, footprint).collisions([(3.0, 3.0, 0.0)])
 
 
 def compile_instruction_kernels() -> None:

@@ -103,9 +103,8 @@ class Footprint:
                 inside ^= x - y * step_x / step_y > 0.0
         return nearest if inside else 0.0
 
-    @property
-    def description(self) -> str:
-        """What a message says of it."""
+    def __str__(self) -> str:
+        """Return what a message says of it."""
         radii = f'{self.inscribed_radius:.2f} m inscribed, {self.circumscribed_radius:.2f} m'
         return f'{len(self.points)} points, radii {radii} circumscribed'
 
@@ -215,11 +214,10 @@ class FootprintChecker:
         Nav2's costmap layers clear them too (`footprint_clearing_enabled`). The pose is in metres
         and radians.
         """
-        cells, *others = self._rules
-        cells = cells.copy()
-        kernels.clear(cells, self._rules[3], self.to_grid(pose)[0])
+        cells = self._rules[0].copy()
+        kernels.clear(cells, self.points, self.to_grid(pose)[0])
         checker = copy.copy(self)
-        checker._rules = (cells, *others)
+        checker._rules = cells, *self._rules[1:]
         return checker
 
     def can_turn(self, place: Cell, begin: float, end: float) -> bool:
@@ -227,12 +225,12 @@ class FootprintChecker:
 
         Yaws are relative to the grid, in radians.
         """
-        return not kernels.turn_collides(*self._rules, float(place[0]), float(place[1]), begin, end)
+        return not kernels.turn_collides(
+            *self._rules, float(place[0]), float(place[1]), begin, end
+        )
 
-    def path_collision(
-        self, path: ArrayLike, goal_yaw: float | None = None
-    ) -> tuple[int, float] | None:
-        """Return the index of the point of a path [n, 2] where it collides, and the yaw; or None.
+    def path_collides(self, path: ArrayLike, goal_yaw: float | None = None) -> bool:
+        """Tell whether it collides on a path [n, 2].
 
         The robot moves straight ahead from point to point and turns on the spot, at the end to
         `goal_yaw` where given. Points are in grid coordinates, yaws in radians, relative to the
@@ -240,8 +238,7 @@ class FootprintChecker:
         """
         points = np.ascontiguousarray(path, dtype=np.float64).reshape(-1, 2)
         last = math.nan if goal_yaw is None else goal_yaw
-        index, yaw = kernels.path_collision(*self._rules, points, last)
-        return None if index < 0 else (int(index), float(yaw))
+        return bool(kernels.path_collides(*self._rules, points, last))
 
     def to_grid(self, poses: ArrayLike) -> NDArray[np.float64]:
         """Turn poses (x, y, yaw) [n, 3] in metres and radians into poses on the grid, in cells."""

@@ -10,7 +10,6 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,10 @@ from numpy.typing import NDArray
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.endpoints import Endpoints, window_around
 from llm_astar_planner.planning.footprint import FootprintChecker
+from llm_astar_planner.planning.footprint_validator import footprint_problem
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
+from llm_astar_planner.search.any_angle import interpolate
 from llm_astar_planner.search.headings import (
     EVERY_HEADING,
     HEADINGS,
@@ -54,14 +55,24 @@ def fit_footprint(
     """
     search = FootprintSearch(costmap, request, endpoints, deadline)
     path = np.concatenate([segment.result.path for segment in segments])
-    place = search.collision(path)
-    if place is None:
+    if not search.collides(path):
         return search.endpoints
-    search.place = place
     if any(segment.visit_problem is not None for segment in segments):
-        raise search.failure()
+        raise search.failure('it meets an obstacle on the way that keeps to the instruction')
     search.search_again(segments)
     return search.endpoints
+
+
+def collides(costmap: Costmap, request: PlanRequest, points: NDArray[np.int32]) -> bool:
+    """Tell whether the footprint of a request collides on straight segments between cells [n, 2].
+
+    It is asked twice, the second time with shapely.
+    """
+    search = FootprintSearch(costmap, request, Endpoints(request.start, request.goal), 0.0)
+    return (
+        search.collides(points)
+        or footprint_problem(interpolate(points), costmap, request) is not None
+    )
 
 
 class FootprintSearch:
@@ -74,8 +85,12 @@ class FootprintSearch:
     def __init__(
         self, costmap: Costmap, request: PlanRequest, endpoints: Endpoints, deadline: float
     ) -> None:
-        """Take the request, the cells to plan between, and monotonic seconds."""
-        assert request.footprint is not None
+        """Take the request, the cells to plan between, and monotonic seconds.
+
+        Raises ValueError for a request without a footprint.
+        """
+        if request.footprint is None:
+            raise ValueError('footprint: the request has none')
         yaw = costmap.grid_map.origin.yaw
         self.costmap = costmap
         self.request = request
@@ -85,44 +100,31 @@ class FootprintSearch:
         # Relative to the grid.
         self.start_yaw = None if request.start_pose is None else request.start_pose.yaw - yaw
         self.goal_yaw = None if request.goal_yaw is None else request.goal_yaw - yaw
-        self.place = (0.0, 0.0, 0.0)
         pose = request.start_pose
         if pose is not None and self.checker.first_collision(pose) is not None:
             self.warn(CLEARED)
             self.checker = self.checker.cleared(pose)
 
-    def warn(self, warning: str, **changes: Any) -> None:
-        """Add a warning to the endpoints, and change them."""
+    def warn(self, warning: str) -> None:
+        """Add a warning to the endpoints."""
         warnings = (*self.endpoints.warnings, warning)
-        self.endpoints = self.endpoints._replace(warnings=warnings, **changes)
+        self.endpoints = self.endpoints._replace(warnings=warnings)
 
-    def collision(self, path: NDArray[np.int32]) -> tuple[float, float, float] | None:
-        """Return the first pose (x, y, yaw) on a path [n, 2] at which the footprint collides.
-
-        In metres and radians, None if it passes.
-        """
-        grid_map = self.costmap.grid_map
-        fault = self.checker.path_collision(path, self.goal_yaw)
+    def collides(self, path: NDArray[np.int32]) -> bool:
+        """Tell whether the footprint collides on a path [n, 2], or turning at its ends."""
+        if self.checker.path_collides(path, self.goal_yaw):
+            return True
         ahead = np.flatnonzero((path != path[0]).any(axis=1))
-        if fault is None and len(ahead) and self.start_yaw is not None:
-            step = path[ahead[0]] - path[0]
-            yaw = math.atan2(step[1], step[0])
-            if not self.checker.can_turn(as_cell(path[0]), self.start_yaw, yaw):
-                fault = 0, yaw
-        if fault is None:
-            return None
-        x, y = grid_map.grid_to_world(path[fault[0]])[0].tolist()
-        return x, y, fault[1] + grid_map.origin.yaw
+        if self.start_yaw is None or not len(ahead):
+            return False
+        step = path[ahead[0]] - path[0]
+        yaw = math.atan2(step[1], step[0])
+        return not self.checker.can_turn(as_cell(path[0]), self.start_yaw, yaw)
 
-    def failure(self, code: ResultCode = ResultCode.NO_VALID_PATH) -> PlanningFailure:
-        """Return what to raise: no path fits, and where the footprint met an obstacle first."""
-        x, y, yaw = self.place
-        message = (
-            f'no path fits the footprint ({self.checker.footprint.description}): at '
-            f'({x:.2f}, {y:.2f}) m, turned by {math.degrees(yaw) % 360.0:.0f} degrees, it meets '
-            'an obstacle'
-        )
-        return PlanningFailure(code, message)
+    def failure(self, reason: str, code: ResultCode = ResultCode.NO_VALID_PATH) -> PlanningFailure:
+        """Return what to raise where no path fits the footprint."""
+        footprint = self.checker.footprint
+        return PlanningFailure(code, f'no path fits the footprint ({footprint}): {reason}')
 
     def search_again(self, segments: Sequence[SegmentPlanner]) -> None:
         """Search each segment by heading; each begins with the heading that the last ended with.
@@ -136,7 +138,7 @@ class FootprintSearch:
         swept = swept_cells(tuple((x, y) for x, y in points.tolist()))
         self.move_start()
         self.move_goal()
-        goals = [*self.request.via, self.endpoints.goal]
+        goals = [*(segment.request.goal for segment in segments[:-1]), self.endpoints.goal]
         start, headings = self.endpoints.start, self.headings_at(self.endpoints.start, True)
         for segment, goal in zip(segments, goals):
             begin = time.monotonic()
@@ -178,7 +180,8 @@ class FootprintSearch:
             return search.found
         state = self.nearest_reached(search) if is_last else None
         if state is None:
-            raise self.failure()
+            x, y = self.costmap.grid_map.grid_to_world(search.farthest())[0]
+            raise self.failure(f'it gets no farther than ({x:.2f}, {y:.2f}) m')
         return state
 
     def nearest_reached(self, search: HeadingSearch) -> int | None:
@@ -208,7 +211,8 @@ class FootprintSearch:
         if cell is not None:
             shift = math.dist(cell, request.start) * self.costmap.grid_map.resolution
             warning = f'the path begins at {cell}, {shift:.2f} m off, where the footprint fits'
-            self.warn(warning, start=cell, start_shift=shift)
+            self.warn(warning)
+            self.endpoints = self.endpoints._replace(start=cell, start_shift=shift)
 
     def move_goal(self) -> None:
         """End at the nearest cell within the tolerance where the footprint fits.
@@ -222,26 +226,24 @@ class FootprintSearch:
         if cell is None:
             within = request.tolerance > 0.0
             code = ResultCode.NO_VALID_PATH if within else ResultCode.GOAL_OCCUPIED
-            description = self.checker.footprint.description
-            message = f'the footprint ({description}) does not fit at the goal {request.goal}'
+            reason = f'it meets an obstacle at the goal {request.goal}'
             if within:
-                message += f', nor at a cell within {request.tolerance:g} m of it'
-            raise PlanningFailure(code, message)
+                reason += f' and at each cell within {request.tolerance:g} m of it'
+            raise self.failure(reason, code)
         self.end_at(cell)
 
     def end_at(self, cell: Cell) -> None:
         """End at another cell than at the goal."""
         shift = math.dist(cell, self.request.goal) * self.costmap.grid_map.resolution
         warning = f'the footprint ends at {cell}, {shift:.2f} m off the goal, where it can get to'
-        self.warn(warning, goal=cell, goal_shift=shift)
+        self.warn(warning)
+        self.endpoints = self.endpoints._replace(goal=cell, goal_shift=shift)
 
     def fits(self, cell: Cell, yaw: float | None) -> bool:
         """Tell whether the footprint is free at a cell, looking along yaw; None: along any."""
         return bool(self.free_cells(np.array([cell]), yaw)[0])
 
-    def free_cells(
-        self, cells: NDArray[np.int64], yaw: float | None
-    ) -> NDArray[np.bool_]:
+    def free_cells(self, cells: NDArray[np.int64], yaw: float | None) -> NDArray[np.bool_]:
         """Tell at which cells [n, 2] the footprint is free, looking along yaw; None: along any."""
         free = np.zeros(len(cells), dtype=np.bool_)
         every = [HEADING_ANGLE * heading for heading in range(HEADINGS)]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from numpy.typing import NDArray
 
-from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.footprint import Footprint
+from llm_astar_planner.planning.types import PlanRequest
 
 # Poses whose surroundings are looked at together.
 CHUNK = 64
@@ -21,28 +23,26 @@ SHRINK = 1e-6
 LETHAL_COST = 100
 
 
-def footprint_problem(
-    path: NDArray[np.int32],
-    grid_map: GridMap,
-    config: CostmapConfig,
-    footprint: Footprint,
-    start_pose: Pose2D | None = None,
-    goal_yaw: float | None = None,
-) -> str | None:
-    """Say where the footprint meets an obstacle on a path of cells [n, 2], or None.
+def footprint_problem(path: NDArray[Any], costmap: Costmap, request: PlanRequest) -> str | None:
+    """Say where the footprint of a request meets an obstacle on a path [n, 2], or None.
 
-    At each cell it looks along the path, to the next cell and from the one before; at the last
-    one along `goal_yaw` too, in radians in the map's frame. What it touches at `start_pose`, where
-    the robot is, is no obstacle.
+    The points are in grid coordinates. At each it looks along the path, to the next one and from
+    the one before; at the last along the request's `goal_yaw` too. What it touches at the
+    `start_pose`, where the robot is, is no obstacle. Raises ValueError without a footprint.
     """
-    poses = poses_along(path, None if goal_yaw is None else goal_yaw - grid_map.origin.yaw)
+    footprint, grid_map, config = request.footprint, costmap.grid_map, costmap.config
+    if footprint is None:
+        raise ValueError('footprint: the request has none')
+    yaw = None if request.goal_yaw is None else request.goal_yaw - grid_map.origin.yaw
+    poses = poses_along(path, yaw)
     corners = placed(footprint, poses, grid_map.resolution)
     height, width = grid_map.cells.shape
     inside = (corners > -0.5 - SHRINK) & (corners < np.array([width, height]) - 0.5 + SHRINK)
     if not inside.all():
         return pose_text(poses[np.flatnonzero(~inside.all(axis=(1, 2)))[0]], 'leaves the map')
     lethal = LETHAL_COST if config.occupied_threshold == 99 else config.occupied_threshold
-    own = [] if start_pose is None else cells_under(footprint, start_pose, grid_map)
+    start = request.start_pose
+    own = [] if start is None else cells_under(footprint, start, grid_map)
     for first in range(0, len(poses), CHUNK):
         part = corners[first : first + CHUNK]
         left, top = np.floor(part.min(axis=(0, 1)) + 0.5).astype(int)
@@ -63,7 +63,7 @@ def footprint_problem(
     return None
 
 
-def poses_along(path: NDArray[np.int32], goal_yaw: float | None) -> NDArray[np.float64]:
+def poses_along(path: NDArray[Any], goal_yaw: float | None) -> NDArray[np.float64]:
     """Return the poses (x, y, yaw) [m, 3] of a path of cells, yaws relative to the grid."""
     cells = path.astype(np.float64)
     cells = cells[np.concatenate([[True], (np.diff(cells, axis=0) != 0).any(axis=1)])]
@@ -118,4 +118,6 @@ def row_boxes(blocked: NDArray[np.bool_], left: int, top: int) -> NDArray[np.obj
 def pose_text(pose: NDArray[np.float64], what: str) -> str:
     """Say what happens to the footprint at a pose."""
     degrees = math.degrees(pose[2]) % 360.0
-    return f'the footprint {what} at ({pose[0]:.0f}, {pose[1]:.0f}), turned by {degrees:.0f} degrees'
+    return (
+        f'the footprint {what} at ({pose[0]:.0f}, {pose[1]:.0f}), turned by {degrees:.0f} degrees'
+    )

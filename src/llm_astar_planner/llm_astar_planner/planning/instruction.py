@@ -29,6 +29,7 @@ from llm_astar_planner.instructions.sentence import clause_sentence
 from llm_astar_planner.instructions.specification import SHOULD
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
+from llm_astar_planner.planning.footprint_search import fit_footprint
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import (
     Plan,
@@ -63,6 +64,9 @@ class PathPlanner(Protocol):
 
     def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
         """Say what is wrong with a path of cells, or None."""
+
+    def footprint_problem(self, path: NDArray[np.int32], request: PlanRequest) -> str | None:
+        """Say where the footprint of a request meets an obstacle on a path, or None."""
 
     def build_plan(
         self,
@@ -216,6 +220,9 @@ def search_plan(
     """Return the plan that keeps to the instruction best, and why there is none, '' if found."""
     try:
         segment = search.search()
+        if request.footprint is not None:
+            costmap, deadline = segment.costmap, search.deadline + spare_time(request)
+            endpoints = fit_footprint(costmap, request, endpoints, [segment], deadline)
         path = segment.result.path
         last = (int(path[-1][0]), int(path[-1][1]))
         if last == endpoints.goal:
@@ -223,6 +230,7 @@ def search_plan(
         else:  # a clause says where to end
             endpoints = endpoints._replace(goal=last)
             problem = planner.path_problem(path, endpoints.start, last)
+            problem = problem or planner.footprint_problem(path, request)
         if problem is not None:
             message = f'the path found was withheld: {problem}'
             raise PlanningFailure(ResultCode.UNKNOWN, message)

@@ -125,9 +125,9 @@ BODY = (
     Parameter(
         'footprint',
         '',
-        "The robot's polygon as Nav2 writes it, `[[x, y], ...]` in metres of its base frame: paths "
-        'that it cannot pass are not returned; empty: that of the topic `published_footprint`, if '
-        'there is one',
+        "The robot's polygon as Nav2 writes it, `[[x, y], ...]` in metres of the base frame; no "
+        'path is returned that it cannot pass. Empty: that of the topic `published_footprint`, if '
+        'any',
         check=footprint_problem,
     ),
 )

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
-from llm_astar_planner.planning.footprint_search import fit_footprint
+from llm_astar_planner.planning.footprint_search import collides, fit_footprint
 from llm_astar_planner.planning.footprint_validator import footprint_problem
 from llm_astar_planner.planning.instruction import plan_with_instruction
 from llm_astar_planner.planning.path_validator import (
@@ -59,6 +59,7 @@ LEAST_SHARE_S, LEAST_SHARE = 0.1, 0.1
 MAX_PICTURES = 2**29
 # The part of the time that is kept for a second search, where a footprint is given.
 FIT_SHARE = 0.4
+NOT_SHORTENED = 'the path at any angle is left out: the footprint would meet an obstacle'
 
 
 class Planner:
@@ -158,9 +159,7 @@ class Planner:
                         yield self.build_plan(request, endpoints, segments, solution)
                 check_found(request, segments)
             if request.footprint is not None:
-                endpoints = fit_footprint(
-                    self.costmap, request, endpoints, segments, fit_deadline
-                )
+                endpoints = fit_footprint(self.costmap, request, endpoints, segments, fit_deadline)
             # 4. Only a path that passes the independent check leaves.
             result = concatenate_results(segments)
             problem = self.problem(request, endpoints, result.path)
@@ -233,15 +232,14 @@ class Planner:
         if problem is None and request.via:
             problem = via_problem(path, endpoints.via)
         if problem is None and request.footprint is not None:
-            problem = self.footprint_problem(path, request)
+            problem = footprint_problem(path, self.costmap, request)
         return problem
 
     def footprint_problem(self, path: NDArray[np.int32], request: PlanRequest) -> str | None:
         """Say where the footprint of a request meets an obstacle on a path [n, 2], or None."""
         if request.footprint is None:
             return None
-        poses = request.start_pose, request.goal_yaw
-        return footprint_problem(path, self.grid_map, self.config, request.footprint, *poses)
+        return footprint_problem(path, self.costmap, request)
 
     def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
         """Say what is wrong with a path of cells [n, 2] on this map, or None.
@@ -293,6 +291,14 @@ class Planner:
                     fields['any_angle'] = self.any_angle_path(segments, deadline)
                 except TimeoutError as error:
                     fields['warnings'] = (*endpoints.warnings, str(error))
+                shortened = fields.get('any_angle')
+                if (
+                    shortened
+                    and request.footprint
+                    and collides(self.costmap, request, shortened.points)
+                ):
+                    fields['any_angle'] = None
+                    fields['warnings'] = (*endpoints.warnings, NOT_SHORTENED)
         # Where there are via points, no source is asked.
         first = segments[0] if segments else None
         if first and first.checked_waypoints:
@@ -386,6 +392,8 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
     if first.checked_waypoints:
         used, count = len(first.guiding_waypoints), len(first.checked_waypoints)
         message += f', {used} of {count} waypoints used'
+    if first.by_heading:
+        message += ', searched by heading for the footprint'
     if result.status is SearchStatus.STOPPED:
         message += '; stopped before more could be proven'
     if first.reply.detail:

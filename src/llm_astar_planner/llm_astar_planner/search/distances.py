@@ -96,9 +96,7 @@ class DistanceRows:
         self._heads = np.zeros(freest.ring, dtype=np.int32)
         self._control = np.zeros(kernels.D_SIZE, dtype=np.int64)
 
-    def fill(
-        self, row: int, source: int, stop: StopFlag, deadline: float = math.inf
-    ) -> bool:
+    def fill(self, row: int, source: int, stop: StopFlag, deadline: float = math.inf) -> bool:
         """Measure a row from the cell `source`; False: stopped, out of time or beyond 32 bits.
 
         The map must be that of a single grid: its moves are pruned if its costs are uniform.

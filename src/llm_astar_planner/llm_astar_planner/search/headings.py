@@ -54,8 +54,6 @@ class SweptCells(NamedTuple):
     reach: int
 
 
-
-
 # What a polygon must not meet: cells int8 [height, width], the occupancy from which they are
 # lethal, and whether unknown ones are too.
 Obstacles = tuple[NDArray[np.int8], int, bool]
@@ -174,6 +172,14 @@ class HeadingSearch:
         costs = self._costs[first : first + HEADINGS].tolist()
         return sorted((h for h in range(HEADINGS) if costs[h]), key=costs.__getitem__)
 
+    def farthest(self) -> Cell:
+        """Return the cell reached that is nearest to the goal, along the way of a circle."""
+        cells = np.flatnonzero(self._came.view(np.uint64))
+        if not len(cells):
+            cells = np.array([self.start])
+        y, x = divmod(int(cells[self._to_goal[0, cells].argmin()]), self.grid.width)
+        return x, y
+
     @property
     def found(self) -> int:
         """The state (HEADINGS * cell + heading) at which the search found the goal."""
@@ -191,8 +197,8 @@ class HeadingSearch:
         cost = (int(self._costs[state]) - 1) / self.grid.straight
         expanded = np.zeros((0, 0), dtype=np.bool_)
         if want_expanded:
-            closed = (self._came & kernels.CLOSED).reshape(-1, HEADINGS).any(axis=1)
-            expanded = closed.reshape(self.grid.blocked.shape)
+            closed = (self._came & kernels.CLOSED).reshape(*self.grid.blocked.shape, HEADINGS)
+            expanded = np.bitwise_or.reduce(closed, axis=2) > 0
         storage = int(self._control[kernels.H_STORAGE])
         return BoundedResult(
             SearchStatus.FOUND, self.expansions, storage, expanded, path, path_length(path),

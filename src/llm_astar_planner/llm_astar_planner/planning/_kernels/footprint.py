@@ -170,18 +170,18 @@ def turn_collides(
 
 
 @_jit
-def path_collision(
+def path_collides(
     cells: NDArray[np.int8],
     threshold: int,
     unknown_blocks: bool,
     points: NDArray[np.float64],
     path: NDArray[np.float64],
     goal_yaw: float,
-) -> tuple[int, float]:
-    """Return the index of the first point of a path [n, 2] at which a polygon collides, and a yaw.
+) -> bool:
+    """Tell whether a polygon collides that follows a path [n, 2].
 
     It moves ahead from point to point, looked at every STEP, and turns on the spot between; at
-    the last point it turns to `goal_yaw`, unless that is NaN. The index is -1 if it is free.
+    the last point it turns to `goal_yaw`, unless that is NaN.
     """
     corners = np.empty_like(points)
     pose = np.empty(3)
@@ -197,16 +197,14 @@ def path_collision(
         for m in range(count + 1):
             pose[0], pose[1] = path[n, 0] + step_x * m / count, path[n, 1] + step_y * m / count
             if collides(cells, threshold, unknown_blocks, points, pose, corners):
-                return n + (2 * m > count), yaw
+                return True
         if not math.isnan(before) and before != yaw:
             x, y = path[n]
             if turn_collides(cells, threshold, unknown_blocks, points, x, y, before, yaw):
-                return n, yaw
+                return True
         before = yaw
-    last = len(path) - 1
-    if not math.isnan(goal_yaw):
-        before = goal_yaw if math.isnan(before) else before
-        x, y = path[last]
-        if turn_collides(cells, threshold, unknown_blocks, points, x, y, before, goal_yaw):
-            return last, goal_yaw
-    return -1, 0.0
+    if math.isnan(goal_yaw):
+        return False
+    before = goal_yaw if math.isnan(before) else before
+    x, y = path[-1]
+    return turn_collides(cells, threshold, unknown_blocks, points, x, y, before, goal_yaw)
