@@ -229,16 +229,18 @@ class FootprintChecker:
             *self._rules, float(place[0]), float(place[1]), begin, end
         )
 
-    def path_collides(self, path: ArrayLike, goal_yaw: float | None = None) -> bool:
+    def path_collides(
+        self, path: ArrayLike, start_yaw: float | None = None, goal_yaw: float | None = None
+    ) -> bool:
         """Tell whether it collides on a path [n, 2].
 
-        The robot moves straight ahead from point to point and turns on the spot, at the end to
-        `goal_yaw` where given. Points are in grid coordinates, yaws in radians, relative to the
-        grid.
+        The robot moves straight ahead from point to point and turns on the spot, at the first
+        from `start_yaw` and at the last to `goal_yaw`, where given. Points are in grid
+        coordinates, yaws in radians, relative to the grid.
         """
         points = np.ascontiguousarray(path, dtype=np.float64).reshape(-1, 2)
-        last = math.nan if goal_yaw is None else goal_yaw
-        return bool(kernels.path_collides(*self._rules, points, last))
+        ends = (math.nan if yaw is None else yaw for yaw in (start_yaw, goal_yaw))
+        return bool(kernels.path_collides(*self._rules, points, *ends))
 
     def to_grid(self, poses: ArrayLike) -> NDArray[np.float64]:
         """Turn poses (x, y, yaw) [n, 3] in metres and radians into poses on the grid, in cells."""

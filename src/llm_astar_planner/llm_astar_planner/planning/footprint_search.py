@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +24,10 @@ from llm_astar_planner.search.headings import (
     EVERY_HEADING,
     HEADINGS,
     HeadingSearch,
+    SweptCells,
     swept_cells,
 )
 from llm_astar_planner.search.result import Cell, SearchStatus
-from llm_astar_planner.search.stop import StopFlag
 
 # Cells; a larger footprint would take too long to prepare.
 MAX_REACH = 1000.0
@@ -54,12 +53,17 @@ def fit_footprint(
     (monotonic seconds), and PathTooLongError.
     """
     search = FootprintSearch(costmap, request, endpoints, deadline)
-    path = np.concatenate([segment.result.path for segment in segments])
-    if not search.collides(path):
-        return search.endpoints
-    if any(segment.visit_problem is not None for segment in segments):
-        raise search.failure('it meets an obstacle on the way that keeps to the instruction')
-    search.search_again(segments)
+    yaw = search.start_yaw
+    for segment in segments:
+        is_last = segment is segments[-1]
+        path, goal_yaw = segment.result.path, search.goal_yaw if is_last else None
+        if search.checker.path_collides(path, yaw, goal_yaw):
+            path = search.search_again(segment, yaw, segment is segments[0], is_last)
+        # The next segment begins as this one ends.
+        ahead = np.flatnonzero((path != path[-1]).any(axis=1))
+        if len(ahead):
+            step = path[-1] - path[ahead[-1]]
+            yaw = math.atan2(step[1], step[0])
     return search.endpoints
 
 
@@ -68,9 +72,9 @@ def collides(costmap: Costmap, request: PlanRequest, points: NDArray[np.int32]) 
 
     It is asked twice, the second time with shapely.
     """
-    search = FootprintSearch(costmap, request, Endpoints(request.start, request.goal), 0.0)
+    search = FootprintSearch(costmap, request, Endpoints(request.start, request.goal, ()), 0.0)
     return (
-        search.collides(points)
+        search.checker.path_collides(points, search.start_yaw, search.goal_yaw)
         or footprint_problem(interpolate(points), costmap, request) is not None
     )
 
@@ -110,93 +114,73 @@ class FootprintSearch:
         warnings = (*self.endpoints.warnings, warning)
         self.endpoints = self.endpoints._replace(warnings=warnings)
 
-    def collides(self, path: NDArray[np.int32]) -> bool:
-        """Tell whether the footprint collides on a path [n, 2], or turning at its ends."""
-        if self.checker.path_collides(path, self.goal_yaw):
-            return True
-        ahead = np.flatnonzero((path != path[0]).any(axis=1))
-        if self.start_yaw is None or not len(ahead):
-            return False
-        step = path[ahead[0]] - path[0]
-        yaw = math.atan2(step[1], step[0])
-        return not self.checker.can_turn(as_cell(path[0]), self.start_yaw, yaw)
-
     def failure(self, reason: str, code: ResultCode = ResultCode.NO_VALID_PATH) -> PlanningFailure:
         """Return what to raise where no path fits the footprint."""
         footprint = self.checker.footprint
         return PlanningFailure(code, f'no path fits the footprint ({footprint}): {reason}')
 
-    def search_again(self, segments: Sequence[SegmentPlanner]) -> None:
-        """Search each segment by heading; each begins with the heading that the last ended with.
+    def search_again(
+        self, segment: SegmentPlanner, yaw: float | None, is_first: bool, is_last: bool
+    ) -> NDArray[np.int32]:
+        """Search a segment by heading, from a yaw on; return its path [n, 2].
 
         Raises PlanningFailure and PathTooLongError.
         """
+        if segment.visit_problem is not None:
+            raise self.failure('it meets an obstacle on the way that keeps to the instruction')
+        begin = time.monotonic()
+        swept = self.swept()
+        start, goal = segment.request.start, segment.request.goal
+        if is_first:
+            self.move_start()
+            start = self.endpoints.start
+        if is_last:
+            self.move_goal()
+            goal = self.endpoints.goal
+        search = HeadingSearch(
+            segment.costmap.grid_graph, self.checker.obstacles, swept, start, goal
+        )
+        ends = self.headings_at(goal, self.goal_yaw) if is_last else EVERY_HEADING
+        status = search.run(self.headings_at(start, yaw), ends, self.deadline, segment.stop)
+        if status is SearchStatus.EXHAUSTED and is_first and yaw is not None:
+            # The robot is there anyway, and may get away in a manner of its own.
+            status = search.run(EVERY_HEADING, ends, self.deadline, segment.stop)
+            if status is SearchStatus.FOUND:
+                self.warn(NO_TURN)
+        if status is SearchStatus.STOPPED:
+            reason = 'cancelled' if segment.stop[0] else 'out of time'
+            message = f'{reason} while looking for a path that fits the footprint'
+            raise PlanningFailure(ResultCode.TIMEOUT, message)
+        found = status is SearchStatus.FOUND
+        state = search.found if found else self.nearest_reached(search, is_last)
+        result = search.result(state, want_expanded=segment.request.want_expanded)
+        segment.take(result, time.monotonic() - begin)
+        return segment.result.path
+
+    def swept(self) -> SweptCells:
+        """Return what each motion sweeps. Raises PlanningFailure for too many cells."""
         points = self.checker.points
         if np.abs(points).max() > MAX_REACH:
             message = f'the footprint is over {MAX_REACH:.0f} cells large, too large to search for'
             raise PlanningFailure(ResultCode.UNKNOWN, message)
-        swept = swept_cells(tuple((x, y) for x, y in points.tolist()))
-        self.move_start()
-        self.move_goal()
-        goals = [*(segment.request.goal for segment in segments[:-1]), self.endpoints.goal]
-        start, headings = self.endpoints.start, self.headings_at(self.endpoints.start, True)
-        for segment, goal in zip(segments, goals):
-            begin = time.monotonic()
-            search = HeadingSearch(
-                segment.costmap.grid_graph, self.checker.obstacles, swept, start, goal
-            )
-            is_last = segment is segments[-1]
-            state = self.run(search, segment.stop, headings, segment is segments[0], is_last)
-            expansions = segment.result.expansions + search.expansions
-            result = search.result(state, want_expanded=self.request.want_expanded)
-            result = replace(result, expansions=expansions, first_expansions=expansions)
-            segment.take(result, time.monotonic() - begin)
-            start, headings = goal, 1 << state % HEADINGS
+        return swept_cells(tuple((x, y) for x, y in points.tolist()))
 
-    def run(
-        self,
-        search: HeadingSearch,
-        stop: StopFlag,
-        headings: int,
-        is_first: bool,
-        is_last: bool,
-    ) -> int:
-        """Return the state at which a search ends that begins with some headings, bits of a mask.
+    def nearest_reached(self, search: HeadingSearch, is_last: bool) -> int:
+        """Return a state of an exhausted search at the reached cell nearest to the goal.
 
-        At the start, where the robot is anyway, it may begin with another if there is no other
-        way. Raises PlanningFailure and PathTooLongError.
+        The cell lies within the tolerance, and becomes the goal. Raises PlanningFailure if there
+        is none, and for a goal that is a via point.
         """
-        ends = self.headings_at(self.endpoints.goal, False) if is_last else EVERY_HEADING
-        status = search.run(headings, ends, self.deadline, stop)
-        if status is SearchStatus.EXHAUSTED and is_first and headings != EVERY_HEADING:
-            status = search.run(EVERY_HEADING, ends, self.deadline, stop)
-            if status is SearchStatus.FOUND:
-                self.warn(NO_TURN)
-        if status is SearchStatus.STOPPED:
-            reason = 'cancelled' if stop[0] else 'out of time'
-            message = f'{reason} while looking for a path that fits the footprint'
-            raise PlanningFailure(ResultCode.TIMEOUT, message)
-        if status is SearchStatus.FOUND:
-            return search.found
-        state = self.nearest_reached(search) if is_last else None
-        if state is None:
-            x, y = self.costmap.grid_map.grid_to_world(search.farthest())[0]
-            raise self.failure(f'it gets no farther than ({x:.2f}, {y:.2f}) m')
-        return state
-
-    def nearest_reached(self, search: HeadingSearch) -> int | None:
-        """Return a state of an exhausted search at the reached cell nearest to the goal, or None.
-
-        The cell lies within the tolerance, and becomes the goal.
-        """
-        for cell in self.fitting_cells(self.request.goal, self.request.tolerance, self.goal_yaw):
+        metres = self.request.tolerance if is_last else -1.0
+        for cell in self.fitting_cells(self.request.goal, metres, self.goal_yaw):
             reached = search.reached(cell)
-            ends = self.headings_at(cell, False) if reached else 0
+            ends = self.headings_at(cell, self.goal_yaw) if reached else 0
             for heading in reached:
                 if ends >> heading & 1:
                     self.end_at(cell)
                     return search.grid.index(cell) * HEADINGS + heading
-        return None
+        x, y = self.costmap.grid_map.grid_to_world(search.farthest())[0]
+        raise self.failure(f'it gets no farther than ({x:.2f}, {y:.2f}) m')
 
     def move_start(self) -> None:
         """Begin at the nearest cell within the tolerance where the footprint fits, if any.
@@ -258,6 +242,8 @@ class FootprintSearch:
         They are connected to the start for a robot that is a circle.
         """
         components = self.costmap.components
+        if metres < 0.0:
+            return
         reach = int(metres / self.costmap.grid_map.resolution + ROUNDING)
         rows, columns = window_around(components.shape, centre, reach)
         component = components[self.endpoints.start[1], self.endpoints.start[0]]
@@ -269,9 +255,8 @@ class FootprintSearch:
         for cell in cells[self.free_cells(cells, yaw)]:
             yield as_cell(cell)
 
-    def headings_at(self, cell: Cell, is_start: bool) -> int:
-        """Return from which headings, bits of a mask, the robot can turn to its yaw at an end."""
-        yaw = self.start_yaw if is_start else self.goal_yaw
+    def headings_at(self, cell: Cell, yaw: float | None) -> int:
+        """Return the headings, bits of a mask, from and to which it can turn at a cell."""
         if yaw is None:
             return EVERY_HEADING
         angles = [HEADING_ANGLE * heading for heading in range(HEADINGS)]

@@ -117,9 +117,26 @@ class SegmentPlanner:
         )
         self.seconds_search = time.monotonic() - begin
 
-    def take(self, result: SearchResult, seconds: float) -> None:
-        """Take the path of a search by heading, which took so many seconds, instead of its own."""
-        self.result = result
+    def take(self, found: BoundedResult, seconds: float) -> None:
+        """Take the path of a search by heading, which took so many seconds, instead of its own.
+
+        What it proves counts where the method proves anything.
+        """
+        own = self.result
+        expansions, storage = own.expansions + found.expansions, own.storage + found.storage
+        if isinstance(own, BoundedResult):
+            self.result = replace(
+                found,
+                expanded=own.expanded | found.expanded,
+                expansions=expansions,
+                storage=storage,
+                first_expansions=expansions,
+            )
+        else:
+            picture = own.expanded | found.expanded
+            self.result = SearchResult(
+                found.status, expansions, storage, picture, found.path, found.length
+            )
         self.seconds_search += seconds
         self.by_heading, self.waypoints_used = True, False
 

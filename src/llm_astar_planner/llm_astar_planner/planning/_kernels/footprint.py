@@ -176,16 +176,17 @@ def path_collides(
     unknown_blocks: bool,
     points: NDArray[np.float64],
     path: NDArray[np.float64],
+    start_yaw: float,
     goal_yaw: float,
 ) -> bool:
     """Tell whether a polygon collides that follows a path [n, 2].
 
     It moves ahead from point to point, looked at every STEP, and turns on the spot between; at
-    the last point it turns to `goal_yaw`, unless that is NaN.
+    the first point it turns from `start_yaw` and at the last to `goal_yaw`, unless these are NaN.
     """
     corners = np.empty_like(points)
     pose = np.empty(3)
-    before = math.nan
+    before = start_yaw
     for n in range(len(path) - 1):
         step_x, step_y = path[n + 1, 0] - path[n, 0], path[n + 1, 1] - path[n, 1]
         length = math.hypot(step_x, step_y)
