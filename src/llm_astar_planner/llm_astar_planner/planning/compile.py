@@ -25,7 +25,8 @@ from llm_astar_planner.instructions.specification import (
     Visit,
 )
 from llm_astar_planner.planning._kernels.nearest import nearest_places
-from llm_astar_planner.planning.footprint import Footprint, FootprintChecker
+from llm_astar_planner.planning.footprint import Footprint
+from llm_astar_planner.planning.footprint_checker import FootprintChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.methods import METHODS

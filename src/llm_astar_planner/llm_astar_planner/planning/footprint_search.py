@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.endpoints import Endpoints, window_around
-from llm_astar_planner.planning.footprint import FootprintChecker
+from llm_astar_planner.planning.footprint_checker import FootprintChecker
 from llm_astar_planner.planning.footprint_validator import footprint_problem
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode

@@ -10,10 +10,10 @@ from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.footprint import (
     Footprint,
-    FootprintChecker,
     FootprintError,
     footprint_problem,
 )
+from llm_astar_planner.planning.footprint_checker import FootprintChecker
 from shapely import affinity
 
 RECTANGLE = '[[0.5, 0.2], [0.5, -0.2], [-0.5, -0.2], [-0.5, 0.2]]'
