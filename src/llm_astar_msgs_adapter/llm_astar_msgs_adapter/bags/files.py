@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from collections import Counter
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -24,6 +23,8 @@ JUMP = 1_000_000_000
 # No message and no chunk of messages has more bytes; one that claims more is damaged or malicious.
 LARGEST = 512 * 1024 * 1024
 BLOCK = 1024 * 1024
+# A file that is compressed as a whole is unpacked up to here.
+MOST_UNPACKED = 4 * 1024**3
 
 
 class BagError(LlmAstarError, ValueError):
@@ -189,8 +190,13 @@ def unpack(path: Path, folder: Path, problems: Problems) -> Path:
         return path
     target = folder / path.stem
     with path.open('rb') as packed, target.open('wb') as file:
+        stream = zstandard.ZstdDecompressor().stream_reader(packed)
         try:
-            shutil.copyfileobj(zstandard.ZstdDecompressor().stream_reader(packed), file)
+            while (block := stream.read(BLOCK)) and file.tell() < MOST_UNPACKED:
+                file.write(block)
+            if block:
+                size = f'{MOST_UNPACKED // 1024**3} GiB'
+                problems.leave_out(f'{path}: is read up to the first {size} of its contents')
         except zstandard.ZstdError as error:
             problems.leave_out(f'{path}: is damaged ({error}); the part before is read')
     return target

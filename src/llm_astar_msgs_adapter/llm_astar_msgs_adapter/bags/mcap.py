@@ -26,6 +26,8 @@ from mcap.records import Chunk, ChunkIndex, MessageIndex, Schema
 
 from llm_astar_msgs_adapter.bags.files import LARGEST, BagError, Channel, Record, unzstd
 
+# Messages that are held until those of other chunks before them have been read, in bytes.
+MOST_HELD = 256 * 2**20
 MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')
 MESSAGE = struct.Struct('<HIQQ')
@@ -136,14 +138,21 @@ class McapReader:
             or not chunk.message_index_offsets.keys().isdisjoint(wanted)
         ]
         heapify(waiting)
+        held = 0
         while waiting:
             _, offset, _, message = heappop(waiting)
             if message is not None:
+                held -= len(message.data)
                 yield message
                 continue
             for place, inside in enumerate(self.chunk_messages(offset), start=1):
-                if inside.channel in wanted:
-                    heappush(waiting, (inside.time, offset, place, inside))
+                if inside.channel not in wanted:
+                    continue
+                if held + len(inside.data) > MOST_HELD:
+                    self._note_damage(f'over {MOST_HELD} bytes of its chunks are of the same time')
+                    break
+                held += len(inside.data)
+                heappush(waiting, (inside.time, offset, place, inside))
 
     def chunk_messages(self, offset: int) -> Iterator[StoredMessage]:
         """Yield the messages of the chunk at a byte of the file."""

@@ -7,6 +7,7 @@ this machine, or from the bag itself.
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
@@ -62,7 +63,13 @@ ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 # What parsing somebody else's definition may raise.
 DEFINITION_ERRORS = (
     TypesysError, KeyError, ValueError, TypeError, AssertionError, IndexError, RecursionError,
+    AttributeError, OverflowError, StopIteration, SyntaxError,
 )  # fmt: skip
+# Characters of a definition; the longest of Jazzy's packages has 20,000.
+MAX_DEFINITION = 2**18
+# rosbags' parser takes exponential time for brackets in brackets, of which ROS's IDL has few.
+MAX_BRACKETS = 4
+IDL_TEXTS = re.compile(r'"(?:[^"\\]|\\.)*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
 # rosbags generates code for every element of an array of messages.
 MAX_ELEMENTS = 10_000
 
@@ -265,7 +272,10 @@ def parse_definition(channel: Channel) -> dict[str, Any]:
     Raises one of DEFINITION_ERRORS, also for arrays of more messages than MAX_ELEMENTS.
     """
     types: dict[str, Any] = {}
+    if len(channel.definition) > MAX_DEFINITION:
+        raise ValueError(f'over {MAX_DEFINITION} characters')
     if channel.format == 'ros2idl':
+        check_brackets(channel.definition)
         for part in channel.definition.split(BAR):
             text = part.split('\n', 1)[1] if part.startswith('IDL: ') else part
             if text.strip():
@@ -281,6 +291,15 @@ def parse_definition(channel: Channel) -> dict[str, Any]:
             if element is not Nodetype.BASE or base[0] in ('string', 'wstring'):
                 raise ValueError(f'{name}: {field}: {count} elements')
     return types
+
+
+def check_brackets(definition: str) -> None:
+    """Raise ValueError for IDL with more than MAX_BRACKETS brackets in one another."""
+    depth = 0
+    for sign in re.findall(r'[(<>)]', IDL_TEXTS.sub('', definition)):
+        depth += 1 if sign in '(<' else -1
+        if depth > MAX_BRACKETS:
+            raise ValueError(f'over {MAX_BRACKETS} brackets in one another')
 
 
 def parsed_name(msgtype: str, types: dict[str, Any]) -> str:

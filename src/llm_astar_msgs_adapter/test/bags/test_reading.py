@@ -8,9 +8,16 @@ import tracemalloc
 import pytest
 import zstandard
 from bag_makers import TYPES, call_at, list_at, map_at, room, write_bag
-from llm_astar_msgs_adapter.bags.files import LARGEST, BagError, unzstd
+from llm_astar_msgs_adapter.bags.files import (
+    LARGEST,
+    BagError,
+    Channel,
+    Problems,
+    unpack,
+    unzstd,
+)
 from llm_astar_msgs_adapter.bags.reading import Bag
-from llm_astar_msgs_adapter.bags.types import bag_types, define
+from llm_astar_msgs_adapter.bags.types import Decoder, bag_types, define
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from mcap_ros2.writer import Writer as Ros2Writer
@@ -366,3 +373,49 @@ def test_a_file_with_random_damage_is_read_or_refused(tmp_path, storage):
         except BagError as error:
             assert file.name in str(error)
     assert len(outcomes) > 1
+
+
+@pytest.mark.parametrize(
+    'struct_text',
+    [
+        f'const long X = {"(" * 24}1{")" * 24};',
+        f'struct B {{ sequence<long, {"(" * 24}1{")" * 24}> x; }};',
+        f'struct B {{ {"sequence<" * 24}long{">" * 24} x; }};',
+        'struct B { long x; }; // ' + 'x' * 2**18,
+    ],
+)
+def test_a_definition_that_would_take_a_parser_hours_is_not_parsed(struct_text):
+    decoder = Decoder()
+    text = f'module a {{ module msg {{ {struct_text} }}; }};'
+    decoder.learn(Channel('/x', 'a/msg/B', text, 'ros2idl', 'cdr'))
+    assert not decoder.knows('a/msg/B')
+
+
+def test_brackets_in_comments_and_texts_of_a_definition_do_not_count():
+    decoder = Decoder()
+    note = '/* ((((((( */ // ((((((\n'
+    struct_text = f'{note} struct B {{ sequence<long, 3> x; }};'
+    text = f'module a {{ module msg {{ {struct_text} }}; }};'
+    decoder.learn(Channel('/x', 'a/msg/B', text, 'ros2idl', 'cdr'))
+    assert decoder.knows('a/msg/B')
+
+
+def test_a_file_is_unpacked_up_to_a_limit(tmp_path, monkeypatch):
+    monkeypatch.setattr('llm_astar_msgs_adapter.bags.files.MOST_UNPACKED', 2**20)
+    packed = tmp_path / 'x.mcap.zstd'
+    packed.write_bytes(zstandard.ZstdCompressor().compress(bytes(2**26)))
+    problems = Problems()
+    folder = tmp_path / 'unpacked'
+    folder.mkdir()
+    assert unpack(packed, folder, problems).stat().st_size == 2**20
+    assert 'x.mcap.zstd: is read up to the first' in problems.left_out[0]
+
+
+def test_chunks_of_one_time_are_read_up_to_a_limit(tmp_path, monkeypatch):
+    day = [map_at(seconds, room(30, 30)) for seconds in range(1, 20)]
+    folder = write_bag(tmp_path / 'bag', day, 'mcap')
+    assert len(read(folder)[0]) == 19
+    monkeypatch.setattr('llm_astar_msgs_adapter.bags.mcap.MOST_HELD', 5000)
+    found, problems = read(folder)
+    assert 1 <= len(found) < 19
+    assert 'over 5000 bytes of its chunks are of the same time' in problems.left_out[0]

@@ -31,6 +31,8 @@ from llm_astar_planner.benchmark.bags.topics import TopicSelection, find_missing
 RESPONSES = (2, 3)
 # How many calls are remembered, since both client and server may publish an event of one.
 MAX_CALLS = 1000
+# What a message may raise whose type the bag defines otherwise than ROS does.
+UNFIT = (LlmAstarError, AttributeError, TypeError, ValueError, LookupError, OverflowError)
 # Columns that a list of requests must have.
 COLUMNS = ('start_x', 'start_y', 'goal_x', 'goal_y')
 
@@ -99,7 +101,12 @@ class RequestReader:
         topics = [name for name, role in self._roles.items() if role in self._handlers]
         for message in self.bag.messages(topics):
             self._advance(message.time)
-            self._handlers[self._roles[message.topic]](message)
+            try:
+                self._handlers[self._roles[message.topic]](message)
+            except UNFIT as error:
+                # The bag may define a type with other fields, or with numbers beyond all use.
+                what = f'is not what a {message.msgtype} holds: {type(error).__name__}: {error}'
+                self._leave_out(f'{self._when(message)}: {what}', 'messages')
             yield from self._pending.pop_ready()
         self._make_listed(math.inf)
         self._pending.expire()
