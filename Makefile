@@ -1,5 +1,5 @@
-# One tree for both worlds: where a ROS 2 Jazzy is sourced that one is used, and elsewhere the
-# ROS wheels of PyPI are installed into .venv beside the two packages.
+# One tree for both worlds: where ROS 2 is sourced that one is used, and elsewhere the ROS wheels of
+# PyPI, Jazzy's or those of ROS_DISTRO=kilted, are installed into .venv beside the two packages.
 
 ifndef PYTHON
 # In an active virtual environment, .venv too, the Python that it was made from: .venv has rclpy,
@@ -7,6 +7,8 @@ ifndef PYTHON
 PYTHON := $(or $(shell python3 -c 'import sys; print(sys._base_executable)' 2>/dev/null),python3)
 endif
 VENV ?= .venv
+# A sourced ROS has set it.
+ROS_DISTRO ?= jazzy
 BIN := $(VENV)/bin
 PACKAGES := ./src/llm_astar_msgs_adapter ./src/llm_astar_planner
 SOURCES := $(shell find src config maps -type f \
@@ -18,14 +20,14 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 HAS_ROS := $(shell $(PYTHON) -c 'import rclpy.node, nav_msgs.msg' 2>/dev/null && echo yes)
 ifeq ($(HAS_ROS),yes)
-WORLD := sourced
+WORLD := sourced-$(ROS_DISTRO)
 VENV_OPTIONS := --system-site-packages
 # The sourced messages are built for the system's numpy, so no step may bring a newer one.
 ROS_REQUIREMENTS := 'numpy<2'
 KEEP := 'numpy<2'
 else
-WORLD := wheels
-ROS_REQUIREMENTS := 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces
+WORLD := wheels-$(ROS_DISTRO)
+ROS_REQUIREMENTS := 'ros-$(ROS_DISTRO)-rclpy[fastrtps]' ros-$(ROS_DISTRO)-common-interfaces
 endif
 
 .DEFAULT_GOAL := help
@@ -66,9 +68,12 @@ check-python:
 	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' || { \
 		echo "error: $$($(PYTHON) --version) is not 3.10 to 3.13; name another: make PYTHON=python3.12" >&2; \
 		exit 1; }
-	@test "$${ROS_DISTRO:-jazzy}" = jazzy || { \
-		echo "error: ROS 2 $$ROS_DISTRO is sourced and this needs Jazzy; use a shell without it" >&2; \
-		exit 1; }
+	@case $(WORLD) in \
+		*-jazzy | *-kilted) ;; \
+		sourced-[l-z]*) echo "warning: ROS 2 $(ROS_DISTRO) is untested; jazzy and kilted are tested" >&2 ;; \
+		*) echo "error: this needs ROS 2 jazzy or kilted, not $(ROS_DISTRO); use a shell without" \
+			"ROS, or name one: make ROS_DISTRO=jazzy" >&2; exit 1 ;; \
+	esac
 
 # Named after the world it is for: a shell with ROS sourced, or without, makes its own anew.
 $(VENV)/.dependencies-$(WORLD): $(SETUPS) Makefile | check-python

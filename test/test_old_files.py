@@ -140,7 +140,7 @@ FOLDERS = {
     'benchmark': ('bench', *BENCH, '--source', 'oracle'),
     'evaluation': (
         'evaluate', str(OLD / 'samples'), '--methods', 'guided', '--source', 'straight',
-        '--robot-radius', '0.6', '--tolerance', '0.5',
+        '--robot-radius', '0.6', '--tolerance', '0.5', '--unknown-cost', '0',
     ),
 }  # fmt: skip
 

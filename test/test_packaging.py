@@ -105,6 +105,48 @@ def test_a_file_that_is_not_there_lists_those_that_are():
         find_file('nowhere.json', 'maps')
 
 
+def make_answers(*words):
+    """What make says in a shell without a sourced ROS."""
+    environment = {key: os.environ[key] for key in os.environ if key != 'ROS_DISTRO'}
+    return subprocess.run(
+        ['make', '--silent', '--eval', 'world: ; @echo $(WORLD) $(ROS_REQUIREMENTS)', *words],
+        cwd=ROOT, env=environment, capture_output=True, text=True,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('words', 'world'),
+    [
+        ((), 'wheels-jazzy'),
+        (('ROS_DISTRO=kilted',), 'wheels-kilted'),
+        (('ROS_DISTRO=kilted', 'HAS_ROS=yes'), 'sourced-kilted'),
+    ],
+)
+def test_each_distribution_has_an_environment_of_its_own(words, world):
+    done = make_answers('world', 'HAS_ROS=', *words)
+    distribution = world.partition('-')[2]
+    assert done.stdout.split()[0] == world
+    if world.startswith('wheels'):
+        assert f'ros-{distribution}-rclpy[fastrtps] ros-{distribution}-common' in done.stdout
+
+
+@pytest.mark.parametrize(
+    ('words', 'code', 'said'),
+    [
+        (('ROS_DISTRO=jazzy',), 0, ''),
+        (('ROS_DISTRO=kilted',), 0, ''),
+        (('ROS_DISTRO=lyrical', 'HAS_ROS=yes'), 0, 'warning: ROS 2 lyrical is untested'),
+        (('ROS_DISTRO=lyrical',), 2, 'this needs ROS 2 jazzy or kilted, not lyrical'),
+        (('ROS_DISTRO=humble', 'HAS_ROS=yes'), 2, 'this needs ROS 2 jazzy or kilted, not humble'),
+    ],
+)
+def test_distributions_that_are_not_supported_are_named(words, code, said):
+    done = make_answers('check-python', f'PYTHON={sys.executable}', 'HAS_ROS=', *words)
+    assert done.returncode == code
+    assert said in done.stderr
+    assert bool(done.stderr) == bool(said)
+
+
 @needs_install
 def test_make_does_not_take_an_activated_environment_for_a_sourced_ros():
     ask = ['make', '--eval', 'world: ; @echo the world is $(WORLD)', 'world']

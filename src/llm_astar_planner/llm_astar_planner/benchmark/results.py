@@ -38,6 +38,8 @@ WAYPOINTS_ONLY = 'waypoints_only'
 METHOD_ALIASES = {'llm_only': WAYPOINTS_ONLY}
 # Costmap parameters that 0.1.0 wrote under another name.
 RULE_ALIASES = {'cost_multiplier': 'cost_travel_multiplier'}
+# Costmap parameters that 0.1.0 did not have, with the values that it planned by.
+OLD_RULES = {'unknown_cost': 0}
 # A run is resumed only with equal values of these parameters: they change the rows.
 COMPARED_PARAMETERS = (
     'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
@@ -280,7 +282,7 @@ class ResultsFolder:
         return values
 
     def read_metadata(self) -> dict[str, Any]:
-        """Read metadata.json, with parameters renamed since 0.1.0. Raises ResultsError."""
+        """Read metadata.json in the parameters of today, not 0.1.0's. Raises ResultsError."""
         metadata, path = self.read_json('metadata.json'), self.path / 'metadata.json'
         for name in ('version', 'parameters', 'dataset', 'machine'):
             if name not in metadata:
@@ -289,7 +291,7 @@ class ResultsFolder:
         if not isinstance(parameters, dict):
             raise ResultsError(f'{path}: parameters: a JSON object is expected')
         if rules := parameters.get('rules'):
-            parameters['rules'] = {
+            parameters['rules'] = OLD_RULES | {
                 RULE_ALIASES.get(name, name): value for name, value in rules.items()
             }
         return metadata

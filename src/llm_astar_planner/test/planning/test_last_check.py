@@ -50,7 +50,8 @@ def test_an_inflation_that_forgets_unknown_cells_is_caught(monkeypatch):
         return grid_map.blocked(rules.occupied_threshold), grid_map.cells
 
     monkeypatch.setattr(costmap, 'inflate', forgetful)
-    plan = planner(CostmapConfig(allow_unknown=False)).plan(PlanRequest((2, 5), (9, 5)))
+    rules = CostmapConfig(allow_unknown=False, unknown_cost=0)
+    plan = planner(rules).plan(PlanRequest((2, 5), (9, 5)))
     assert withheld(plan, 'hits an obstacle at (5, 5)')
 
 
