@@ -176,7 +176,7 @@ def test_parameters_are_checked_when_set_and_the_reason_names_the_choices(caller
     for node, name, value, word in [
         ('planner_node', 'method', 'theta', 'dynamic_weighted_astar'),
         ('planner_node', 'max_planning_time', -1.0, 'max_planning_time'),
-        ('planner_node', 'max_planning_time', 'soon', 'DOUBLE'),
+        ('planner_node', 'max_planning_time', 'soon', 'Wrong parameter type'),
         ('planner_node', 'llm_client', 'other', 'llm_client'),
         ('llm_client_node', 'source', 'oracle9', 'replay'),
         ('llm_client_node', 'transcript', 'nowhere.jsonl', 'nowhere.jsonl'),

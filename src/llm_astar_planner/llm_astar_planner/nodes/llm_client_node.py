@@ -77,6 +77,8 @@ class LlmClientNode(Node):
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Make the source. Raises ParameterError where its parameters do not fit together."""
         super().__init__('llm_client_node', **node_options)
+        # Before anything that may raise: since Kilted rclpy destroys a node that was half made.
+        self._entities = Entities(self)
         self._grid_map: GridMap | None = None
         self._costmap: Costmap | None = None
         self._costmap_lock = threading.Lock()
@@ -91,18 +93,17 @@ class LlmClientNode(Node):
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
         # In the background, since a caller waits for no answer anyway.
         threading.Thread(target=compile_map_kernels, name='compiler', daemon=True).start()
-        self._entities = Entities(self)
         MapSubscription(self._entities, self.on_map)
         self._interpretations = InterpretationServer(self._entities, self._new_interpreter)
         self._entities.service(
             GetPlan, '~/get_waypoints', self.on_get_waypoints, LimitedCallbackGroup(CALLERS)
         )
         self.create_timer(1.0, self.publish_health, callback_group=ReentrantCallbackGroup())
+        self._entities.on_close(lambda: self._queue.close())  # noqa: PLW0108 - it is replaced
         self.get_logger().info(f'ready; waypoints by {self._source.name}')
 
     def destroy_node(self) -> None:
         """Leave the graph; a model that is still asked is left alone."""
-        self._queue.close()
         self._entities.close()
         super().destroy_node()
 

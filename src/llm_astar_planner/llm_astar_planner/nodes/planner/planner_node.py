@@ -42,12 +42,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
 
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Declare the parameters, and start when spun or wait to be configured."""
-        Node.__init__(self, NAME, **node_options)
-        # Setting a parameter may take as long as a large map does; a manager waits two seconds.
-        LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
-        self._change_state = self._service_change_state.callback
-        self._service_change_state.callback = self.on_change_state
-        self._settings = Parameters(self, NAME)
+        # Before anything that may raise: since Kilted rclpy destroys a node that was half made.
         self._goals: Entities | None = None
         self._server: PlannerServer | None = None
         self._problem = ''
@@ -55,6 +50,12 @@ class PlannerNode(LifecycleNodeMixin, Node):
         self._lock = threading.RLock()
         self._is_leaving = False
         self._started = threading.Event()
+        Node.__init__(self, NAME, **node_options)
+        # Setting a parameter may take as long as a large map does; a manager waits two seconds.
+        LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
+        self._change_state = self._service_change_state.callback
+        self._service_change_state.callback = self.on_change_state
+        self._settings = Parameters(self, NAME)
         if not self._settings['autostart']:
             self._started.set()
             self.get_logger().info('ready to be configured')
