@@ -51,7 +51,8 @@ class GridMap:
 
     `cells` is int8 [height, width], -1 unknown, 0 to 100 occupancy, row 0 at the origin.
     `resolution` is metres a cell. `origin` is the pose of the outer corner of cell (0, 0) in
-    `frame_id`, as in nav_msgs/MapMetaData. A cell is named (x, y), column before row.
+    `frame_id`, as in nav_msgs/MapMetaData. A cell is named (x, y), column before row. `zones`
+    names the zones that were composed onto the cells; maps with equal cells are equal without.
     Raises GridMapError on a malformed shape, value, resolution, origin or frame.
     """
 
@@ -59,6 +60,7 @@ class GridMap:
     resolution: float = 1.0
     origin: Pose2D = ORIGIN
     frame_id: str = 'map'
+    zones: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the fields and make the cells read-only."""

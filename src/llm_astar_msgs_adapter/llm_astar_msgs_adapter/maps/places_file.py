@@ -209,7 +209,8 @@ def check_coordinates(value: object, depth: int, where: str) -> int:
         raise PlacesError(f'{where}: [x, y] is expected, not {short_repr(value)}')
     for number in value:
         is_number = isinstance(number, (int, float)) and not isinstance(number, bool)
-        if not is_number or not math.isfinite(number) or abs(number) > FAR:
+        # In this order: a whole number of 400 digits has no float.
+        if not is_number or abs(number) > FAR or not math.isfinite(number):
             raise PlacesError(f'{where}: metres are expected, not {short_repr(number)}')
     return 1
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from llm_astar_planner.instructions.raster import Cover, cover, open_border
+from llm_astar_planner.costmap.raster import Cover, cover, open_border
 from llm_astar_planner.instructions.regions import (
     RegionError,
     entered_polygon,

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_planner.instructions.raster import STEPS, cover, open_border
+from llm_astar_planner.costmap.raster import STEPS, cover, open_border
 
 WIDTH, HEIGHT = 17, 13
 

@@ -1,10 +1,8 @@
-"""Which cells of a grid a geometry covers, for enforcement."""
+"""Which cells of a grid a geometry covers."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -13,11 +11,22 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from llm_astar_planner.costmap._kernels import raster as kernels
+
 # Parts of a boundary that lie this near to the border of a cell, in cells, run along it.
 ON_BORDER = 1e-7
 MAX_BORDER = 2000
 # The moves to the eight neighbours, (x, y).
 STEPS = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y])
+
+
+class Window(NamedTuple):
+    """A part of a map, in cells, half open."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
 
 
 class Cover(NamedTuple):
@@ -38,14 +47,30 @@ class Cover(NamedTuple):
 
 def cover(geometry: BaseGeometry, grid_map: GridMap) -> Cover:
     """Return the cells that a polygon or several, in metres of the map's frame, covers."""
-    shape = grid_map.cells.shape
-    inside = np.zeros(shape, dtype=np.bool_)
-    border = np.zeros(shape, dtype=np.bool_)
-    for ring in rings(geometry):
-        points = grid_map.world_to_grid(ring)
-        inside ^= fill(points, shape)
-        mark_border(points, border)
+    height, width = grid_map.cells.shape
+    return cover_window(geometry, grid_map, Window(0, height, 0, width))
+
+
+def cover_window(geometry: BaseGeometry, grid_map: GridMap, window: Window) -> Cover:
+    """Return what `cover` does, of the cells of a window alone, in O(cells in it)."""
+    shape = window.bottom - window.top, window.right - window.left
+    inside, border = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
+    outlines = list(rings(geometry))
+    if outlines and inside.size:
+        points = grid_map.world_to_grid(np.concatenate(outlines)) - (window.left, window.top)
+        kernels.cover(points, np.cumsum(list(map(len, outlines))), ON_BORDER, inside, border)
     return Cover(inside & ~border, inside, inside | border)
+
+
+def window_of(geometry: BaseGeometry, grid_map: GridMap) -> Window:
+    """Return the smallest window of the map that holds all that a geometry covers of it."""
+    height, width = grid_map.cells.shape
+    if geometry.is_empty:
+        return Window(0, 0, 0, 0)
+    points = grid_map.world_to_grid(shapely.get_coordinates(geometry))
+    left, top = np.clip(np.floor(points.min(axis=0) + 0.5), 0, (width, height)).tolist()
+    right, bottom = np.clip(np.floor(points.max(axis=0) + 1.5), 0, (width, height)).tolist()
+    return Window(int(top), int(bottom), int(left), int(right))
 
 
 def open_border(covered: Cover, geometry: BaseGeometry, grid_map: GridMap) -> Cover:
@@ -100,51 +125,3 @@ def rings(geometry: BaseGeometry) -> Iterator[NDArray[np.float64]]:
                 yield shapely.get_coordinates(hole)
         elif part.geom_type in ('MultiPolygon', 'GeometryCollection'):
             yield from rings(part)
-
-
-def fill(points: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Return the cells whose centres lie within a ring of grid coordinates, by even-odd rule."""
-    height, width = shape
-    toggles = np.zeros((height, width + 1), dtype=np.int32)
-    for (x0, y0), (x1, y1) in pairwise(points):
-        low, high = sorted((y0, y1))
-        # Rows with low <= y < high: each crossing of a row is counted once, at shared corners too.
-        first, last = max(math.ceil(low), 0), min(math.ceil(high), height)
-        if first >= last:
-            continue
-        rows = np.arange(first, last)
-        crossings = x0 + (rows - y0) * ((x1 - x0) / (y1 - y0))
-        columns = np.clip(np.ceil(crossings), 0, width).astype(np.int64)
-        np.add.at(toggles, (rows, columns), 1)
-    odd: NDArray[np.bool_] = (np.cumsum(toggles, axis=1)[:, :width] & 1).astype(np.bool_)
-    return odd
-
-
-def mark_border(points: NDArray[np.float64], border: NDArray[np.bool_]) -> None:
-    """Mark the cells whose inside the ring passes through; a side along a border marks none."""
-    height, width = border.shape
-    for (x0, y0), (x1, y1) in pairwise(points):
-        cuts = np.unique([0.0, *grid_cuts(x0, x1, width), *grid_cuts(y0, y1, height), 1.0])
-        middles = (cuts[:-1] + cuts[1:]) / 2.0
-        x, y = x0 + middles * (x1 - x0), y0 + middles * (y1 - y0)
-        off = off_border(x) & off_border(y)
-        columns, rows = np.floor(x + 0.5).astype(np.int64), np.floor(y + 0.5).astype(np.int64)
-        on_map = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height) & off
-        border[rows[on_map], columns[on_map]] = True
-
-
-def grid_cuts(begin: float, end: float, size: int) -> NDArray[np.float64]:
-    """Return where (0 to 1) a side from `begin` to `end` meets the borders of `size` cells."""
-    if begin == end:
-        return np.empty(0)
-    low, high = sorted((begin, end))
-    first, last = max(math.ceil(low + 0.5), 0), min(math.floor(high + 0.5), size)
-    cuts = (np.arange(first, last + 1) - 0.5 - begin) / (end - begin)
-    return np.asarray(cuts[(cuts > 0.0) & (cuts < 1.0)], dtype=np.float64)
-
-
-def off_border(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which coordinates lie off the borders between cells."""
-    distance = np.abs(values - np.floor(values) - 0.5)
-    off: NDArray[np.bool_] = distance > ON_BORDER
-    return off

@@ -1,0 +1,167 @@
+"""Zones as GeoJSON: a FeatureCollection of polygons in metres of the map's frame.
+
+A feature's properties are `cost` (1 to 100, 100 by default), `name`, `seconds` (until it expires)
+and `id`, which may also be the feature's own member. A collection may have a `frame_id`.
+"""
+
+from __future__ import annotations
+
+import math
+import uuid
+from collections.abc import Mapping
+from typing import Any
+
+from llm_astar_msgs_adapter.errors import short_repr
+from llm_astar_msgs_adapter.maps.places import PlacesError
+from llm_astar_msgs_adapter.maps.places_file import (
+    MAX_BYTES,
+    feature_label,
+    features_of,
+    parse_geometry,
+    parse_json,
+    parse_name,
+)
+from shapely.geometry import mapping
+from shapely.geometry.base import BaseGeometry
+
+from llm_astar_planner.costmap.zones import KEEPOUT, MAX_ZONES, Zone, Zones, ZonesError
+
+SOURCE = 'zones'
+POLYGONS = ('Polygon', 'MultiPolygon')
+# Corners of a triangle, the first once more at the end.
+LEAST_POINTS = 4
+MAX_SECONDS = 1e9
+
+
+def zones_from_text(text: str, now: float) -> tuple[tuple[Zone, ...], str]:
+    """Read zones that are added at `now`, in seconds; return them and their frame, '' for none.
+
+    Raises ZonesError, which names the feature and the field.
+    """
+    if len(text) > MAX_BYTES:
+        raise ZonesError(f'{SOURCE}: over {MAX_BYTES // 1_000_000} MB of text; add fewer at once')
+    try:
+        return zones_from_geojson(parse_json(text.encode(errors='replace'), SOURCE), now)
+    except PlacesError as error:
+        raise ZonesError(str(error)) from None
+    except RecursionError:
+        raise ZonesError(f'{SOURCE}: is nested too deeply') from None
+
+
+def zones_from_geojson(collection: object, now: float) -> tuple[tuple[Zone, ...], str]:
+    """Read a FeatureCollection as `zones_from_text` does. Raises ZonesError or PlacesError."""
+    features = features_of(collection, SOURCE)
+    if not 0 < len(features) <= MAX_ZONES:
+        raise ZonesError(f'{SOURCE}: features: {len(features)} are not 1 to {MAX_ZONES}')
+    frame_id = collection.get('frame_id', '') if isinstance(collection, dict) else ''
+    if not isinstance(frame_id, str):
+        raise ZonesError(f'{SOURCE}: frame_id: a text is expected, not {short_repr(frame_id)}')
+    zones = tuple(
+        zone_from_feature(feature, feature_label(SOURCE, index, feature), now)
+        for index, feature in enumerate(features)
+    )
+    return zones, frame_id
+
+
+def zone_from_feature(feature: object, where: str, now: float) -> Zone:
+    """Read one zone. Raises ZonesError or PlacesError, which begin with `where`."""
+    if not isinstance(feature, dict) or feature.get('type') != 'Feature':
+        raise ZonesError(f'{where}: type: a Feature is expected, not {short_repr(feature)}')
+    properties = feature.get('properties')
+    if properties is None:
+        properties = {}
+    if not isinstance(properties, dict):
+        raise ZonesError(f'{where}: properties: an object is expected')
+    name = properties.get('name')
+    seconds = seconds_of(properties, where)
+    fields = {
+        'id': id_of(feature.get('id', properties.get('id')), where),
+        'geometry': polygon_of(feature.get('geometry'), where),
+        'cost': cost_of(properties, where),
+        'name': '' if name in (None, '') else parse_name(name, f'{where}: name'),
+        'expires': None if seconds is None else now + seconds,
+    }
+    try:
+        return Zone(**fields)
+    except ZonesError as error:
+        raise ZonesError(f'{where}: {error}') from None
+
+
+def polygon_of(geometry: object, where: str) -> BaseGeometry:
+    """Return the polygon of a feature. Raises ZonesError or PlacesError."""
+    if not isinstance(geometry, dict) or geometry.get('type') not in POLYGONS:
+        kind = geometry.get('type') if isinstance(geometry, dict) else geometry
+        raise ZonesError(
+            f'{where}: geometry: a {" or ".join(POLYGONS)} is expected, not {short_repr(kind)}'
+        )
+    coordinates = geometry.get('coordinates')
+    outlines = [coordinates] if geometry['type'] == 'Polygon' else coordinates
+    for outline in outlines if isinstance(outlines, list) else ():
+        for ring in outline if isinstance(outline, list) else ():
+            if isinstance(ring, list) and len(ring) < LEAST_POINTS:
+                raise ZonesError(
+                    f'{where}: coordinates: an outline of {len(ring)} points; it needs three '
+                    'corners, and the first of them once more at the end'
+                )
+    return parse_geometry(geometry, where)
+
+
+def cost_of(properties: Mapping[str, Any], where: str) -> int:
+    """Return a zone's cost. Raises ZonesError."""
+    cost = properties.get('cost', KEEPOUT)
+    if isinstance(cost, bool) or not isinstance(cost, (int, float)) or cost not in range(1, 101):
+        raise ZonesError(
+            f'{where}: cost: a whole number from 1 to {KEEPOUT}, which closes the zone, is '
+            f'expected, not {short_repr(cost)}'
+        )
+    return int(cost)
+
+
+def seconds_of(properties: Mapping[str, Any], where: str) -> float | None:
+    """Return after how many seconds a zone expires, None for never. Raises ZonesError."""
+    seconds = properties.get('seconds')
+    if seconds is None:
+        return None
+    is_number = isinstance(seconds, (int, float)) and not isinstance(seconds, bool)
+    if not is_number or not 0.0 < seconds <= MAX_SECONDS:
+        raise ZonesError(
+            f'{where}: seconds: a number above 0 is expected, not {short_repr(seconds)}; '
+            'leave it out for a zone that stays'
+        )
+    return float(seconds)
+
+
+def id_of(value: object, where: str) -> str:
+    """Return the id of a zone, a new one for None. Raises PlacesError."""
+    if value is None:
+        return str(uuid.uuid4())
+    is_number = isinstance(value, int) and not isinstance(value, bool)
+    return parse_name(str(value) if is_number else value, f'{where}: id')
+
+
+def zones_to_geojson(zones: Zones, now: float, frame_id: str) -> dict[str, object]:
+    """Return the FeatureCollection that `zones_from_geojson` reads at `now`."""
+    return {
+        'type': 'FeatureCollection',
+        'frame_id': frame_id,
+        'features': [
+            {
+                'type': 'Feature',
+                'id': zone.id,
+                'geometry': mapping(zone.geometry),
+                'properties': {
+                    'name': zone.name,
+                    'cost': zone.cost,
+                    'seconds': seconds_left(zone, now),
+                },
+            }
+            for zone in zones
+        ],
+    }
+
+
+def seconds_left(zone: Zone, now: float) -> float | None:
+    """Return in how many seconds a zone expires, None for never."""
+    if zone.expires is None or not math.isfinite(now):
+        return None
+    return round(max(zone.expires - now, 0.001), 3)

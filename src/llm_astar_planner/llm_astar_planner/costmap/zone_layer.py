@@ -1,0 +1,128 @@
+"""Composes zones and filter masks onto maps."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Iterator
+
+import numpy as np
+from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE, GridMap
+from numpy.typing import NDArray
+
+from llm_astar_planner.costmap._kernels import raster as kernels
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.filter_masks import (
+    TRANSPARENT,
+    FilterMask,
+    mask_costs,
+    zone_costs,
+)
+from llm_astar_planner.costmap.raster import Window, cover_window, window_of
+from llm_astar_planner.costmap.zones import KEEPOUT, Zone
+
+# Zones of a map that are named in a report.
+MOST_NAMED = 20
+
+
+class ZoneLayer:
+    """What zones and masks cost on the cells of maps that lie as the first one does. Immutable.
+
+    A zone covers all cells that it touches, so no strip of a keepout zone is open. A mask's value
+    counts at the centre of a cell, as in Nav2. Where several overlap, the highest cost counts.
+    """
+
+    def __init__(
+        self,
+        layout: GridMap,
+        zones: Iterable[Zone] = (),
+        masks: Iterable[FilterMask] = (),
+        config: CostmapConfig | None = None,
+        max_speed: float = 0.0,
+    ) -> None:
+        """Take the size and place of a map, and the masks in its frame, in O(cells covered).
+
+        `config` are the rules by which the map is planned on, `max_speed` is in m/s. Raises
+        ZonesError for a mask of speeds in m/s without it.
+        """
+        self.config = config or CostmapConfig()
+        self._place = place_of(layout)
+        covered = [(zone, window_of(zone.geometry, layout)) for zone in zones]
+        self._zones = [(zone, window) for zone, window in covered if has_cells(window)]
+        tables = [(mask, mask_costs(mask.info, self.config, max_speed)) for mask in masks]
+        shape = Window(0, layout.height, 0, layout.width)
+        self._window = shape if tables else union(window for _, window in self._zones)
+        top, bottom, left, right = self._window
+        self._costs = np.full((bottom - top, right - left), TRANSPARENT, dtype=np.int8)
+        for mask, table in tables:
+            paint_mask(mask.grid_map, table, layout, self._costs)
+        for zone, window in self._zones:
+            self._paint_zone(zone, window, layout)
+
+    def fits(self, grid_map: GridMap) -> bool:
+        """Tell whether the layer lies on this map as on its own."""
+        return self._place == place_of(grid_map)
+
+    def compose(self, grid_map: GridMap) -> GridMap:
+        """Return a map with the zones and masks: each cell has its own cost or theirs if higher.
+
+        Of unknown cells that are not allowed, only those of keepout zones change. `zones` of the
+        map returned names the zones on it.
+        """
+        if not self._costs.size:
+            return grid_map
+        top, bottom, left, right = self._window
+        cells = grid_map.cells.copy()
+        part = cells[top:bottom, left:right]
+        costs = self._costs
+        if not self.config.allow_unknown:
+            costs = np.where((part < 0) & (costs < KEEPOUT), TRANSPARENT, costs)
+        np.maximum(part, costs, out=part)
+        cells.flags.writeable = False
+        return GridMap(
+            cells, grid_map.resolution, grid_map.origin, grid_map.frame_id, tuple(self._names())
+        )
+
+    def _names(self) -> Iterator[str]:
+        """Yield the labels of the zones on the map, the first MOST_NAMED of them."""
+        for zone, _ in self._zones[:MOST_NAMED]:
+            yield zone.label
+        if len(self._zones) > MOST_NAMED:
+            yield f'and {len(self._zones) - MOST_NAMED} more'
+
+    def _paint_zone(self, zone: Zone, window: Window, layout: GridMap) -> None:
+        """Raise the costs to a zone's, in its window."""
+        touched = cover_window(zone.geometry, layout, window).touched
+        cost = zone_costs(np.array(zone.cost), self.config).astype(np.int8)
+        top, _, left, _ = self._window
+        part = self._costs[
+            window.top - top : window.bottom - top, window.left - left : window.right - left
+        ]
+        np.maximum(part, np.where(touched, cost, TRANSPARENT), out=part)
+
+
+def place_of(grid_map: GridMap) -> Hashable:
+    """Return where the cells of a map are: equal for maps that are laid out alike."""
+    return grid_map.cells.shape, grid_map.resolution, grid_map.origin, grid_map.frame_id
+
+
+def has_cells(window: Window) -> bool:
+    """Tell whether there is a cell in a window."""
+    return window.top < window.bottom and window.left < window.right
+
+
+def union(windows: Iterable[Window]) -> Window:
+    """Return the smallest window that holds all windows."""
+    sides = list(zip(*windows))
+    if not sides:
+        return Window(0, 0, 0, 0)
+    tops, bottoms, lefts, rights = sides
+    return Window(min(tops), max(bottoms), min(lefts), max(rights))
+
+
+def paint_mask(
+    mask: GridMap, table: NDArray[np.int8], layout: GridMap, costs: NDArray[np.int8]
+) -> None:
+    """Raise `costs` [height, width] to what the mask's value at the centre of each cell costs."""
+    corner, right, up = mask.world_to_grid(layout.grid_to_world([[0, 0], [1, 0], [0, 1]]))
+    # From grid coordinates to numbers of cells.
+    first = corner + 0.5 + BORDER_TOLERANCE
+    kernels.raise_to_mask(mask.cells, table, first, right - corner, up - corner, costs)

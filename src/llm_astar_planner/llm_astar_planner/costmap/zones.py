@@ -1,0 +1,135 @@
+"""Zones: areas that are closed to the robot, or that cost more, set while the planner runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import shapely
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.maps.grid_map import FAR
+from shapely.geometry.base import BaseGeometry
+
+KEEPOUT = 100
+MAX_ZONES = 1000
+# Points of the outlines of one zone, and of all.
+MAX_VERTICES = 10_000
+MAX_TOTAL_VERTICES = 50_000
+MAX_ID_CHARS = 80
+
+
+class ZonesError(LlmAstarError, ValueError):
+    """A malformed zone, or too many; the message names the zone and the field."""
+
+
+@dataclass(frozen=True, eq=False)
+class Zone:
+    """An area in metres of the map's frame: a shapely Polygon or MultiPolygon, holes included.
+
+    A `cost` of KEEPOUT (100) closes the cells that the area touches; from 1 to 99 they cost as
+    much as cells of this occupancy, and stay open. The zone ends at `expires`, in seconds of the
+    clock that `Zones.expired` is asked with; None: never. Raises ZonesError.
+    """
+
+    id: str
+    geometry: BaseGeometry
+    cost: int = KEEPOUT
+    name: str = ''
+    expires: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        if not 0 < len(self.id) <= MAX_ID_CHARS or not self.id.isprintable():
+            raise ZonesError(f'id: {short_repr(self.id)} is not 1 to {MAX_ID_CHARS} characters')
+        if not (isinstance(self.cost, int) and 1 <= self.cost <= KEEPOUT):
+            raise ZonesError(f'zone {self.label}: cost: {self.cost!r} is not in 1 to {KEEPOUT}')
+        problem = geometry_problem(self.geometry)
+        if problem is not None:
+            raise ZonesError(f'zone {self.label}: geometry: {problem}')
+        if self.expires is not None and not math.isfinite(self.expires):
+            raise ZonesError(f'zone {self.label}: expires: {self.expires} is not finite')
+
+    @property
+    def label(self) -> str:
+        """The zone for a person: its id, and its name where it has one."""
+        return f'{self.id} ({self.name})' if self.name else self.id
+
+    @property
+    def vertices(self) -> int:
+        """Points of its outlines."""
+        return int(shapely.get_num_coordinates(self.geometry))
+
+
+def geometry_problem(geometry: BaseGeometry) -> str | None:
+    """Say why a geometry cannot be a zone's, None where it can."""
+    if geometry.geom_type not in ('Polygon', 'MultiPolygon'):
+        return f'a {geometry.geom_type} is not a Polygon or MultiPolygon'
+    count = int(shapely.get_num_coordinates(geometry))
+    if count > MAX_VERTICES:
+        return f'{count} points are over {MAX_VERTICES}; simplify it'
+    # Written so that NaN is refused.
+    if not (count and abs(shapely.get_coordinates(geometry)).max() <= FAR):
+        return 'its points must be finite and in metres of the map'
+    if not geometry.is_valid:
+        return f'{shapely.is_valid_reason(geometry)}; the outline must not cross itself'
+    return None if geometry.area > 0.0 else 'it has no area'
+
+
+class Zones:
+    """The zones of a map, by id, in the order in which they were added. Immutable."""
+
+    def __init__(self, zones: Iterable[Zone] = ()) -> None:
+        """Take zones. Raises ZonesError where two have one id, or there are too many."""
+        self._by_id: dict[str, Zone] = {}
+        for zone in zones:
+            if zone.id in self._by_id:
+                raise ZonesError(f'zone {zone.label}: id: is the id of another zone too')
+            self._by_id[zone.id] = zone
+        if len(self) > MAX_ZONES:
+            raise ZonesError(f'{len(self)} zones are over {MAX_ZONES}; remove some')
+        count = sum(zone.vertices for zone in self)
+        if count > MAX_TOTAL_VERTICES:
+            raise ZonesError(
+                f'all zones together have {count} points, over {MAX_TOTAL_VERTICES}; '
+                'simplify or remove some'
+            )
+
+    def __iter__(self) -> Iterator[Zone]:
+        """Iterate over the zones."""
+        return iter(self._by_id.values())
+
+    def __len__(self) -> int:
+        """Count the zones."""
+        return len(self._by_id)
+
+    def add(self, zones: Iterable[Zone]) -> Zones:
+        """Return the zones with these too; one with an id that is there replaces that zone.
+
+        Raises ZonesError where two of the new ones have one id, or there are too many then.
+        """
+        new = Zones(zones)
+        return Zones((self._by_id | new._by_id).values())
+
+    def remove(self, zones: Iterable[Zone]) -> Zones:
+        """Return the zones without these; those that are not there are passed over."""
+        ids = {zone.id for zone in zones}
+        return Zones(zone for zone in self if zone.id not in ids)
+
+    def find(self, text: str) -> tuple[Zone, ...]:
+        """Return the zone with an id, or else all with a name; empty for none."""
+        if text in self._by_id:
+            return (self._by_id[text],)
+        return tuple(zone for zone in self if zone.name == text)
+
+    def expired(self, now: float) -> tuple[Zone, ...]:
+        """Return the zones whose time is over at `now`, in seconds of their clock."""
+        return tuple(zone for zone in self if zone.expires is not None and zone.expires <= now)
+
+    @property
+    def next_expiry(self) -> float:
+        """When the next zone expires, in seconds of their clock; infinity for never."""
+        return min((zone.expires for zone in self if zone.expires is not None), default=math.inf)
+
+
+NO_ZONES = Zones()
