@@ -25,7 +25,8 @@ class PlanReport:
     counts all expansions, `first_operation` those up to the first path, `storage` the states
     stored. `waypoints` are (x, y, status), in metres in the map's frame. `seconds_*` are wall
     clock. `map_digest` names the map that was planned on, which a node had received `map_age`
-    seconds before; it had waited for it for `seconds_map`.
+    seconds before; it had waited for it for `seconds_map`. `zones` are those of its zones that lie
+    on it, the first 20.
 
     `start_shift` and `goal_shift` (m) are how far start and goal were moved to a free cell.
     `unknown_length` (m) is the part of the path through unknown cells, `clearance` (m) its
@@ -60,6 +61,7 @@ class PlanReport:
     instruction: str = ''
     map_age: float | None = None
     seconds_map: float = 0.0
+    zones: tuple[str, ...] = ()
     instruction_report: dict[str, Any] | None = None
 
     @property

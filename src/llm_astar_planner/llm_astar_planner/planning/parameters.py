@@ -170,6 +170,22 @@ WAYPOINTS = (
 )
 NODE = (
     Parameter(
+        'filter_info_topic',
+        'costmap_filter_info',
+        "Topic that names the masks of Nav2's keepout and speed filters, which become costs; "
+        'empty: none are used',
+        read_only=True,
+        node_only=True,
+    ),
+    Parameter(
+        'max_speed',
+        0.0,
+        'Speed of the robot, which masks of speed limits in m/s need; 0: they are not used',
+        unit='m/s',
+        between=(0.0, 100.0),
+        node_only=True,
+    ),
+    Parameter(
         'replan_on_map',
         False,
         'Whether each new map replans the last path even if that path is still free',

@@ -29,6 +29,7 @@ def plan_report(plan: Plan, grid_map: GridMap | None, map_age: float | None = No
     values |= {
         'waypoints': waypoints,
         'map_digest': grid_map.digest if grid_map else '',
+        'zones': grid_map.zones if grid_map else (),
         'map_age': None if map_age is None else round(map_age, 4),
     }
     return PlanReport(**{field.name: values[field.name] for field in fields(PlanReport)})

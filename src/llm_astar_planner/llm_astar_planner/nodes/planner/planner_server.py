@@ -30,6 +30,7 @@ from llm_astar_planner.nodes.planner.goals import (
 )
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
+from llm_astar_planner.nodes.planner.mask_subscription import MaskSubscription
 from llm_astar_planner.nodes.planner.path_monitor import QUIET_SECONDS, PathMonitor
 from llm_astar_planner.nodes.planner.path_validity import (
     PathValidityService,
@@ -39,7 +40,9 @@ from llm_astar_planner.nodes.planner.places_server import PlacesParameter, Place
 from llm_astar_planner.nodes.planner.publishers import PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import RequestConverter
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
+from llm_astar_planner.nodes.planner.shape_server import ShapeServer
 from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
+from llm_astar_planner.nodes.planner.zone_server import ZoneServer
 from llm_astar_planner.planning.kernel_compiler import KernelCompiler
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
@@ -77,6 +80,9 @@ class PlannerServer:
             self.on_planner,
             compiler,
         )
+        side = side_node(node, 'maps')
+        entities.on_close(side.destroy_node)
+        self._zones = ZoneServer(entities, side, settings, frames, self._maps.take)
         replans = PreemptingGoalSlot()
         self._publisher = PlanPublisher(entities)
         self._handler = RequestHandler(
@@ -98,7 +104,7 @@ class PlannerServer:
         self.subscribe()
         validity = PathValidityService(frames, lambda: str(settings['robot_base_frame']))
         serve_path_validity(entities, validity, lambda: self._maps.planner)
-        self.subscribe_to_maps()
+        self.subscribe_to_maps(side)
 
     @property
     def is_active(self) -> bool:
@@ -159,6 +165,7 @@ class PlannerServer:
         """Follow changed parameters."""
         self._places.refresh()
         self._instructions.refresh()
+        self._zones.refresh()
         self._maps.refresh()
 
     def on_planner(self, planner: Planner) -> None:
@@ -223,13 +230,17 @@ class PlannerServer:
             lambda: node.remove_post_set_parameters_callback(self.on_parameters)
         )
 
-    def subscribe_to_maps(self) -> None:
-        """Take maps on a thread of their own: requests that came later must not overtake them."""
-        node = side_node(self._node, 'maps')
+    def subscribe_to_maps(self, node: Node) -> None:
+        """Take maps and zones on a thread of their own, that of a node beside this one.
+
+        Requests that came later must not overtake them.
+        """
         thread = SpinThread(node)
-        self._entities.on_close(node.destroy_node)
         self._entities.on_close(thread.close)
-        MapSubscription(Entities(node), self._maps.take, self._node, self._maps.arrivals.note)
+        ShapeServer(node, self._node, self._zones)
+        topic = self._settings['filter_info_topic']
+        MaskSubscription(node, self._node, topic, self._zones.set_masks)
+        MapSubscription(Entities(node), self._zones.take, self._node, self._maps.arrivals.note)
         thread.start()
 
     def state(self) -> tuple[bool, str, dict[str, Any]]:
@@ -243,6 +254,7 @@ class PlannerServer:
             'last_path': self._monitor.state,
             **{name: round(value, 3) for name, value in self._maps.landmark_statistics().items()},
             **self._instructions.values(),
+            **self._zones.values(),
             **self._publisher.statistics.values(),
         }
         overdue = self._maps.arrivals.warnings()

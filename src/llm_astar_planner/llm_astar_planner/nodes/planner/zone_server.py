@@ -1,0 +1,308 @@
+"""The zones of planner_node: services that change them, and every map with them."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+import shapely
+from diagnostic_msgs.srv import AddDiagnostics
+from geometry_msgs.msg import PoseStamped
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.writing import pose_to_message
+from llm_astar_msgs_adapter.messages.zone_markers import zones_to_markers
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.filter_masks import FilterMask, mask_costs
+from llm_astar_planner.costmap.raster import window_of
+from llm_astar_planner.costmap.zone_file import zones_from_text, zones_to_geojson
+from llm_astar_planner.costmap.zone_layer import ZoneLayer, has_cells
+from llm_astar_planner.costmap.zones import KEEPOUT, NO_ZONES, Zone, Zones, ZonesError
+from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.common.tf import Frames
+from llm_astar_planner.planning.parameters import costmap_config
+
+# Names all zones in a request to remove some.
+ALL = '*'
+# Zones that an answer names.
+MOST_NAMED = 10
+# Seconds between two equal complaints in the log.
+QUIET_SECONDS = 2.0
+LEAST_SECONDS = 0.001
+# Drawing a thousand zones takes a third of a second.
+PUBLICATION_SECONDS = 0.05
+
+
+class ZoneServer:
+    """Composes zones and filter masks onto every map, and hands the result on.
+
+    `~/add_zones` adds those of a GeoJSON text, `~/remove_zones` removes some; `~/zones` and
+    `~/zones_geojson` show them. A request that is refused changes nothing. Services, maps, masks
+    and timers have one thread, that of the node `side`.
+    """
+
+    def __init__(
+        self,
+        entities: Entities,
+        side: Node,
+        settings: Parameters,
+        frames: Frames,
+        on_map: Callable[[GridMap], None],
+    ) -> None:
+        """Serve; `entities` are of planner_node, and `on_map` gets each map with its zones."""
+        self.zones = NO_ZONES
+        self._node = entities.node
+        self._settings = settings
+        self._frames = frames
+        self._on_map = on_map
+        self._masks: tuple[FilterMask, ...] = ()
+        self._grid_map: GridMap | None = None
+        self._layer: ZoneLayer | None = None
+        self._rules = self.rules()
+        # Parameters change on another thread.
+        self._lock = threading.RLock()
+        self._markers = entities.publisher(MarkerArray, '~/zones', LATCHED)
+        self._geojson = entities.publisher(String, '~/zones_geojson', LATCHED)
+        self._group = MutuallyExclusiveCallbackGroup()
+        self._expiry, self._publication = Entities(side), Entities(side)
+        self._is_due = False
+        services = Entities(side)
+        for name, change in (('add_zones', self.add_text), ('remove_zones', self.remove_text)):
+            resolved = self._node.resolve_service_name(f'~/{name}')
+            services.service(AddDiagnostics, resolved, self.answering(change), self._group)
+        self.publish()
+
+    def values(self) -> dict[str, Any]:
+        """Return what /diagnostics says."""
+        return {'zones': len(self.zones), 'filter_masks': len(self._masks)}
+
+    def take(self, grid_map: GridMap) -> None:
+        """Take a new map; never raises."""
+        with self._lock:
+            before, self._grid_map = self._grid_map, grid_map
+            try:
+                self.compose()
+            except Exception:  # noqa: BLE001 - no map may end the thread of the maps
+                self._node.get_logger().error(f'map refused: {traceback.format_exc()}')
+                return
+            if before is not None and before.frame_id != grid_map.frame_id:
+                self.show()
+
+    def refresh(self) -> None:
+        """Follow changed parameters."""
+        with self._lock:
+            if (len(self.zones) or self._masks) and self._rules != self.rules():
+                self._layer = None
+                self.compose()
+
+    def set_masks(self, masks: Iterable[FilterMask]) -> None:
+        """Use these filter masks from now on."""
+        with self._lock:
+            before, self._masks, self._layer = self._masks, tuple(masks), None
+            try:
+                self.compose()
+            except Exception:
+                self._masks = before
+                raise
+
+    def set_zones(self, zones: Zones) -> None:
+        """Use these zones from now on."""
+        with self._lock:
+            before, self.zones, self._layer = self.zones, zones, None
+            try:
+                self.compose()
+            except Exception:
+                self.zones = before
+                raise
+            self.show()
+            self.await_expiry()
+
+    def compose(self) -> None:
+        """Hand on the newest map with its zones and masks."""
+        grid_map = self._grid_map
+        if grid_map is None:
+            return
+        if not (len(self.zones) or self._masks):
+            self._on_map(grid_map)
+            return
+        layer = self._layer
+        if layer is None or not layer.fits(grid_map):
+            masks, self._rules = self.usable_masks(grid_map), self.rules()
+            layer = ZoneLayer(grid_map, self.zones, masks, *self._rules)
+            # With the next map, a mask that cannot be used now is tried again.
+            self._layer = layer if len(masks) == len(self._masks) else None
+        self._on_map(layer.compose(grid_map))
+
+    def rules(self) -> tuple[CostmapConfig, float]:
+        """Return the parameters that decide what zones and masks cost."""
+        return costmap_config(self._settings.values()), self._settings['max_speed']
+
+    def usable_masks(self, grid_map: GridMap) -> list[FilterMask]:
+        """Return the masks in a map's frame; one that cannot be used is logged and left out."""
+        usable = []
+        for mask in self._masks:
+            try:
+                mask_costs(mask.info, *self.rules())
+                origin = self.pose_in(grid_map, mask.grid_map.origin, mask.grid_map.frame_id)
+            except LlmAstarError as error:
+                self._node.get_logger().error(
+                    f'filter mask {mask.info.topic}: {error}', throttle_duration_sec=QUIET_SECONDS
+                )
+                continue
+            placed = replace(mask.grid_map, origin=origin, frame_id=grid_map.frame_id)
+            usable.append(mask._replace(grid_map=placed))
+        return usable
+
+    def pose_in(self, grid_map: GridMap, pose: Pose2D, frame_id: str) -> Pose2D:
+        """Return a pose of another frame in that of a map. Raises FrameError."""
+        if frame_id in ('', grid_map.frame_id):
+            return pose
+        stamped = pose_to_message(pose, frame_id, PoseStamped().header.stamp)
+        return self._frames.locate(stamped, grid_map.frame_id, 'zone or mask')
+
+    def placed(self, zone: Zone, frame_id: str) -> Zone:
+        """Return a zone of another frame where it is on the map now.
+
+        Raises ZonesError or FrameError.
+        """
+        grid_map = self._grid_map
+        if not frame_id or (grid_map is not None and frame_id == grid_map.frame_id):
+            return zone
+        if grid_map is None:
+            raise ZonesError(
+                f'frame_id: no map has arrived yet, so {short_repr(frame_id)} cannot be '
+                "transformed; leave it out if the zones are in the map's frame"
+            )
+        x, y, yaw = self.pose_in(grid_map, Pose2D(0.0, 0.0), frame_id)
+        turn = [[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]]
+        moved = shapely.transform(zone.geometry, lambda points: points @ turn + (x, y))
+        return replace(zone, geometry=moved)
+
+    def add_text(self, text: str) -> str:
+        """Add the zones of a GeoJSON text; return what was done. Raises LlmAstarError."""
+        zones, frame_id = zones_from_text(text, time.monotonic())
+        return self.add(tuple(self.placed(zone, frame_id) for zone in zones))
+
+    def add(self, zones: tuple[Zone, ...]) -> str:
+        """Add zones, in the place of those that have their ids; return what was done.
+
+        Raises ZonesError.
+        """
+        self.set_zones(self.zones.add(zones))
+        said = f'added {named(zones)}; {len(self.zones)} in all'
+        grid_map = self._grid_map
+        if grid_map is not None:
+            off = [one for one in zones if not has_cells(window_of(one.geometry, grid_map))]
+            if off:
+                said += f'; off the map as it is now: {named(off)}'
+        return said
+
+    def remove_text(self, text: str) -> str:
+        """Remove the zones that a text names; return what was done. Raises ZonesError.
+
+        That is an id, a name, a JSON list of these, or ALL.
+        """
+        if text.strip() == ALL:
+            return self.remove(self.zones)
+        names = names_of(text)
+        unknown = [name for name in names if not self.zones.find(name)]
+        said = self.remove(zone for name in names for zone in self.zones.find(name))
+        if unknown:
+            raise ZonesError(
+                f'no zone has the id or name {", ".join(map(short_repr, unknown[:MOST_NAMED]))}; '
+                f'{said}: {named(self.zones)}'
+            )
+        return said
+
+    def remove(self, zones: Iterable[Zone]) -> str:
+        """Remove zones; return what was done."""
+        gone = list({zone.id: zone for zone in zones}.values())
+        if gone:
+            self.set_zones(self.zones.remove(gone))
+        return f'removed {named(gone)}; {len(self.zones)} left'
+
+    def expire(self) -> None:
+        """Remove the zones whose time is over."""
+        gone = self.zones.expired(time.monotonic())
+        if gone:
+            self._node.get_logger().info(f'zones expired: {self.remove(gone)}')
+        else:
+            self.await_expiry()
+
+    def await_expiry(self) -> None:
+        """Have `expire` called when the next zone expires."""
+        self._expiry.close()
+        seconds = self.zones.next_expiry - time.monotonic()
+        if math.isfinite(seconds):
+            self._expiry.timer(max(seconds, LEAST_SECONDS), self.expire, self._group)
+
+    def show(self) -> None:
+        """Publish the zones soon: once for many changes at a time."""
+        if not self._is_due:
+            self._is_due = True
+            self._publication.timer(PUBLICATION_SECONDS, self.publish, self._group)
+
+    def publish(self) -> None:
+        """Publish the zones."""
+        self._publication.close()
+        self._is_due = False
+        frame_id = 'map' if self._grid_map is None else self._grid_map.frame_id
+        stamp = self._node.get_clock().now().to_msg()
+        drawn = [(zone.label, zone.geometry, zone.cost == KEEPOUT) for zone in self.zones]
+        self._markers.publish(zones_to_markers(drawn, frame_id, stamp))
+        collection = zones_to_geojson(self.zones, time.monotonic(), frame_id)
+        self._geojson.publish(String(data=json.dumps(collection)))
+
+    def answering(self, change: Callable[[str], str]) -> Callable[[Any, Any], Any]:
+        """Return a service's callback that answers with what `change` does of the text."""
+
+        def answer(
+            request: AddDiagnostics.Request, response: AddDiagnostics.Response
+        ) -> AddDiagnostics.Response:
+            logger = self._node.get_logger()
+            try:
+                response.message = change(request.load_namespace)
+                response.success = True
+                logger.info(f'zones: {response.message}', throttle_duration_sec=QUIET_SECONDS)
+            except LlmAstarError as error:
+                response.message = str(error)
+                logger.error(f'refused: {error}', throttle_duration_sec=QUIET_SECONDS)
+            except Exception as error:  # noqa: BLE001 - no request may end the thread
+                response.message = f'{type(error).__name__}: {error}'
+                logger.error(traceback.format_exc())
+            return response
+
+        return answer
+
+
+def named(zones: Iterable[Zone]) -> str:
+    """Return the zones for a person, the first MOST_NAMED of them by name."""
+    labels = [zone.label for zone in zones]
+    more = f' and {len(labels) - MOST_NAMED} more' if len(labels) > MOST_NAMED else ''
+    return (', '.join(labels[:MOST_NAMED]) or 'none') + more
+
+
+def names_of(text: str) -> list[str]:
+    """Return the ids or names in a text: a JSON list of texts, or the text. Raises ZonesError."""
+    if not text.lstrip().startswith('['):
+        return [text.strip()]
+    try:
+        names = json.loads(text)
+    except (ValueError, RecursionError):
+        names = None
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise ZonesError(f'a JSON list of ids or names is expected, not {short_repr(text)}')
+    return names
