@@ -21,7 +21,7 @@ from llm_astar_planner.nodes.planner.zone_server import ZoneServer
 
 try:
     from nav2_msgs.srv import AddShapes, GetShapes, RemoveShapes
-except ImportError:  # nav2_msgs has had them since Kilted
+except ImportError:  # only versions after Kilted have them
     AddShapes = GetShapes = RemoveShapes = None
 
 # Half the width, in metres, of the line around a shape that is not filled.
