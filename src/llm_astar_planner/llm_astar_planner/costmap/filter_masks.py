@@ -14,8 +14,7 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from numpy.typing import NDArray
 
-from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.costmap.inflation import HIGHEST_COST
+from llm_astar_planner.costmap.config import HIGHEST_COST, CostmapConfig
 from llm_astar_planner.costmap.zones import KEEPOUT, ZonesError
 
 # A value of the mask that leaves a cell as it is.

@@ -6,6 +6,7 @@ and `id`, which may also be the feature's own member. A collection may have a `f
 
 from __future__ import annotations
 
+import json
 import math
 import uuid
 from collections.abc import Mapping
@@ -18,7 +19,6 @@ from llm_astar_msgs_adapter.maps.places_file import (
     feature_label,
     features_of,
     parse_geometry,
-    parse_json,
     parse_name,
 )
 from shapely.geometry import mapping
@@ -41,9 +41,11 @@ def zones_from_text(text: str, now: float) -> tuple[tuple[Zone, ...], str]:
     if len(text) > MAX_BYTES:
         raise ZonesError(f'{SOURCE}: over {MAX_BYTES // 1_000_000} MB of text; add fewer at once')
     try:
-        return zones_from_geojson(parse_json(text.encode(errors='replace'), SOURCE), now)
+        return zones_from_geojson(json.loads(text), now)
     except PlacesError as error:
         raise ZonesError(str(error)) from None
+    except json.JSONDecodeError as error:
+        raise ZonesError(f'{SOURCE}: not JSON: {error}') from None
     except RecursionError:
         raise ZonesError(f'{SOURCE}: is nested too deeply') from None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Iterator
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE, GridMap
+from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE, UNKNOWN, GridMap
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap._kernels import raster as kernels
@@ -64,18 +64,18 @@ class ZoneLayer:
     def compose(self, grid_map: GridMap) -> GridMap:
         """Return a map with the zones and masks: each cell has its own cost or theirs if higher.
 
-        Of unknown cells that are not allowed, only those of keepout zones change. `zones` of the
-        map returned names the zones on it.
+        An unknown cell stays unknown where it costs more as that, and unless `allow_unknown`
+        everywhere but in keepout zones. `zones` of the map returned names the zones on it.
         """
         if not self._costs.size:
             return grid_map
         top, bottom, left, right = self._window
         cells = grid_map.cells.copy()
         part = cells[top:bottom, left:right]
-        costs = self._costs
-        if not self.config.allow_unknown:
-            costs = np.where((part < 0) & (costs < KEEPOUT), TRANSPARENT, costs)
-        np.maximum(part, costs, out=part)
+        least = self.config.unknown_cost + 1 if self.config.allow_unknown else KEEPOUT
+        is_kept = (part < 0) & (self._costs < least)
+        np.maximum(part, self._costs, out=part)
+        part[is_kept] = UNKNOWN
         cells.flags.writeable = False
         return GridMap(
             cells, grid_map.resolution, grid_map.origin, grid_map.frame_id, tuple(self._names())

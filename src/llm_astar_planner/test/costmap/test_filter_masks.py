@@ -16,7 +16,7 @@ from llm_astar_planner.costmap.filter_masks import (
 from llm_astar_planner.costmap.zone_layer import ZoneLayer
 from llm_astar_planner.costmap.zones import ZonesError
 
-COSTMAP = CostmapConfig(occupied_threshold=99)
+COSTMAP = CostmapConfig(occupied_threshold=99, unknown_cost=0)
 KEEPOUT = FilterInfo(FilterKind.KEEPOUT, 'mask')
 PERCENT = FilterInfo(FilterKind.SPEED_PERCENT, 'mask')
 

@@ -25,7 +25,7 @@ from llm_astar_planner.costmap.zones import (
 
 SHAPE = 12, 16
 SQUARE = [[1, 1], [4, 1], [4, 3], [1, 3], [1, 1]]
-COSTMAP = CostmapConfig(occupied_threshold=99)
+COSTMAP = CostmapConfig(occupied_threshold=99, unknown_cost=0)
 
 
 def a_map(random, resolution=1.0, origin=ORIGIN):
@@ -105,15 +105,17 @@ def test_only_keepout_zones_close_cells_whatever_the_threshold():
         assert cells[0, 0] == min(98, config.occupied_threshold - 1)
 
 
-def test_a_cost_does_not_open_unknown_cells_that_are_not_allowed():
+def test_a_cost_neither_opens_unknown_cells_nor_makes_them_cheaper():
     grid_map = GridMap(np.full(SHAPE, -1, dtype=np.int8))
     zones = [Zone('a', shapely.box(0, 0, 4, 4), 20), Zone('b', shapely.box(3, 0, 6, 4))]
     config = CostmapConfig(allow_unknown=False)
     closed = ZoneLayer(grid_map, zones, config=config).compose(grid_map)
     assert Costmap(closed, config).blocked.all()
     assert closed.cells[0].tolist()[:7] == [-1, -1, -1, 100, 100, 100, -1]
-    allowed = ZoneLayer(grid_map, zones).compose(grid_map)
-    assert allowed.cells[0].tolist()[:7] == [20, 20, 20, 100, 100, 100, -1]
+    for unknown_cost, value in ((0, 20), (19, 20), (20, -1), (98, -1)):
+        config = CostmapConfig(unknown_cost=unknown_cost)
+        cells = ZoneLayer(grid_map, zones, config=config).compose(grid_map).cells
+        assert cells[0].tolist()[:7] == [value, value, value, 100, 100, 100, -1]
 
 
 def test_a_map_names_its_zones():
@@ -208,7 +210,7 @@ BOWTIE = [[0, 0], [2, 2], [2, 0], [0, 2], [0, 0]]
 BAD = {
     'no JSON': ('{"type"', 'not JSON'),
     'a list': ('[]', 'FeatureCollection is expected'),
-    'NaN': (text_of(feature([[[0, 0], [math.nan, 1], [1, 1], [0, 0]]])), 'NaN'),
+    'NaN': (text_of(feature([[[0, 0], [math.nan, 1], [1, 1], [0, 0]]])), 'not nan'),
     'deep': ('[' * 100_000, 'nested too deeply'),
     'deep coordinates': (text_of(feature([deep(400)] * 4)), 'an outline of 1 points'),
     'no feature': (text_of(), 'features: 0 are not 1 to 1000'),
