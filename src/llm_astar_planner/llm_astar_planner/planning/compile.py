@@ -7,10 +7,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import shapely
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap, Pose2D
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.costmap.filter_masks import FilterInfo, FilterKind, FilterMask
+from llm_astar_planner.costmap.zone_layer import ZoneLayer
+from llm_astar_planner.costmap.zones import Zone
 from llm_astar_planner.instructions.interpretation import Interpretation, RouteInstruction
 from llm_astar_planner.instructions.specification import (
     SHOULD,
@@ -57,6 +61,7 @@ def compile_kernels() -> None:
     """
     compile_search_kernels()
     compile_map_kernels()
+    compile_zone_kernels()
     cells = np.zeros((24, 24), dtype=np.int8)
     cells[4:, 12] = 50
     for config in CONFIGS:
@@ -102,6 +107,13 @@ def compile_footprint_kernels() -> None:
         )
         planner.plan(request)
     FootprintChecker(planner.costmap, footprint).collisions([(3.0, 3.0, 0.0)])
+
+
+def compile_zone_kernels() -> None:
+    """Compile what zones and filter masks take, or load it from the cache."""
+    grid_map = GridMap(np.zeros((4, 4), dtype=np.int8))
+    mask = FilterMask(FilterInfo(FilterKind.KEEPOUT, 'mask'), grid_map)
+    ZoneLayer(grid_map, [Zone('zone', shapely.box(1.0, 1.0, 2.0, 2.0))], [mask]).compose(grid_map)
 
 
 def compile_instruction_kernels() -> None:
