@@ -23,7 +23,7 @@ OF_ANY_NODE = re.compile(r'.*(get_type_description|parameters?|parameter_types|_
 # What planner_node and its waypoint client say to each other is no part of Nav2's interface.
 OF_THE_CLIENT = re.compile(r'^llm_client_node/|.*/_action/')
 REPORTED = {'goal occupied, `tolerance` 0': 0.0}
-REASONS = {'cancelled, or preempted': 'a newer goal came'}
+REASONS = {'cancelled, preempted, or deactivated meanwhile': 'a newer goal came'}
 
 
 def code_rows():
