@@ -22,6 +22,7 @@ from llm_astar_msgs_adapter.messages.writing import (
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
+from llm_astar_planner.planning.planner import Planner
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetPlan
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -118,9 +119,9 @@ class Graph:
         return self.caller._health.get(f'{WORLD[1:]}/planner_node: planner', {})
 
 
-def node_of(namespace=WORLD, **parameters):
+def node_of(namespace=WORLD, context=None, **parameters):
     overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    return PlannerNode(namespace=namespace, parameter_overrides=overrides)
+    return PlannerNode(namespace=namespace, context=context, parameter_overrides=overrides)
 
 
 @contextlib.contextmanager
@@ -409,6 +410,16 @@ def test_a_managed_node_tells_its_state_while_a_parameter_waits_for_the_map(monk
         assert state(caller) == 'inactive'
         go.set()
         setting.join()
+
+
+def test_a_map_that_is_ready_after_the_shutdown_is_left_alone():
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = node_of('/map_too_late', context=context, autostart=False)
+    node.trigger_configure()
+    context.shutdown()
+    node._server.on_planner(Planner(GridMap(CELLS)))
+    node.destroy_node()
 
 
 def test_a_path_planned_before_a_deactivation_is_not_replanned_after_it():

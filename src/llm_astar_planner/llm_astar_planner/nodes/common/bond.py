@@ -52,7 +52,7 @@ class Bond:
         topic = parent.resolve_topic_name(TOPIC)
         self._publisher = self._node.create_publisher(Status, topic, BOND_HEARTBEATS)
         # Read at each heartbeat, without an executor: the heartbeats of every other node of the
-        # stack come here as well, and to be woken for each of them costs ten times as much.
+        # stack come here as well, and to be woken for each of them costs four times as much.
         self._statuses = self._node.create_subscription(Status, topic, lambda _: None, BOND)
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self.run, name='bond', daemon=True)

@@ -170,6 +170,8 @@ class PlannerServer:
 
     def on_planner(self, planner: Planner) -> None:
         """Check the last path on a new map."""
+        if not self._node.context.ok():  # the process ends
+            return
         message = f'planning on {self._maps.name}'
         self._node.get_logger().info(message, throttle_duration_sec=QUIET_SECONDS)
         self._diagnostics.publish()
