@@ -20,6 +20,7 @@ from llm_astar_msgs_adapter.messages.writing import grid_to_message, pose_to_mes
 from llm_astar_planner.nodes.common.map_subscription import OccupancyGridUpdate
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, UPDATES
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
+from llm_astar_planner.planning.kernel_compiler import Compiled
 from nav_msgs.msg import OccupancyGrid, Path
 from rclpy.parameter import Parameter
 
@@ -129,9 +130,12 @@ def robot_in(namespace, **parameters):
     overrides = [Parameter(name, value=value) for name, value in values.items()]
     planner = PlannerNode(namespace=namespace, parameter_overrides=overrides)
     with running(planner), calling(namespace) as caller:
+        wait_for(lambda: planner._server and planner.is_active, 'the start')
+        # Maps that change are prepared at once.
+        compiler = planner._server._handler._compiler
+        wait_for(lambda: compiler.compiled >= Compiled.MAP_CHANGES, 'the compilation')
         costmap = Costmap(caller.node)
         robot = Robot(planner, caller, costmap)
-        caller.wait_for_planner(PATIENCE)
         try:
             yield robot
         finally:

@@ -24,16 +24,15 @@ from llm_astar_planner.nodes.planner.goals import (
     PlanResponse,
     PreemptingGoalSlot,
 )
+from llm_astar_planner.nodes.planner.map_arrivals import MapArrivals
 from llm_astar_planner.nodes.planner.map_manager import PlanningMap
 from llm_astar_planner.nodes.planner.nav2_server import PathAction, fill_result, plan_goal
-from llm_astar_planner.nodes.planner.path_validity import PathValidityService
 from llm_astar_planner.nodes.planner.request_conversion import RequestConverter, RequestError
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
 from llm_astar_planner.planning.kernel_compiler import Compiled
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
-from nav_msgs.msg import Path
 
 LONG = 60.0
 STAMP = Time(sec=7, nanosec=5)
@@ -106,10 +105,11 @@ def answered(buffer, max_planning_time=LONG, token=None):
     settings = Settings(max_planning_time=max_planning_time)
     node = Mock()
     node.get_clock().now().to_msg.return_value = STAMP
+    newest = PlanningMap(Planner(MAP), 0.0)
     handler = RequestHandler(
         node,
         settings,
-        SimpleNamespace(newest=PlanningMap(Planner(MAP), 0.0), is_preparing=False),
+        SimpleNamespace(newest=newest, is_preparing=False, arrivals=MapArrivals()),
         RequestConverter(settings, Frames(buffer), None),
         compiler=SimpleNamespace(compiled=Compiled.EVERYTHING),
         publisher=Mock(wants_expanded=False),
@@ -354,33 +354,6 @@ def test_newer_results_say_that_all_goals_were_reached():
         result = fill_result(NewerThroughPoses(), response(code))
         assert result.last_reached_index == -1
     assert not hasattr(fill_result(ThroughPoses(), response(code)), 'last_reached_index')
-
-
-def validity(path, planner, buffer=None, **fields):
-    service = PathValidityService(Frames(buffer), lambda: 'base_link')
-    answer = service.fill(SimpleNamespace(path=path, **fields), SimpleNamespace(), planner)
-    return answer.is_valid, answer.invalid_pose_indices
-
-
-def test_a_path_is_checked_pose_by_pose_on_the_latest_map():
-    cells = np.zeros((20, 30), dtype=np.int8)
-    cells[:, 10] = 100
-    cells[5, 20] = -1
-    planner = Planner(GridMap(cells, 0.5))
-    through = path_to_message([(4.0, 2.0), (5.2, 2.0), (6.0, 2.0)], 'map', STAMP)
-    assert validity(through, planner) == (False, [1])
-    beside = path_to_message([(6.0, 2.0), (14.0, 8.0)], 'map', STAMP)
-    assert validity(beside, planner) == (True, [])
-    over_unknown = path_to_message([(10.2, 2.7)], 'map', STAMP)
-    assert validity(over_unknown, planner) == (True, [])
-    assert validity(over_unknown, planner, consider_unknown_as_obstacle=True) == (False, [0])
-    behind = Buffer(base_link=(6.0, 2.0, 0.0))
-    assert validity(through, planner, behind) == (True, [])
-    moved = path_to_message([(0.0, 0.0), (1.0, 0.0)], 'odom', STAMP)
-    assert validity(moved, planner, Buffer(odom=(4.2, 3.0, 0.0))) == (False, [1])
-    assert validity(moved, planner) == (False, [])
-    assert validity(Path(), planner) == (False, [])
-    assert validity(beside, None) == (False, [])
 
 
 def test_frames_that_are_missing_say_so():

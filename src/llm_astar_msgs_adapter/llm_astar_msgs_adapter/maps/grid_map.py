@@ -156,3 +156,14 @@ class GridMap:
         x, y = min(max(x, -FAR), FAR), min(max(y, -FAR), FAR)
         column, row = self.world_to_grid([[x, y]])[0] + 0.5 + BORDER_TOLERANCE
         return math.floor(column), math.floor(row)
+
+    def world_to_cells(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return the cells (x, y) [n, 2] of points [n, 2] in metres, each as `world_to_cell` does.
+
+        Raises GridMapError where a point is not finite.
+        """
+        places = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        if not np.isfinite(places).all():
+            raise GridMapError('points', 'hold a number that is not finite')
+        grid = self.world_to_grid(places.clip(-FAR, FAR)) + 0.5 + BORDER_TOLERANCE
+        return np.floor(grid).astype(np.int64)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,18 @@ def yaw_of(quaternion: Any, field: str) -> float:  # noqa: ANN401 - live or deco
     if math.hypot(x, y) > QUATERNION_TOLERANCE:
         raise GridMapError(f'{field}.orientation', 'has roll or pitch; the map must be flat')
     return 2.0 * math.atan2(z, w)
+
+
+def yaws_of(quaternions: Sequence[Any]) -> NDArray[np.float64]:
+    """Return the yaw (rad) of each quaternion: [n], the headings projected on the plane.
+
+    They need not have unit norm; one of zeros, or with a number that is not finite, means 0.
+    """
+    values = [(each.x, each.y, each.z, each.w) for each in quaternions]
+    x, y, z, w = np.array(values, dtype=np.float64).reshape(-1, 4).T
+    with np.errstate(invalid='ignore', over='ignore'):
+        yaws = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return np.nan_to_num(yaws)
 
 
 def path_from_message(message: Any) -> NDArray[np.float64]:  # noqa: ANN401 - live or decoded

@@ -51,6 +51,19 @@ def test_cell_centres_survive_the_round_trip_through_metres(x, y, yaw, resolutio
     assert grid.world_to_cell(*place[0]) == (column, row)
 
 
+@given(st.lists(st.tuples(st.floats(-1e15, 1e15), st.floats(-1e3, 1e3)), max_size=5))
+def test_the_cells_of_many_points_are_those_of_each(points):
+    grid = GridMap(CELLS, 0.05, Pose2D(-3.0, 4.0, 0.3))
+    each = [grid.world_to_cell(*point) for point in points]
+    np.testing.assert_allclose(grid.world_to_cells(points), np.reshape(each, (-1, 2)), atol=1e-3)
+    on_borders = [(-0.1 + 0.05 * n, 0.05 * n) for n in range(40)]
+    straight = GridMap(CELLS, 0.05, Pose2D(-0.15, 0.0))
+    cells = [straight.world_to_cell(*point) for point in on_borders]
+    assert straight.world_to_cells(on_borders).tolist() == [list(cell) for cell in cells]
+    with pytest.raises(GridMapError, match='points: hold a number that is not finite'):
+        grid.world_to_cells([*points, (0.0, math.inf)])
+
+
 def test_a_point_on_a_border_belongs_to_the_higher_cell():
     grid = GridMap(CELLS, resolution=0.05, origin=Pose2D(-0.15, 0.0))
     assert grid.world_to_cell(-0.1, 0.05) == (1, 1)

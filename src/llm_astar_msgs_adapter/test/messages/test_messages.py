@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Point, PoseStamped
+from geometry_msgs.msg import Point, PoseStamped, Quaternion
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import (
     grid_from_message,
     path_from_message,
     pose_from_message,
+    yaws_of,
 )
 from llm_astar_msgs_adapter.messages.markers import (
     MAX_DRAWN,
@@ -324,3 +325,17 @@ def test_expanded_cells_survive_the_round_trip():
     np.testing.assert_array_equal(expanded_from_message(message, GRID), expanded)
     none = expanded_to_message(np.zeros_like(expanded), GRID, STAMP)
     assert not expanded_from_message(none, GRID).any()
+
+
+def test_the_yaws_of_many_quaternions_are_those_of_each():
+    rng = np.random.default_rng(5)
+    poses = [pose_to_message(Pose2D(0.0, 0.0), 'map', STAMP).pose for _ in range(20)]
+    for pose, values in zip(poses, rng.normal(size=(20, 4)).tolist()):
+        for name, value in zip('xyzw', values):
+            setattr(pose.orientation, name, value)
+    each = [pose_from_message(pose).yaw for pose in poses]
+    assert yaws_of([pose.orientation for pose in poses]) == pytest.approx(each)
+    poses[0].orientation.w = math.nan
+    poses[1].orientation = Quaternion(x=0.0, y=0.0, z=0.0, w=0.0)
+    assert yaws_of([pose.orientation for pose in poses[:2]]).tolist() == [0.0, 0.0]
+    assert yaws_of([]).shape == (0,)

@@ -31,6 +31,7 @@ from llm_astar_planner.instructions.specification import (
 from llm_astar_planner.planning._kernels.nearest import nearest_places
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_checker import FootprintChecker
+from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.methods import METHODS
@@ -93,6 +94,7 @@ def compile_costmap(config: CostmapConfig) -> None:
         costmap = Costmap(GridMap(cells), config, previous=costmap)
         costmap.prepare()
         costmap.line_of_sight.clear([(0, 0)], [(1, 1)])
+    invalid_poses(np.zeros((2, 2), np.int64), CollisionChecker(GridMap(cells), config))
 
 
 def compile_footprint_kernels() -> None:

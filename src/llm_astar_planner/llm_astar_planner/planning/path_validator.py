@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning._kernels import path_checks as kernels
+from llm_astar_planner.planning._kernels import path_poses as poses_kernels
 from llm_astar_planner.search.result import Cell
 
 # Less than the costmap's own rounding, so that no cell which is free there is blocked here.
 ROUNDING = 5e-7
+# More than any occupancy.
+NO_LIMIT = 127
 FAULTS = {
     kernels.OUTSIDE: 'it leaves the map at',
     kernels.OBSTACLE: 'it hits an obstacle at',
@@ -138,27 +141,29 @@ def segments_problem(
 
 
 def invalid_poses(
-    cells: NDArray[np.int32], blocked: NDArray[np.bool_], first: int = 0
-) -> list[int]:
-    """Return the indices of a path's poses, from `first` on, that a robot cannot reach.
+    cells: NDArray[np.integer[Any]],
+    checker: CollisionChecker,
+    *,
+    allow_unknown: bool = True,
+    cost_limit: int = NO_LIMIT,
+) -> NDArray[np.bool_]:
+    """Tell for each pose of a path whether a robot cannot reach it: bool [n].
 
     `cells` is [n, 2], the cell (x, y) of each pose; poses may be any distance apart. A pose is
-    invalid if it is off the map or on `blocked` [height, width], or if the straight segment that
-    leads to it is. The path may come from any planner.
+    invalid if it is off the map, if the robot collides there or the cell's occupancy is
+    `cost_limit` or more, or if the straight segment that leads to it is blocked. Unknown cells
+    are blocked unless both `allow_unknown` and the checker's rules allow them. The path may come
+    from any planner.
     """
-    height, width = blocked.shape
-    inside = ((cells >= 0) & (cells < (width, height))).all(axis=1)
-    invalid: NDArray[np.bool_] = np.logical_not(inside)
-    invalid[inside] = blocked[cells[inside, 1], cells[inside, 0]]
-    far = np.abs(np.diff(cells, axis=0)).max(axis=1, initial=0) > 1
-    checker = CollisionChecker.of_blocked(blocked)
-    for index in np.flatnonzero(far[first:]) + first:
-        if not (invalid[index] or invalid[index + 1]):
-            segment = cells[index : index + 2]
-            problem = segments_problem(segment, checker, corner_cutting=True)
-            invalid[index + 1] = problem is not None
-    invalid[:first] = False
-    return [int(index) for index in np.flatnonzero(invalid)]
+    if len(cells) == 0:
+        return np.zeros(0, dtype=np.bool_)
+    grid_cells, tiles, threshold, may_be_unknown, reach = checker.rules
+    is_allowed = may_be_unknown and allow_unknown
+    path = np.ascontiguousarray(cells, np.int64)
+    invalid: NDArray[np.bool_] = poses_kernels.invalid_poses(
+        grid_cells, tiles, threshold, is_allowed, reach, path, cost_limit
+    )
+    return invalid
 
 
 def nearest_pose(points: NDArray[np.float64], x: float, y: float) -> int:

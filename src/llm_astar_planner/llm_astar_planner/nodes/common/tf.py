@@ -6,12 +6,14 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
+import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.transforms import flat_pose, matrix_of, moved
+from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.time import Time
 
@@ -73,6 +75,17 @@ class Frames:
         stamp = Time.from_msg(pose.header.stamp)
         found = self._look_up(frame_id, frame, stamp, may_wait, what)
         return moved(place, matrix_of(found.transform))
+
+    def matrix(self, frame: str, frame_id: str, name: str) -> NDArray[np.float64]:
+        """Return the newest transform [4, 4] of a frame into `frame_id` that has arrived.
+
+        An empty frame means `frame_id`. Raises FrameError, with `name` for what is in that frame,
+        if there is none, GridMapError if it is malformed.
+        """
+        if frame in ('', frame_id):
+            return np.eye(4)
+        what = f'the {name} is in frame {frame!r}, the map in {frame_id!r}'
+        return matrix_of(self._look_up(frame_id, frame, Time(), never, what).transform)
 
     def robot(self, base_frame: str, frame_id: str, may_wait: MayWait = never) -> Pose2D:
         """Return the robot's latest pose in `frame_id`, waiting as `locate` does.

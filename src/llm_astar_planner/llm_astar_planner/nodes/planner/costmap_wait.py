@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from geometry_msgs.msg import PoseStamped
 
+from llm_astar_planner.nodes.planner.goals import PlanGoal
 from llm_astar_planner.nodes.planner.map_manager import MapManager
-from llm_astar_planner.nodes.planner.request_conversion import PlanGoal
 
 # The part of the planning time that may pass before the newest map is ready.
 MAP_SHARE = 0.5

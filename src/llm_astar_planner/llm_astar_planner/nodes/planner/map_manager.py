@@ -12,6 +12,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.nodes.planner.map_arrivals import MapArrivals
 from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler
 from llm_astar_planner.planning.path_validator import CollisionChecker
@@ -85,15 +86,19 @@ class MapManager:
         newest = self.newest
         return None if newest is None else time.monotonic() - newest.arrived
 
-    def newest_arrived(self) -> tuple[GridMap, CollisionChecker] | None:
-        """Return the newest map, whether it is ready or not, and what checks paths on it.
+    def newest_arrived(self) -> tuple[Costmap, CollisionChecker] | None:
+        """Return the costmap of the newest map, ready or not, and what checks paths on it.
 
-        None without one.
+        Nothing is prepared for it. None before the first map is ready: until then what checks
+        paths may not be compiled.
         """
         newest, grid_map = self.newest, self._grid_map
-        if grid_map is not None and (newest is None or self.is_preparing):
-            return grid_map, CollisionChecker(grid_map, self._config())
-        return None if newest is None else (newest.planner.grid_map, newest.planner.checker)
+        if newest is None or grid_map is None:
+            return None
+        if not self.is_preparing:
+            return newest.planner.costmap, newest.planner.checker
+        config = self._config()
+        return Costmap(grid_map, config), CollisionChecker(grid_map, config)
 
     def landmark_statistics(self) -> dict[str, float]:
         """Return what the landmarks cost and how often plans had them, for /diagnostics."""

@@ -1,87 +1,198 @@
-"""Nav2's `is_path_valid`: whether a path is free on the newest map.
-
-The check works on any object with the messages' fields, so it is tested without nav2_msgs.
-"""
+"""Nav2's `is_path_valid`: whether a path can still be followed, on the newest map."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMapError
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMapError
+from llm_astar_msgs_adapter.messages.fields import yaws_of
 from numpy.typing import NDArray
-from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.impl.rcutils_logger import RcutilsLogger
 
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.nodes.common.callback_groups import LimitedCallbackGroup
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
-from llm_astar_planner.planning.path_validator import invalid_poses, nearest_pose
-from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.footprint import Footprint
+from llm_astar_planner.planning.footprint_checker import COSTMAP_THRESHOLD, FootprintChecker
+from llm_astar_planner.planning.path_validator import (
+    NO_LIMIT,
+    CollisionChecker,
+    invalid_poses,
+    nearest_pose,
+)
 
 try:
     from nav2_msgs.srv import IsPathValid
 except ImportError:
     IsPathValid = None
 
+# Nav2's costs of cells: those up to 252 are published as an occupancy of 1 to 98, then come
+# inscribed cells, which are 99, and lethal ones.
+MOST_COST, INSCRIBED, LETHAL = 252, 253, 254
+QUIET_SECONDS = 10.0
+# Paths that are checked at a time.
+MAX_CHECKS = 2
+
+
+class ValidityError(LlmAstarError, ValueError):
+    """A path that cannot be checked; the message says why."""
+
 
 class PathValidityService:
-    """Tells whether a path, of any planner, can still be followed on the newest map."""
+    """Tells whether a path, of any planner, can still be followed on the newest map.
 
-    def __init__(self, frames: Frames, base_frame: Callable[[], str]) -> None:
-        """Take the transforms; `base_frame` returns the name of the robot's frame."""
+    That is the newest map that has arrived, although it may not be ready to be planned on: a
+    behaviour tree waits 20 ms for the answer. Nothing is waited for.
+    """
+
+    def __init__(
+        self,
+        frames: Frames,
+        base_frame: Callable[[], str],
+        newest: Callable[[], tuple[Costmap, CollisionChecker] | None],
+        logger: RcutilsLogger,
+        footprint: Callable[[], Footprint | None] = lambda: None,
+    ) -> None:
+        """Take the transforms, the name of the robot's frame, the map, and the robot's polygon.
+
+        Where there is no polygon, the robot is a disc of the costmap's radius.
+        """
         self._frames = frames
         self._base_frame = base_frame
+        self._newest = newest
+        self._logger = logger
+        self._footprint = footprint
 
-    def fill(self, request: Any, response: Any, planner: Planner | None) -> Any:  # noqa: ANN401 - IsPathValid's
+    def fill(self, request: Any, response: Any) -> Any:  # noqa: ANN401 - IsPathValid's
         """Fill the response, checking from the pose nearest to the robot on, if that is known.
 
-        A path that is empty, or cannot be transformed to the map, is not valid; nor is any
-        without a map. Kilted's `consider_unknown_as_obstacle` is used if it is there.
+        A path that cannot be checked is not valid, and the log says why: one that is empty, that
+        cannot be transformed to the map, or any without a map. Fields that newer messages have
+        are used where they are there.
         """
-        checked = planner is not None and bool(request.path.poses)
         invalid: list[int] = []
+        problem = None
         try:
-            if planner is not None and checked:
-                invalid = self.invalid(request, planner)
-        except (FrameError, GridMapError):
-            checked = False
-        response.is_valid = checked and not invalid
+            invalid = self.invalid(request).tolist()
+        except LlmAstarError as error:
+            problem = f'is_path_valid: {error}'
+            self._logger.warning(problem, throttle_duration_sec=QUIET_SECONDS)
+        response.is_valid = problem is None and not invalid
         response.invalid_pose_indices = invalid
         if hasattr(response, 'success'):
-            response.success = checked
+            response.success = problem is None
         return response
 
-    def invalid(self, request: Any, planner: Planner) -> list[int]:  # noqa: ANN401 - IsPathValid's
-        """Return the indices of the poses that cannot be reached."""
-        grid_map, path = planner.grid_map, request.path
-        frame_id, path_frame = grid_map.frame_id, path.header.frame_id
-        for pose in path.poses:
-            pose.header.frame_id = pose.header.frame_id or path_frame
-        places = [self._frames.locate(pose, frame_id, 'path', lambda: True) for pose in path.poses]
-        points = np.array([place[:2] for place in places])
-        cells = np.array([grid_map.world_to_cell(x, y) for x, y in points.tolist()])
-        blocked = planner.costmap.blocked
-        if getattr(request, 'consider_unknown_as_obstacle', False):
-            blocked = blocked | (grid_map.cells < FREE)
-        return invalid_poses(cells, blocked, self.first_index(points, frame_id))
+    def invalid(self, request: Any) -> NDArray[np.int64]:  # noqa: ANN401 - IsPathValid's
+        """Return the indices of the poses that cannot be reached, in order.
 
-    def first_index(self, points: NDArray[np.float64], frame_id: str) -> int:
-        """Return the index of the pose [n, 2] nearest to the robot, 0 if that is not known."""
+        Raises ValidityError, FrameError, GridMapError, FootprintError.
+        """
+        newest = self._newest()
+        if newest is None:
+            raise ValidityError('no map has arrived yet')
+        if not request.path.poses:
+            raise ValidityError('the path is empty')
+        if getattr(request, 'layer_name', ''):
+            raise ValidityError(f'layer {request.layer_name!r} is not known, only the costmap is')
+        costmap, checker = newest
+        poses = self.poses(request.path, costmap.grid_map.frame_id)
+        first = self.first_index(poses, costmap.grid_map.frame_id)
+        last = last_index(poses, first, getattr(request, 'max_lookahead_distance', 0.0))
+        ahead = poses[first:last]
+        limit = occupancy_limit(getattr(request, 'max_cost', LETHAL))
+        allow_unknown = not getattr(request, 'consider_unknown_as_obstacle', False)
+        own = Footprint.parse(getattr(request, 'footprint', ''))
+        if own is not None:
+            checker = point_checker(costmap)
+        cells = costmap.grid_map.world_to_cells(ahead[:, :2])
+        invalid = invalid_poses(cells, checker, allow_unknown=allow_unknown, cost_limit=limit)
+        footprint = own or self._footprint()
+        if footprint is not None:
+            allowed = allow_unknown and costmap.config.allow_unknown
+            body = FootprintChecker(costmap, footprint, allow_unknown=allowed)
+            invalid |= body.collisions(ahead)
+        indices = np.flatnonzero(invalid) + first
+        return indices[:1] if getattr(request, 'stop_at_first_collision', False) else indices
+
+    def poses(self, path: Any, frame_id: str) -> NDArray[np.float64]:  # noqa: ANN401 - a Path
+        """Return a path's poses (x, y, yaw) [n, 3] in metres and radians, in the map's frame.
+
+        Each frame that they are in is transformed once, by the newest transform. Raises
+        FrameError, GridMapError.
+        """
+        places = [pose.pose.position for pose in path.poses]
+        points = np.array([(place.x, place.y) for place in places])
+        yaws = yaws_of([pose.pose.orientation for pose in path.poses])
+        own = path.header.frame_id
+        names = [pose.header.frame_id or own for pose in path.poses]
+        poses = np.column_stack([points, yaws])
+        for name in set(names):
+            if name in ('', frame_id):
+                continue
+            matrix = self._frames.matrix(name, frame_id, 'path')
+            of_frame = np.array([one == name for one in names])
+            poses[of_frame] = moved_poses(poses[of_frame], matrix)
+        return poses
+
+    def first_index(self, poses: NDArray[np.float64], frame_id: str) -> int:
+        """Return the index of the pose [n, 3] nearest to the robot, 0 if that is not known."""
         try:
             robot = self._frames.robot(self._base_frame(), frame_id)
         except (FrameError, GridMapError):
             return 0
-        return nearest_pose(points, robot.x, robot.y)
+        return nearest_pose(poses[:, :2], robot.x, robot.y)
 
 
-def serve_path_validity(
-    entities: Entities, validity: PathValidityService, planner: Callable[[], Planner | None]
-) -> None:
-    """Serve `is_path_valid` if nav2_msgs is installed; `planner` returns the newest map's."""
+def point_checker(costmap: Costmap) -> CollisionChecker:
+    """Return what checks a path of a body that has another shape than the costmap was made for."""
+    config = costmap.config
+    is_costmap = config.occupied_threshold == COSTMAP_THRESHOLD
+    threshold = OCCUPIED if is_costmap else config.occupied_threshold
+    rules = replace(config, robot_radius=0.0, occupied_threshold=threshold)
+    return CollisionChecker(costmap.grid_map, rules)
+
+
+def moved_poses(poses: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Transform poses (x, y, yaw) [n, 3] by a matrix [4, 4], in the plane."""
+    headings = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])]) @ matrix[:2, :2].T
+    places = poses[:, :2] @ matrix[:2, :2].T + matrix[:2, 3]
+    return np.column_stack([places, np.arctan2(headings[:, 1], headings[:, 0])])
+
+
+def last_index(poses: NDArray[np.float64], first: int, distance: float) -> int:
+    """Return the index after the last pose [n, 3] to check, as Nav2 counts it.
+
+    That is the first pose farther than `distance`, in metres along the path from the pose
+    `first`; all are checked if it is 0 or less.
+    """
+    if not distance > 0.0:
+        return len(poses)
+    steps = np.hypot(*np.diff(poses[first:, :2], axis=0).T)
+    beyond = np.flatnonzero(np.cumsum(steps) > distance)
+    return first + 1 + int(beyond[0]) if len(beyond) else len(poses)
+
+
+def occupancy_limit(max_cost: int) -> int:
+    """Return the occupancy from which on a cell costs `max_cost` or more in Nav2's costs.
+
+    Where cells of different costs are published as the same occupancy, the cheapest of them
+    counts. Beyond 254 no cell does.
+    """
+    if max_cost <= 0:
+        return -1
+    if max_cost <= MOST_COST:
+        return 1 + 97 * (max_cost - 1) // 251
+    return max_cost - INSCRIBED + 99 if max_cost <= LETHAL else NO_LIMIT
+
+
+def serve_path_validity(entities: Entities, validity: PathValidityService) -> None:
+    """Serve `is_path_valid` if nav2_msgs is installed."""
     if IsPathValid is not None:
-        entities.service(
-            IsPathValid,
-            'is_path_valid',
-            lambda request, response: validity.fill(request, response, planner()),
-            ReentrantCallbackGroup(),
-        )
+        checks = LimitedCallbackGroup(MAX_CHECKS)
+        entities.service(IsPathValid, 'is_path_valid', validity.fill, checks)

@@ -102,8 +102,13 @@ class PlannerServer:
         # Last of all: the executor may call back at once.
         self._instructions.start()
         self.subscribe()
-        validity = PathValidityService(frames, lambda: str(settings['robot_base_frame']))
-        serve_path_validity(entities, validity, lambda: self._maps.planner)
+        validity = PathValidityService(
+            frames,
+            lambda: str(settings['robot_base_frame']),
+            self._maps.newest_arrived,
+            node.get_logger(),
+        )
+        serve_path_validity(entities, validity)
         self.subscribe_to_maps(side)
 
     @property

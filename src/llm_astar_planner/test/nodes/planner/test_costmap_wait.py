@@ -14,8 +14,8 @@ from llm_astar_planner.nodes.planner.costmap_wait import (
     RETRY_SECONDS,
     CostmapWait,
 )
+from llm_astar_planner.nodes.planner.goals import PlanGoal
 from llm_astar_planner.nodes.planner.map_arrivals import MapArrivals
-from llm_astar_planner.nodes.planner.request_conversion import PlanGoal
 
 
 class Maps:

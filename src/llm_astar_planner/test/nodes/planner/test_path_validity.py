@@ -1,0 +1,214 @@
+"""Whether a path can still be followed, asked with the messages of Jazzy, Kilted and newer."""
+
+import math
+from types import SimpleNamespace
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.writing import path_to_message, quaternion_of
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.nodes.common.tf import Frames
+from llm_astar_planner.nodes.planner.path_validity import PathValidityService, occupancy_limit
+from llm_astar_planner.planning.footprint import Footprint
+from llm_astar_planner.planning.path_validator import CollisionChecker
+from nav_msgs.msg import Path
+from std_msgs.msg import Header
+
+STAMP = Time(sec=7)
+CELLS = np.zeros((20, 30), dtype=np.int8)
+CELLS[:, 10] = 100
+CELLS[5, 20] = -1
+CELLS[5, 25] = 60
+MAP = GridMap(CELLS, 0.5)
+# Fields that the newest message has, with their defaults.
+NEWEST = {
+    'max_cost': 254,
+    'consider_unknown_as_obstacle': False,
+    'layer_name': '',
+    'footprint': '',
+    'stop_at_first_collision': True,
+    'max_lookahead_distance': -1.0,
+}
+
+
+class Buffer:
+    """Knows some transforms, as x, y and yaw by source."""
+
+    def __init__(self, **transforms):
+        self.transforms = transforms
+        self.asked = []
+
+    def lookup_transform(self, target_frame, source_frame, time):
+        self.asked.append((source_frame, time.nanoseconds))
+        if source_frame not in self.transforms:
+            raise LookupError(f'{source_frame} does not exist')
+        x, y, yaw = self.transforms[source_frame]
+        found = TransformStamped()
+        found.transform.translation.x, found.transform.translation.y = x, y
+        found.transform.rotation = quaternion_of(yaw)
+        return found
+
+
+class Service:
+    """The service on a map, and what it logs."""
+
+    def __init__(self, grid_map=MAP, config=None, buffer=None, footprint=None):
+        config = config or CostmapConfig()
+        newest = grid_map and (Costmap(grid_map, config), CollisionChecker(grid_map, config))
+        self.logger = Mock()
+        self.service = PathValidityService(
+            Frames(buffer), lambda: 'base_link', lambda: newest, self.logger, lambda: footprint
+        )
+
+    def ask(self, path, **fields):
+        """Return whether the path is valid, and the indices."""
+        answer = self.service.fill(SimpleNamespace(path=path, **fields), SimpleNamespace())
+        return answer.is_valid, answer.invalid_pose_indices
+
+    def fails(self, path, **fields):
+        """Return what is logged; the newest message says that the check has failed."""
+        response = SimpleNamespace(success=True)
+        answer = self.service.fill(SimpleNamespace(path=path, **(NEWEST | fields)), response)
+        assert (answer.success, answer.is_valid, answer.invalid_pose_indices) == (False, False, [])
+        return self.logger.warning.call_args[0][0]
+
+
+def path_of(*points, frame='map', yaw=None):
+    return path_to_message(points, frame, STAMP, yaw)
+
+
+THROUGH = path_of((4.0, 2.0), (5.2, 2.0), (6.0, 2.0))
+BESIDE = path_of((6.0, 2.0), (14.0, 8.0))
+OVER_UNKNOWN = path_of((10.2, 2.7))
+
+
+def test_poses_on_obstacles_and_behind_them_are_invalid():
+    service = Service()
+    assert service.ask(THROUGH) == (False, [1])
+    assert service.ask(BESIDE) == (True, [])
+    assert service.ask(OVER_UNKNOWN) == (True, [])
+    assert service.ask(OVER_UNKNOWN, consider_unknown_as_obstacle=True) == (False, [0])
+    closed = Service(config=CostmapConfig(allow_unknown=False))
+    assert closed.ask(OVER_UNKNOWN, consider_unknown_as_obstacle=False) == (False, [0])
+
+
+def test_poses_that_the_robot_has_passed_are_not_checked():
+    assert Service(buffer=Buffer(base_link=(6.0, 2.0, 0.0))).ask(THROUGH) == (True, [])
+
+
+def test_a_frame_is_transformed_once_and_by_its_newest_transform():
+    buffer = Buffer(odom=(4.2, 3.0, 0.0))
+    path = path_of(*((0.1 * n, 0.0) for n in range(20)), frame='odom')
+    path.poses[0].header = Header()
+    valid, indices = Service(buffer=buffer).ask(path)
+    assert not valid
+    assert indices == [n for n in range(20) if 5.0 <= 4.2 + 0.1 * n + 1e-9 < 5.5]
+    assert buffer.asked == [('odom', 0), ('base_link', 0)]
+    turned = Buffer(odom=(5.2, 3.0, math.pi / 2.0))
+    assert Service(buffer=turned).ask(path_of((0.0, 1.0), frame='odom')) == (True, [])
+    assert Service(buffer=turned).ask(path_of((1.0, 0.0), frame='odom')) == (False, [0])
+
+
+def test_poses_of_several_frames_are_checked_each_in_its_own():
+    path = path_of((4.0, 2.0), (1.0, 2.0), (4.0, 2.0))
+    path.poses[1].header = Header(frame_id='odom')
+    assert Service(buffer=Buffer(odom=(4.2, 0.0, 0.0))).ask(path) == (False, [1])
+
+
+def test_what_cannot_be_checked_is_not_valid_and_the_log_says_why():
+    service = Service()
+    assert service.ask(Path()) == (False, [])
+    assert 'the path is empty' in service.fails(Path())
+    assert 'tf2_ros is not installed' in service.fails(path_of((1.0, 1.0), frame='odom'))
+    assert 'odom does not exist' in Service(buffer=Buffer()).fails(
+        path_of((1.0, 1.0), frame='odom')
+    )
+    assert 'not finite' in service.fails(path_of((1.0, 1.0), (math.nan, 1.0)))
+    assert "layer 'obstacle_layer' is not known" in service.fails(
+        BESIDE, layer_name='obstacle_layer'
+    )
+    assert 'it needs 3 to 64' in service.fails(BESIDE, footprint='[[0.1, 0.1], [0.2, 0.2]]')
+    assert 'no map has arrived' in Service(grid_map=None).fails(BESIDE)
+
+
+def test_a_path_that_was_checked_is_a_success_whether_it_is_valid_or_not():
+    for path, is_valid in ((BESIDE, True), (THROUGH, False)):
+        response = SimpleNamespace(success=None)
+        answer = Service().service.fill(SimpleNamespace(path=path, **NEWEST), response)
+        assert (answer.success, answer.is_valid) == (True, is_valid)
+
+
+def test_the_newest_message_stops_at_the_first_collision_unless_told_otherwise():
+    path = path_of((5.2, 2.0), (4.0, 2.0), (5.2, 3.0))
+    assert Service().ask(path, **NEWEST) == (False, [0])
+    assert Service().ask(path, **(NEWEST | {'stop_at_first_collision': False})) == (False, [0, 2])
+    assert Service().ask(path) == (False, [0, 2])
+
+
+@pytest.mark.parametrize(('distance', 'count'), [(-1.0, 5), (0.0, 5), (2.5, 3), (2.0, 3), (99, 5)])
+def test_poses_beyond_the_lookahead_distance_are_not_checked(distance, count):
+    path = path_of(*((5.2, float(y)) for y in range(1, 6)))
+    asked = NEWEST | {'max_lookahead_distance': float(distance), 'stop_at_first_collision': False}
+    assert Service().ask(path, **asked) == (False, list(range(count)))
+
+
+def test_a_cost_limit_is_in_the_costs_of_nav2():
+    path = path_of((12.7, 2.7))  # occupancy 60
+    for max_cost, is_valid in ((254, True), (255, True), (160, True), (150, False), (0, False)):
+        assert Service().ask(path, max_cost=max_cost)[0] is is_valid, max_cost
+    assert Service().ask(OVER_UNKNOWN, max_cost=1) == (True, [])
+    assert Service().ask(OVER_UNKNOWN, max_cost=0) == (False, [0])
+
+
+def test_costs_become_the_occupancy_that_they_are_published_as():
+    published = {cost: 1 + 97 * (cost - 1) // 251 for cost in range(1, 253)}
+    published |= {0: 0, 253: 99, 254: 100}
+    for max_cost in range(1, 255):
+        limit = occupancy_limit(max_cost)
+        assert all(published[cost] >= limit for cost in range(max_cost, 255))
+        assert published[max_cost] == limit
+    assert occupancy_limit(255) > 100
+
+
+CAR = Footprint(((1.0, 0.3), (-1.0, 0.3), (-1.0, -0.3), (1.0, -0.3)))
+CAR_TEXT = '[[1.0, 0.3], [-1.0, 0.3], [-1.0, -0.3], [1.0, -0.3]]'
+
+
+@pytest.mark.parametrize(('own', 'text'), [(CAR, ''), (None, CAR_TEXT), (CAR, CAR_TEXT)])
+def test_the_polygon_of_the_robot_or_of_the_request_must_fit_at_each_heading(own, text):
+    service = Service(footprint=own)
+    along = path_of((4.2, 2.0), (4.2, 3.0), yaw=math.pi / 2.0)
+    across = path_of((4.2, 2.0), yaw=0.0)
+    assert service.ask(along, **(NEWEST | {'footprint': text})) == (True, [])
+    assert service.ask(across, **(NEWEST | {'footprint': text})) == (False, [0])
+
+
+def test_the_polygon_of_a_request_takes_the_place_of_the_robots_disc():
+    wide = Service(config=CostmapConfig(robot_radius=1.0))
+    path = path_of((4.2, 2.0), (4.2, 3.0), yaw=math.pi / 2.0)
+    assert wide.ask(path) == (False, [0, 1])
+    assert wide.ask(path, footprint=CAR_TEXT) == (True, [])
+    inscribed = np.where(CELLS == 100, 0, CELLS)
+    inscribed[:, 8] = 99
+    costmap = Service(GridMap(inscribed, 0.5), CostmapConfig(occupied_threshold=99))
+    assert costmap.ask(path) == (False, [0, 1])
+    assert costmap.ask(path, footprint=CAR_TEXT) == (True, [])
+
+
+def test_a_polygon_turns_with_the_frame_of_its_path():
+    frame = Buffer(odom=(4.2, 2.0, math.pi / 2.0))
+    along = path_of((0.0, 0.0), frame='odom', yaw=0.0)
+    assert Service(buffer=frame).ask(along, footprint=CAR_TEXT) == (True, [])
+    across = path_of((0.0, 0.0), frame='odom', yaw=math.pi / 2.0)
+    assert Service(buffer=frame).ask(across, footprint=CAR_TEXT) == (False, [0])
+
+
+def test_the_cells_of_a_map_with_a_turned_origin_are_found():
+    turned = GridMap(CELLS, 0.5, Pose2D(1.0, 2.0, 0.3))
+    x, y = turned.grid_to_world([(10.0, 4.0)])[0].tolist()
+    assert Service(turned).ask(path_of((x, y))) == (False, [0])
