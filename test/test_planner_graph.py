@@ -1,6 +1,7 @@
 """planner_node in a live graph: cancels, deadlines, changing worlds, and being managed."""
 
 import contextlib
+import sys
 import threading
 import time
 
@@ -158,6 +159,35 @@ def forget(world):
 
 def yaws(path):
     return [yaw_of(pose.pose.orientation, 'pose') for pose in path.poses]
+
+
+def test_goals_that_are_published_back_to_back_are_taken_in_their_order(world, monkeypatch):
+    """So the last survives, even if threads change as often as they can."""
+    server = world.planner._server
+    begin, interval = server._goals.begin, sys.getswitchinterval()
+    tokens, rows = [], {}
+
+    def begun(reason):
+        tokens.append(begin(reason))
+        return tokens[-1]
+
+    def answer(goal, token):
+        rows[token] = goal.goals[0].pose.position.y
+
+    monkeypatch.setattr(server._goals, 'begin', begun)
+    monkeypatch.setattr(server, 'answer_goal', answer)
+    sys.setswitchinterval(1e-6)
+    try:
+        for _ in range(10):
+            tokens.clear()
+            rows.clear()
+            for row in range(8):
+                world.aim(Pose2D(GOAL.x, float(row)))
+            wait_for(lambda: len(rows) == 8, 'the goals')
+            assert [rows[token] for token in tokens] == list(range(8))
+            assert [token.reason for token in tokens] == ['a newer goal came'] * 7 + ['']
+    finally:
+        sys.setswitchinterval(interval)
 
 
 def test_a_newer_goal_cancels_the_one_that_waits_for_waypoints(world):

@@ -27,6 +27,7 @@ from llm_astar_planner.nodes.planner.goals import (
 from llm_astar_planner.nodes.planner.map_arrivals import MapArrivals
 from llm_astar_planner.nodes.planner.map_manager import PlanningMap
 from llm_astar_planner.nodes.planner.nav2_server import PathAction, fill_result, plan_goal
+from llm_astar_planner.nodes.planner.publishers import PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import RequestConverter, RequestError
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
 from llm_astar_planner.planning.kernel_compiler import Compiled
@@ -35,6 +36,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 
 LONG = 60.0
+NOTHING = np.zeros((0, 0), dtype=np.bool_)
 STAMP = Time(sec=7, nanosec=5)
 MAP = GridMap(np.zeros((20, 30), dtype=np.int8), 0.5)
 
@@ -120,6 +122,26 @@ def answered(buffer, max_planning_time=LONG, token=None):
     goal = PlanGoal((pose(1.0, 1.0, frame='odom'),), pose(2.0, 2.0))
     plan = handler.answer(goal, token).plan
     return plan.code, plan.message
+
+
+def test_too_many_goals_are_refused_before_any_is_converted():
+    goals = (pose(1.0, 1.0, frame='odom'),) * 10_002
+    with pytest.raises(RequestError, match='10002, over the 10001 allowed'):
+        to_request(converter(), PlanGoal(goals, pose(2.0, 2.0)), MAP)
+
+
+def test_a_failure_that_was_a_cancel_is_no_warning_in_the_log():
+    """Where maps come at 5 Hz, each replan may preempt the one before."""
+    node = Mock()
+    node.get_name.return_value = 'planner_node'
+    publisher = PlanPublisher(Mock(node=node))
+    for is_cancelled in (True, False):
+        plan = Plan(ResultCode.TIMEOUT, 'canceled: why', '', (0, 0), (0, 0), NOTHING)
+        publisher.publish_report(plan, None, None, STAMP, is_cancelled=is_cancelled)
+    publisher._thread.shutdown()
+    node.get_logger().debug.assert_called_once_with('TIMEOUT: canceled: why')
+    node.get_logger().warning.assert_called_once_with('TIMEOUT: canceled: why')
+    node.get_logger().error.assert_not_called()
 
 
 def test_a_transform_that_comes_late_is_waited_for():

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from std_msgs.msg import String
 
@@ -151,7 +151,9 @@ class PlannerServer:
     def on_goal_pose(self, message: PoseStamped) -> None:
         """Plan to the goal that was set in RViz; a newer one preempts it."""
         token = self._goals.begin('a newer goal came')
-        self.answer_goal(PlanGoal((message,), fallback_start=self._initial_pose), token)
+        goal = PlanGoal((message,), fallback_start=self._initial_pose)
+        # Poses are taken one at a time, in their order, so the planning is left to another thread.
+        self._node.executor.create_task(self.answer_goal, goal, token)
 
     def on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
         """Keep the pose that was set in RViz as the start if tf does not know the robot's."""
@@ -224,8 +226,8 @@ class PlannerServer:
 
     def subscribe(self) -> None:
         """Subscribe."""
-        # A newer goal must get through while one is planned for.
-        group, node = ReentrantCallbackGroup(), self._node
+        # One at a time: the newest pose must not be preempted by the one before.
+        group, node = MutuallyExclusiveCallbackGroup(), self._node
         for kind, topic, callback in (
             (PoseWithCovarianceStamped, 'initialpose', self.on_initial_pose),
             (PoseStamped, 'goal_pose', self.on_goal_pose),

@@ -14,6 +14,7 @@ from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
 from llm_astar_planner.nodes.planner.goals import PlanGoal
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.types import (
+    MAX_VIA,
     MAX_VIAPOINTS,
     PlanningFailure,
     PlanRequest,
@@ -67,6 +68,9 @@ class RequestConverter:
         frame_id = grid_map.frame_id
         if not goal.goals:
             raise RequestError(ResultCode.UNKNOWN, 'no goal is given')
+        if len(goal.goals) > MAX_VIA + 1:
+            message = f'goals: {len(goal.goals)}, over the {MAX_VIA + 1} allowed'
+            raise RequestError(ResultCode.INVALID_PLANNER, message)
         goals, cells = [], []
         viapoints: tuple[Cell, ...] = ()
         try:
