@@ -75,7 +75,8 @@ class Settings(dict):
 
 
 def converter(buffer=None, source=None, **changes):
-    return RequestConverter(Settings(**changes), Frames(buffer), source)
+    footprint = SimpleNamespace(current=None)
+    return RequestConverter(Settings(**changes), Frames(buffer), source, footprint)
 
 
 def to_request(converter, goal, grid_map=MAP, want_expanded=False):
@@ -112,7 +113,7 @@ def answered(buffer, max_planning_time=LONG, token=None):
         node,
         settings,
         SimpleNamespace(newest=newest, is_preparing=False, arrivals=MapArrivals()),
-        RequestConverter(settings, Frames(buffer), None),
+        RequestConverter(settings, Frames(buffer), None, SimpleNamespace(current=None)),
         compiler=SimpleNamespace(compiled=Compiled.EVERYTHING),
         publisher=Mock(wants_expanded=False),
         replans=PreemptingGoalSlot(),

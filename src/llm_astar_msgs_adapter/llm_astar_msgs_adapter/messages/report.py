@@ -31,7 +31,8 @@ class PlanReport:
     `start_shift` and `goal_shift` (m) are how far start and goal were moved to a free cell.
     `unknown_length` (m) is the part of the path through unknown cells, `clearance` (m) its
     smallest distance to a lethal cell, None where there is none. `turns` counts the path's
-    changes of direction. `instruction` says in one line what became of an instruction, '' where
+    changes of direction. `footprint` describes the robot's polygon, '' for a robot that is planned
+    for as a circle. `instruction` says in one line what became of an instruction, '' where
     none was given; `instruction_report` says it clause by clause.
     """
 
@@ -57,6 +58,7 @@ class PlanReport:
     unknown_length: float = 0.0
     clearance: float | None = None
     turns: int = 0
+    footprint: str = ''
     warnings: tuple[str, ...] = ()
     instruction: str = ''
     map_age: float | None = None

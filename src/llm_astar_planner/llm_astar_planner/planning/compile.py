@@ -53,6 +53,8 @@ def compile_for(config: CostmapConfig, fields: Mapping[str, Any]) -> None:
     # Without landmarks, which are measured in the background, and without waypoints; with both.
     planner.plan(replace(request, source=None))
     planner.prepare().plan(request)
+    if request.footprint is not None:
+        compile_footprint_kernels()
 
 
 def compile_kernels() -> None:
@@ -77,6 +79,7 @@ def compile_kernels() -> None:
                 planner.plan(request)
                 plan = planner.plan(replace(request, via=()))
                 nearest_places(plan.path, np.zeros((1, 2)))
+    compile_footprint_kernels()
 
 
 def compile_map_kernels(configs: Sequence[CostmapConfig] = CONFIGS) -> None:

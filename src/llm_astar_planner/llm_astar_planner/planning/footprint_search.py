@@ -72,7 +72,7 @@ def collides(costmap: Costmap, request: PlanRequest, points: NDArray[np.int32]) 
 
     It is asked twice, the second time with shapely.
     """
-    search = FootprintSearch(costmap, request, Endpoints(request.start, request.goal, ()), 0.0)
+    search = FootprintSearch(costmap, request)
     return (
         search.checker.path_collides(points, search.start_yaw, search.goal_yaw)
         or footprint_problem(interpolate(points), costmap, request) is not None
@@ -87,9 +87,13 @@ class FootprintSearch:
     """
 
     def __init__(
-        self, costmap: Costmap, request: PlanRequest, endpoints: Endpoints, deadline: float
+        self,
+        costmap: Costmap,
+        request: PlanRequest,
+        endpoints: Endpoints | None = None,
+        deadline: float = 0.0,
     ) -> None:
-        """Take the request, the cells to plan between, and monotonic seconds.
+        """Take the request, and for a search the cells to plan between and monotonic seconds.
 
         Raises ValueError for a request without a footprint.
         """
@@ -98,7 +102,7 @@ class FootprintSearch:
         yaw = costmap.grid_map.origin.yaw
         self.costmap = costmap
         self.request = request
-        self.endpoints = endpoints
+        self.endpoints = endpoints or Endpoints(request.start, request.goal)
         self.deadline = deadline
         self.checker = FootprintChecker(costmap, request.footprint)
         # Relative to the grid.
@@ -108,6 +112,14 @@ class FootprintSearch:
         if pose is not None and self.checker.first_collision(pose) is not None:
             self.warn(CLEARED)
             self.checker = self.checker.cleared(pose)
+
+    def passes_ends(self, points: NDArray[np.float64]) -> bool:
+        """Tell whether the footprint passes the first two and last two moves of a path [n, 2]."""
+        first, last = points[:3], points[-3:]
+        return not (
+            self.checker.path_collides(first, self.start_yaw)
+            or self.checker.path_collides(last, None, self.goal_yaw)
+        )
 
     def warn(self, warning: str) -> None:
         """Add a warning to the endpoints."""

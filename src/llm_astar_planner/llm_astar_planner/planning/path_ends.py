@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ BORDER_TOLERANCE = 1e-6
 AT_CENTRE = 1e-9
 # Ends of a path of one cell that are this near to each other, in cells, are the same place.
 SAME_PLACE = 1e-3
+# Where a path begins and ends exactly, [2] each; None: at the centre of its cell.
+Ends = tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]
 
 
 def with_exact_ends(
@@ -37,6 +40,20 @@ def with_exact_ends(
     if start is not None:
         points = with_exact_goal(points[::-1], start, checker)[::-1]
     return points if goal is None else with_exact_goal(points, goal, checker)
+
+
+def ends_that_fit(
+    points: NDArray[np.float64],
+    ends: Ends,
+    checker: CollisionChecker,
+    fits: Callable[[NDArray[np.float64]], bool],
+) -> Ends:
+    """Return the ends with which a path [n, 2] `fits`: both if possible, else one of them."""
+    start, goal = ends
+    for kept in (ends, (None, goal), (start, None)):
+        if fits(with_exact_ends(points, *kept, checker)):
+            return kept
+    return None, None
 
 
 def with_exact_goal(

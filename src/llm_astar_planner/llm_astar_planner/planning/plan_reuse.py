@@ -14,6 +14,8 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from numpy.typing import NDArray
 
 from llm_astar_planner.planning._kernels.nearest import nearest_places
+from llm_astar_planner.planning.footprint import Footprint
+from llm_astar_planner.planning.footprint_checker import FootprintChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, ResultCode
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
@@ -52,17 +54,23 @@ class MapPlacement(NamedTuple):
         return self[1:] == MapPlacement.of(grid_map)[1:]
 
 
-def reuse_problem(plan: Plan, grid_map: GridMap, planner: Planner) -> str | None:
+def reuse_problem(
+    plan: Plan, grid_map: GridMap, planner: Planner, footprint: Footprint | None = None
+) -> str | None:
     """Say why a plan made on `grid_map` cannot be kept on the planner's map, or None.
 
     It can be kept if both maps have their cells at the same places and its path, the any-angle
-    one too, is still valid.
+    one too, is still valid, also for the `footprint`.
     """
     if not MapPlacement.of(grid_map).matches(planner.grid_map):
         return 'the map has another size, resolution, origin or frame'
     problem = planner.path_problem(plan.path, plan.start, plan.goal)
     if problem is None and plan.any_angle is not None:
-        return planner.segments_problem(plan.any_angle.points)
+        problem = planner.segments_problem(plan.any_angle.points)
+    if problem is None and footprint is not None:
+        points = plan.path if plan.any_angle is None else plan.any_angle.points
+        if FootprintChecker(planner.costmap, footprint).path_collides(points):
+            return f'the footprint ({footprint}) meets an obstacle on it'
     return problem
 
 

@@ -318,6 +318,7 @@ class Planner:
             start_shift=endpoints.start_shift,
             goal_shift=endpoints.goal_shift,
             via=endpoints.via,
+            footprint=request.footprint,
             **fields,
         )
 

@@ -186,6 +186,7 @@ class Plan:
       direction.
     - `seconds_source`, `seconds_search`: wall time; `seconds_map`: how long a node waited for a
       map before. `warnings`: one sentence each.
+    - `footprint`: the polygon that the path was searched for, None for a circle.
     - `is_final`: False for a better path found while the search goes on.
     """
 
@@ -218,6 +219,7 @@ class Plan:
     warnings: tuple[str, ...] = ()
     via: tuple[Cell, ...] = ()
     instruction: InstructionOutcome | None = None
+    footprint: Footprint | None = None
     is_final: bool = True
 
     @property
@@ -254,6 +256,7 @@ class Plan:
             'unknown_length': self.unknown_length,
             'clearance': finite_or_none(self.clearance),
             'turns': self.turns,
+            'footprint': '' if self.footprint is None else str(self.footprint),
             'warnings': self.warnings,
             'instruction': self.instruction.summary() if self.instruction else '',
             'instruction_report': self.instruction.to_json() if self.instruction else None,

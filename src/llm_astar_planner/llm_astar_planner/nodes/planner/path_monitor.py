@@ -16,6 +16,7 @@ from llm_astar_planner.nodes.planner.goals import (
 )
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
+from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.plan_reuse import CachedWaypointSource, reuse_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import ResultCode
@@ -40,10 +41,11 @@ class PathMonitor:
         *,
         replans: PreemptingGoalSlot,
         cache: CachedWaypointSource | None,
+        footprint: RobotFootprint,
     ) -> None:
         """Take the parts it works with; a replan runs in the slot `replans`.
 
-        `cache` is given the waypoints of the paths watched.
+        `cache` is given the waypoints of the paths watched, which are held against `footprint`.
         """
         self.state = NO_PATH
         self._logger = node.get_logger()
@@ -52,6 +54,7 @@ class PathMonitor:
         self._handler = handler
         self._replans = replans
         self._cache = cache
+        self._footprint = footprint
         self._watched: PlanResponse | None = None
         self._changed = threading.Condition()
         self._closing = False
@@ -126,7 +129,8 @@ class PathMonitor:
         if not self._handler.is_active or token.reason:
             return
         digest = planner.grid_map.digest
-        problem = reuse_problem(watched.plan, watched.planner.grid_map, planner)
+        footprint = self._footprint.current
+        problem = reuse_problem(watched.plan, watched.planner.grid_map, planner, footprint)
         if problem is None and not self._settings['replan_on_map']:
             self.update(watched, replace(watched, planner=planner))
             self.state = f'the path stands on map {digest}'

@@ -40,6 +40,7 @@ from llm_astar_planner.nodes.planner.places_server import PlacesParameter, Place
 from llm_astar_planner.nodes.planner.publishers import PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import RequestConverter
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
+from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.nodes.planner.shape_server import ShapeServer
 from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
 from llm_astar_planner.nodes.planner.zone_server import ZoneServer
@@ -83,20 +84,27 @@ class PlannerServer:
         side = side_node(node, 'maps')
         entities.on_close(side.destroy_node)
         self._zones = ZoneServer(entities, side, settings, frames, self._maps.take)
+        self._footprint = RobotFootprint(entities, settings, frames, self.on_footprint)
         replans = PreemptingGoalSlot()
         self._publisher = PlanPublisher(entities)
         self._handler = RequestHandler(
             node,
             settings,
             self._maps,
-            RequestConverter(settings, frames, self._cache),
+            RequestConverter(settings, frames, self._cache, self._footprint),
             compiler=compiler,
             publisher=self._publisher,
             replans=replans,
             instructions=self._instructions,
         )
         self._monitor = PathMonitor(
-            node, settings, self._maps, self._handler, replans=replans, cache=self._cache
+            node,
+            settings,
+            self._maps,
+            self._handler,
+            replans=replans,
+            cache=self._cache,
+            footprint=self._footprint,
         )
         self._diagnostics = DiagnosticsPublisher(entities, self.state)
         # Last of all: the executor may call back at once.
@@ -107,8 +115,10 @@ class PlannerServer:
             lambda: str(settings['robot_base_frame']),
             self._maps.newest_arrived,
             node.get_logger(),
+            lambda: self._footprint.current,
         )
         serve_path_validity(entities, validity)
+        self._footprint.subscribe()
         self.subscribe_to_maps(side)
 
     @property
@@ -173,6 +183,7 @@ class PlannerServer:
         self._places.refresh()
         self._instructions.refresh()
         self._zones.refresh()
+        self._footprint.refresh()
         self._maps.refresh()
 
     def on_planner(self, planner: Planner) -> None:
@@ -190,6 +201,12 @@ class PlannerServer:
         planner = self._maps.planner
         if planner is not None and self._settings['replan_on_map']:
             self._monitor.check(planner, 'the instruction has changed')
+
+    def on_footprint(self) -> None:
+        """Check the last path with another footprint."""
+        planner = self._maps.planner
+        if planner is not None:
+            self._monitor.check(planner, 'the footprint has changed')
 
     def make_compiler(self) -> KernelCompiler:
         """Return what compiles the searches, at first those under the present settings."""
@@ -261,6 +278,7 @@ class PlannerServer:
             'map_age': None if age is None else round(age, 3),
             'llm_client_ready': self._client is not None and self._client.ready,
             'last_path': self._monitor.state,
+            **self._footprint.values(),
             **{name: round(value, 3) for name, value in self._maps.landmark_statistics().items()},
             **self._instructions.values(),
             **self._zones.values(),

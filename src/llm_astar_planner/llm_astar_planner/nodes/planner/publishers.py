@@ -23,10 +23,11 @@ from visualization_msgs.msg import MarkerArray
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.planner.diagnostics import PlanStatistics
-from llm_astar_planner.planning.path_ends import cell_of, with_exact_ends
+from llm_astar_planner.planning.footprint_search import FootprintSearch
+from llm_astar_planner.planning.path_ends import Ends, cell_of, ends_that_fit, with_exact_ends
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.report import plan_report
-from llm_astar_planner.planning.types import Plan
+from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.search.any_angle import interpolate, turning_points
 
 # Reports that wait to be written, at most: a flood of goals waits for the oldest of them.
@@ -41,18 +42,29 @@ class PathWriter:
     """Writes the paths of one goal as messages: one frame, one stamp, the same ends."""
 
     def __init__(
-        self, planner: Planner, stamp: Time, start: Pose2D, goal: Pose2D, *, keeps_heading: bool
+        self,
+        planner: Planner,
+        stamp: Time,
+        start: Pose2D,
+        goal: Pose2D,
+        *,
+        keeps_heading: bool,
+        request: PlanRequest | None = None,
     ) -> None:
         """Take the planner of the paths, and the poses that were asked for in the map's frame.
 
         With `keeps_heading` the last pose looks along the path instead of as `goal` does, and the
-        only pose of a path of one as the start (Nav2's use_final_approach_orientation).
+        only pose of a path of one as the start (Nav2's use_final_approach_orientation). The
+        footprint of the `request` has to pass the ends too.
         """
         self._planner = planner
         self._stamp = stamp
         self._start = start
         self._goal = goal
         self._goal_yaw = None if keeps_heading else goal.yaw
+        self._fits: Callable[[NDArray[np.float64]], bool] | None = None
+        if request is not None and request.footprint is not None:
+            self._fits = FootprintSearch(planner.costmap, request).passes_ends
         self._last: tuple[NDArray[np.float64], Path] | None = None
 
     def write(self, points: ArrayLike) -> Path:
@@ -82,12 +94,14 @@ class PathWriter:
         grid_map = self._planner.grid_map
         ends = [self._start[:2], self._goal[:2]]
         start, goal = grid_map.world_to_grid(ends)
-        begins = cell_of(cells[0]) == cell_of(start)
-        arrives = cell_of(cells[-1]) == cell_of(goal)
-        points = with_exact_ends(
-            cells, start if begins else None, goal if arrives else None, self._planner.checker
+        exact: Ends = (
+            start if cell_of(cells[0]) == cell_of(start) else None,
+            goal if cell_of(cells[-1]) == cell_of(goal) else None,
         )
-        places = grid_map.grid_to_world(points)
+        if self._fits is not None:
+            exact = ends_that_fit(cells, exact, self._planner.checker, self._fits)
+        places = grid_map.grid_to_world(with_exact_ends(cells, *exact, self._planner.checker))
+        begins, arrives = (end is not None for end in exact)
         if arrives:
             places[-1] = ends[1]
         if begins:

@@ -12,6 +12,7 @@ from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.tf import FrameError, Frames, MayWait, never
 from llm_astar_planner.nodes.planner.goals import PlanGoal
+from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.types import (
     MAX_VIA,
@@ -45,12 +46,17 @@ class RequestConverter:
     """Converts goals under the node's parameters."""
 
     def __init__(
-        self, settings: Parameters, frames: Frames, source: WaypointSource | None
+        self,
+        settings: Parameters,
+        frames: Frames,
+        source: WaypointSource | None,
+        footprint: RobotFootprint,
     ) -> None:
-        """Take the parameters, the transforms, and the waypoint source."""
+        """Take the parameters, the transforms, the waypoint source, and the robot's polygon."""
         self._settings = settings
         self._frames = frames
         self._source = source
+        self._footprint = footprint
         self._used: Mapping[str, Any] = {}
         self._fields: dict[str, Any] = {}
 
@@ -144,5 +150,10 @@ class RequestConverter:
             fields['tolerance'] = goal.tolerance
         if poses.viapoints:
             fields['viapoints'] = poses.viapoints
+        fields['footprint'] = self._footprint.current
+        if self._footprint.current is not None:
+            fields['start_pose'] = poses.start
+            if not self._used['use_final_approach_orientation']:
+                fields['goal_yaw'] = poses.goals[-1].yaw
         start = grid_map.world_to_cell(poses.start.x, poses.start.y)
         return PlanRequest(start, cells[-1], via=cells[:-1], **fields)

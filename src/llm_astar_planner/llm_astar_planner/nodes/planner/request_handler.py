@@ -173,9 +173,6 @@ class RequestHandler:
             raise RequestError(ResultCode.TIMEOUT, waited.warnings[0])
         planner, map_age = newest.planner, time.monotonic() - newest.arrived
         poses = self._converter.poses(job.goal, planner.grid_map, job.may_wait)
-        keeps_heading = self._settings.current['use_final_approach_orientation']
-        ends = poses.start, poses.goals[-1]
-        writer = PathWriter(planner, job.stamp, *ends, keeps_heading=keeps_heading)
         deadline = job.begin + job.limit
         finish = min(FINISH_SECONDS, FINISH_SHARE * job.limit)
         request = self._converter.to_request(
@@ -184,6 +181,11 @@ class RequestHandler:
             planner.grid_map,
             max(LEAST_SECONDS, deadline - finish - time.monotonic()),
             want_expanded=self._publisher.wants_expanded,
+        )
+        keeps_heading = self._settings.current['use_final_approach_orientation']
+        ends = poses.start, poses.goals[-1]
+        writer = PathWriter(
+            planner, job.stamp, *ends, keeps_heading=keeps_heading, request=request
         )
         if self._instructions.current.instruction is not None:
             request = self._instructions.add_to(request, planner, poses)

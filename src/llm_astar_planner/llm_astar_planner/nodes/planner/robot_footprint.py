@@ -1,0 +1,107 @@
+"""The robot's polygon as the node knows it: its parameter, or the topic that Nav2 publishes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PolygonStamped, PoseStamped
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+
+from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.common.qos import RELIABLE
+from llm_astar_planner.nodes.common.tf import Frames
+from llm_astar_planner.planning.footprint import MAX_POINTS, Footprint, FootprintError
+
+TOPIC = 'published_footprint'
+# Metres that the points of one footprint may differ by from message to message: rounding in the
+# global frame, and tf's interpolation.
+SAME_METRES = 0.005
+QUIET_SECONDS = 10.0
+
+
+class RobotFootprint:
+    """Holds the `current` footprint, None without one.
+
+    The parameter `footprint` counts if it is set, else the last good message. Nav2's costmaps
+    publish their padded footprint where the robot is, in their global frame: the transform at its
+    stamp leads back to the robot's frame. A message that is refused changes nothing.
+    """
+
+    def __init__(
+        self,
+        entities: Entities,
+        settings: Parameters,
+        frames: Frames,
+        on_change: Callable[[], None],
+    ) -> None:
+        """Take the parameter; `subscribe` takes the topic. `on_change` is called after changes."""
+        self.current: Footprint | None = Footprint.parse(settings['footprint'])
+        self._entities = entities
+        self._settings = settings
+        self._frames = frames
+        self._on_change = on_change
+        self._logger = entities.node.get_logger()
+        self._received: Footprint | None = None
+        self.report()
+
+    def subscribe(self) -> None:
+        """Take footprints from the topic."""
+        group = MutuallyExclusiveCallbackGroup()
+        self._entities.subscription(PolygonStamped, TOPIC, self.on_message, RELIABLE, group)
+
+    def refresh(self) -> None:
+        """Follow a changed parameter."""
+        self.use(Footprint.parse(self._settings['footprint']) or self._received)
+
+    def on_message(self, message: PolygonStamped) -> None:
+        """Take the footprint of a message, or say in the log why not."""
+        if self._settings.current['footprint']:
+            return
+        try:
+            received = self.in_base_frame(message)
+        except LlmAstarError as error:
+            text = f'{TOPIC}: {error}; the last one stays ({self.current})'
+            self._logger.error(text, throttle_duration_sec=QUIET_SECONDS)
+            return
+        before = self._received
+        if before is None or not before.is_close_to(received, SAME_METRES):
+            self._received = received
+            self.use(received)
+
+    def in_base_frame(self, message: PolygonStamped) -> Footprint:
+        """Return the footprint of a message in the robot's frame.
+
+        Raises FootprintError, GridMapError, and FrameError without a transform.
+        """
+        points = message.polygon.points
+        if len(points) > MAX_POINTS:
+            raise FootprintError(f'footprint: {len(points)} points, over {MAX_POINTS}')
+        base = self._settings['robot_base_frame']
+        # Where the origin of the message's frame is in the robot's.
+        origin = self._frames.locate(PoseStamped(header=message.header), base, TOPIC, lambda: True)
+        corners = np.array([(point.x, point.y) for point in points]).reshape(-1, 2)
+        cos, sin = np.cos(origin.yaw), np.sin(origin.yaw)
+        return Footprint.of(corners @ np.array([[cos, sin], [-sin, cos]]) + origin[:2])
+
+    def use(self, footprint: Footprint | None) -> None:
+        """Use a footprint from now on."""
+        if footprint != self.current:
+            self.current = footprint
+            self.report()
+            self._on_change()
+
+    def report(self) -> None:
+        """Log which footprint is used."""
+        if self.current is not None:
+            self._logger.info(f'footprint of the robot: {self.current}')
+
+    def values(self) -> dict[str, Any]:
+        """Return what /diagnostics says."""
+        if self.current is None:
+            return {}
+        radii = self.current.inscribed_radius, self.current.circumscribed_radius
+        return {'footprint': str(self.current), 'footprint_radii': [round(r, 3) for r in radii]}
