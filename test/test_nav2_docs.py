@@ -26,10 +26,14 @@ REPORTED = {'goal occupied, `tolerance` 0': 0.0}
 REASONS = {'cancelled, preempted, or deactivated meanwhile': 'a newer goal came'}
 
 
-def code_rows():
-    """Return the cells of each row of the table of codes."""
-    rows = [line[1:-1].split('|') for line in SECTIONS['Codes'].splitlines() if line[:1] == '|']
+def rows_of(section):
+    """Return the cells of each row of a section's table."""
+    rows = [line[1:-1].split('|') for line in SECTIONS[section].splitlines() if line[:1] == '|']
     return rows[2:]
+
+
+def code_rows():
+    return rows_of('Codes')
 
 
 def names(text):
@@ -39,6 +43,20 @@ def names(text):
 def test_every_parameter_is_compared():
     own = {parameter.name for parameter in NODES['planner_node']}
     assert own - names(SECTIONS['Parameters']) == set()
+
+
+def test_our_defaults_are_those_of_the_table():
+    own = {parameter.name: parameter.default for parameter in NODES['planner_node']}
+    compared = 0
+    for theirs, _, ours, default, _ in rows_of('Parameters'):
+        same = names(theirs) if ours == 'the same' else names(ours)
+        if len(same & own.keys()) == 1 and default not in ('', 'as above'):
+            (name,) = same & own.keys()
+            value = own[name]
+            stated = default.strip('`').replace('empty', '')
+            assert stated == (str(value).lower() if isinstance(value, bool) else str(value)), name
+            compared += 1
+    assert compared >= 12
 
 
 @pytest.mark.parametrize('row', code_rows(), ids=lambda row: row[0])
