@@ -17,10 +17,12 @@ from llm_astar_planner.costmap.filter_masks import (
     zone_costs,
 )
 from llm_astar_planner.costmap.raster import Window, cover_window, window_of
-from llm_astar_planner.costmap.zones import KEEPOUT, Zone
+from llm_astar_planner.costmap.zones import KEEPOUT, Zone, ZonesError
 
 # Zones of a map that are named in a report.
 MOST_NAMED = 20
+# Cells in the boxes around all zones: a second's work.
+MOST_CELLS = 400_000_000
 
 
 class ZoneLayer:
@@ -41,12 +43,13 @@ class ZoneLayer:
         """Take the size and place of a map, and the masks in its frame, in O(cells covered).
 
         `config` are the rules by which the map is planned on, `max_speed` is in m/s. Raises
-        ZonesError for a mask of speeds in m/s without it.
+        ZonesError for a mask of speeds in m/s without it, and for zones over MOST_CELLS.
         """
         self.config = config or CostmapConfig()
         self._place = place_of(layout)
         covered = [(zone, window_of(zone.geometry, layout)) for zone in zones]
         self._zones = [(zone, window) for zone, window in covered if has_cells(window)]
+        check_size(window for _, window in self._zones)
         tables = [(mask, mask_costs(mask.info, self.config, max_speed)) for mask in masks]
         shape = Window(0, layout.height, 0, layout.width)
         self._window = shape if tables else union(window for _, window in self._zones)
@@ -107,6 +110,16 @@ def place_of(grid_map: GridMap) -> Hashable:
 def has_cells(window: Window) -> bool:
     """Tell whether there is a cell in a window."""
     return window.top < window.bottom and window.left < window.right
+
+
+def check_size(windows: Iterable[Window]) -> None:
+    """Raise ZonesError if there are more cells in windows than can be looked at in time."""
+    count = sum((bottom - top) * (right - left) for top, bottom, left, right in windows)
+    if count > MOST_CELLS:
+        raise ZonesError(
+            f'the boxes around all zones have {count / 1e6:.0f} million cells of the map, over '
+            f'{MOST_CELLS / 1e6:.0f}; remove some, or make one zone of several'
+        )
 
 
 def union(windows: Iterable[Window]) -> Window:

@@ -249,6 +249,13 @@ def test_what_is_wrong_is_said_with_the_feature(case):
         zones_from_text(text, 0.0)
 
 
+def test_zones_that_cover_too_many_cells_are_refused():
+    grid_map = GridMap(np.zeros((1000, 1000), dtype=np.int8))
+    zones = [Zone(str(number), shapely.box(0, 0, 1000, 1000)) for number in range(401)]
+    with pytest.raises(ZonesError, match='401 million cells of the map, over 400'):
+        ZoneLayer(grid_map, zones)
+
+
 def test_zones_are_bounded():
     box = shapely.box(0, 0, 1, 1)
     with pytest.raises(ZonesError, match='over 1000; remove some'):

@@ -95,8 +95,13 @@ class ZoneServer:
             before, self._grid_map = self._grid_map, grid_map
             try:
                 self.compose()
-            except Exception:  # noqa: BLE001 - no map may end the thread of the maps
-                self._node.get_logger().error(f'map refused: {traceback.format_exc()}')
+            except Exception as error:  # noqa: BLE001 - no map may end the thread of the maps
+                known = isinstance(error, LlmAstarError)
+                problem = str(error) if known else traceback.format_exc()
+                self._node.get_logger().error(
+                    f'map refused, the last one stays: {problem}',
+                    throttle_duration_sec=QUIET_SECONDS,
+                )
                 return
             if before is not None and before.frame_id != grid_map.frame_id:
                 self.show()
