@@ -1,6 +1,7 @@
 """Zones and filter masks of a running planner: what plans, replans and other nodes see of them."""
 
 import contextlib
+import importlib
 import json
 import time
 from types import SimpleNamespace
@@ -11,6 +12,7 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.srv import AddDiagnostics
+from geometry_msgs.msg import Point32, TransformStamped
 from graph_tools import PATIENCE, calling, running, set_parameter, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
@@ -283,6 +285,60 @@ def test_is_path_valid_knows_the_zones(graph):
     wait_for(lambda: not is_valid(), 'the zone')
     graph.remove('wall')
     wait_for(is_valid, 'the way')
+
+
+def test_the_messages_of_nav2s_vector_object_server_are_served(graph):
+    services = pytest.importorskip('nav2_msgs.srv', reason='nav2_msgs is not installed')
+    if not hasattr(services, 'AddShapes'):
+        pytest.skip('nav2_msgs has no AddShapes yet')
+    messages = importlib.import_module('nav2_msgs.msg')
+    node = graph.caller.node
+    add, remove, get = (
+        node.create_client(getattr(services, kind), f'planner_node/{name}')
+        for kind, name in (
+            ('AddShapes', 'add_shapes'),
+            ('RemoveShapes', 'remove_shapes'),
+            ('GetShapes', 'get_shapes'),
+        )
+    )
+    straight = graph.plan()[0].tolist()
+    wall = messages.PolygonObject(closed=True, value=100)
+    wall.points = [Point32(x=x, y=y) for x, y in ring(WALL)[:4]]
+    spot = messages.CircleObject(fill=True, value=30, radius=1.5, center=Point32(x=5.0, y=25.0))
+    request = services.AddShapes.Request(polygons=[wall], circles=[spot])
+    assert graph.caller.ask(add, request).success
+    points, report = graph.plan()
+    assert not within(points)
+    assert len(report.zones) == 2
+    shapes = graph.caller.ask(get, services.GetShapes.Request())
+    assert (shapes.polygons[0].value, shapes.circles[0].radius) == (100, 1.5)
+    wrong = messages.PolygonObject(closed=True, value=100, points=wall.points[:2])
+    assert not graph.caller.ask(add, services.AddShapes.Request(polygons=[wrong])).success
+    ids = services.RemoveShapes.Request(uuids=[shapes.polygons[0].uuid])
+    assert graph.caller.ask(remove, ids).success
+    assert graph.plan()[0].tolist() == straight
+    assert not graph.caller.ask(remove, ids).success
+    assert graph.caller.ask(remove, services.RemoveShapes.Request(all_objects=True)).success
+    assert not graph.caller.ask(get, services.GetShapes.Request()).circles
+
+
+def test_zones_of_another_frame_are_transformed(graph):
+    messages = pytest.importorskip('tf2_msgs.msg', reason='tf2_msgs is not installed')
+    pytest.importorskip('tf2_ros', reason='tf2_ros is not installed')
+    turned = TransformStamped(child_frame_id='dock')
+    turned.header.frame_id = 'map'
+    turned.transform.translation.x, turned.transform.translation.y = 22.0, 0.0
+    turned.transform.rotation.z = turned.transform.rotation.w = 0.5**0.5
+    publisher = graph.caller.node.create_publisher(messages.TFMessage, '/tf_static', LATCHED)
+    publisher.publish(messages.TFMessage(transforms=[turned]))
+    box = 0.0, 0.0, 12.0, 4.0
+    wait_for(lambda: graph.add(zone(box, id='wall'), frame_id='dock')[0], 'the transform')
+    points, report = graph.plan()
+    assert report.zones == ('wall',)
+    assert not within(points)
+    wait_for(lambda: 'wall' in graph.shown[-1].data, 'the zone')
+    geometry = json.loads(graph.shown[-1].data)['features'][0]['geometry']
+    assert min(map(tuple, np.round(geometry['coordinates'][0], 6))) == (18.0, 0.0)
 
 
 @contextlib.contextmanager
