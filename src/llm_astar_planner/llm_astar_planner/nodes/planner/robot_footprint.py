@@ -80,10 +80,12 @@ class RobotFootprint:
         points = message.polygon.points
         if len(points) > MAX_POINTS:
             raise FootprintError(f'footprint: {len(points)} points, over {MAX_POINTS}')
+        corners = np.array([(point.x, point.y) for point in points]).reshape(-1, 2)
+        if not np.isfinite(corners).all():
+            raise FootprintError('footprint: a point is not finite')
         base = self._settings['robot_base_frame']
         # Where the origin of the message's frame is in the robot's.
         origin = self._frames.locate(PoseStamped(header=message.header), base, TOPIC, lambda: True)
-        corners = np.array([(point.x, point.y) for point in points]).reshape(-1, 2)
         cos, sin = np.cos(origin.yaw), np.sin(origin.yaw)
         return Footprint.of(corners @ np.array([[cos, sin], [-sin, cos]]) + origin[:2])
 
