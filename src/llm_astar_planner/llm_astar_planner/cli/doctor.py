@@ -43,21 +43,23 @@ LIBRARIES = {
     'bags': ('rosbags.rosbag2', 'mcap', 'zstandard', 'lz4.frame'),
 }
 PYPI_NAMES = {'PIL': 'pillow', 'yaml': 'pyyaml'}
+# The distribution that is sourced, or the one whose wheels `make install` takes by default.
+DISTRIBUTION = os.environ.get('ROS_DISTRO', 'jazzy')
 # Modules that the nodes need, and the Debian packages with them.
 ROS = {
-    'rclpy.node': 'ros-jazzy-rclpy',
-    'nav_msgs.msg': 'ros-jazzy-common-interfaces',
-    'diagnostic_msgs.msg': 'ros-jazzy-common-interfaces',
-    'visualization_msgs.msg': 'ros-jazzy-common-interfaces',
+    'rclpy.node': f'ros-{DISTRIBUTION}-rclpy',
+    'nav_msgs.msg': f'ros-{DISTRIBUTION}-common-interfaces',
+    'diagnostic_msgs.msg': f'ros-{DISTRIBUTION}-common-interfaces',
+    'visualization_msgs.msg': f'ros-{DISTRIBUTION}-common-interfaces',
 }
 # Modules of optional ROS packages: what needs them, and the Debian packages with them.
 OPTIONAL_ROS = {
-    'launch_ros': ('ros2 launch', 'ros-jazzy-launch-ros'),
-    'nav2_msgs.action': ("Nav2's actions", 'ros-jazzy-nav2-msgs'),
-    'bond.msg': ("Nav2's lifecycle manager", 'ros-jazzy-bond'),
-    'tf2_ros': ('poses of other frames', 'ros-jazzy-tf2-ros-py'),
-    'map_msgs.msg': ('map_updates', 'ros-jazzy-map-msgs'),
-    'ros2cli': ('ros2 run', 'ros-jazzy-ros2cli'),
+    'launch_ros': ('ros2 launch', f'ros-{DISTRIBUTION}-launch-ros'),
+    'nav2_msgs.action': ("Nav2's actions", f'ros-{DISTRIBUTION}-nav2-msgs'),
+    'bond.msg': ("Nav2's lifecycle manager", f'ros-{DISTRIBUTION}-bond'),
+    'tf2_ros': ('poses of other frames', f'ros-{DISTRIBUTION}-tf2-ros-py'),
+    'map_msgs.msg': ('map_updates', f'ros-{DISTRIBUTION}-map-msgs'),
+    'ros2cli': ('ros2 run', f'ros-{DISTRIBUTION}-ros2cli'),
 }
 
 
