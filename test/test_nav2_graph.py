@@ -12,7 +12,11 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from graph_tools import PATIENCE, calling, running, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.messages.fields import path_from_message, pose_from_message
+from llm_astar_msgs_adapter.messages.fields import (
+    path_from_message,
+    pose_from_message,
+    stamp_of,
+)
 from llm_astar_msgs_adapter.messages.writing import (
     grid_to_message,
     path_to_message,
@@ -267,6 +271,25 @@ def test_each_failure_through_poses_has_that_actions_own_code(graph, goal, name)
     assert status == ABORTED
     assert result.error_code == getattr(actions.ComputePathThroughPoses.Result, name)
     assert 300 < result.error_code < 310
+
+
+@pytest.mark.skipif(
+    not hasattr(actions.ComputePathToPose.Goal(), 'viapoints'), reason='Nav2 is older than that'
+)
+def test_viapoints_take_the_waypoints_place_and_a_newer_result_says_how_far_it_got(graph):
+    with waiting(graph):
+        viapoints = [pose(Pose2D(15.5, 27.5)), pose(Pose2D(20.5, 10.5))]
+        status, result = graph.ask(graph.to, to_pose(viapoints=viapoints))
+        assert (status, result.error_code) == (SUCCEEDED, 0)
+        assert not graph.client.asked.is_set()
+    stamp = stamp_of(result.path)
+    graph.caller.wait_for(lambda: stamp in graph.caller._reports, 'the report', PATIENCE)
+    report = graph.caller._reports.pop(stamp)
+    assert report.source == 'viapoints'
+    # The second one is in the wall, with no other cell within the tolerance.
+    assert report.source_detail.startswith('1 of 2 via points can be reached; not within 0.5 m')
+    assert report.guided_by == 'viapoints'
+    assert graph.ask(graph.through, through_poses(GOAL))[1].last_reached_index == -1
 
 
 def test_a_canceled_goal_ends_although_no_waypoints_come(graph):
