@@ -122,6 +122,7 @@ def test_each_display_of_rviz_shows_a_topic_of_the_nodes_with_a_compatible_qos(n
         'planner_node/markers',
         'planner_node/explored',
         'planner_node/places',
+        'planner_node/zones',
     }
     for item in displays:
         for publisher in endpoints_of(nodes, item.topic, 'publishers'):
@@ -214,6 +215,7 @@ def test_each_panel_of_foxglove_shows_topics_the_nodes_publish(nodes, foxglove):
         '/planner_node/raw_plan',
         '/planner_node/markers',
         '/planner_node/places',
+        '/planner_node/zones',
         '/planner_node/report',
         '/llm_client_node/exchange',
         '/diagnostics',

@@ -21,13 +21,16 @@ from llm_astar_planner.costmap.filter_masks import FilterInfo, FilterKind, Filte
 from llm_astar_planner.costmap.zones import ZonesError
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.tf import FrameError
+from llm_astar_planner.nodes.planner import mask_subscription
 from llm_astar_planner.nodes.planner.mask_subscription import MaskSubscription
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.nodes.planner.shape_server import ShapeServer
 from llm_astar_planner.nodes.planner.zone_server import ZoneServer
+from llm_astar_planner.parameter import ParameterError
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetPlan
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
@@ -585,3 +588,11 @@ def test_a_wrong_shape_adds_none(shapes, wrong):
 
 def test_too_many_shapes_are_refused(shapes):
     assert not shapes.add(*[polygon()] * 10_000)
+
+
+def test_an_impossible_topic_of_masks_is_named(monkeypatch):
+    parent = Mock()
+    parent.resolve_topic_name.side_effect = InvalidTopicNameException('bad', 'a space', 0)
+    monkeypatch.setattr(mask_subscription, 'CostmapFilterInfo', object())
+    with pytest.raises(ParameterError, match=r'filter_info_topic: .*a space'):
+        MaskSubscription(Mock(), parent, 'no topic', Mock())

@@ -10,6 +10,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.messages.fields import grid_from_message
 from nav_msgs.msg import OccupancyGrid
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 
 from llm_astar_planner.costmap.filter_masks import (
@@ -20,6 +21,7 @@ from llm_astar_planner.costmap.filter_masks import (
 )
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import LATCHED, LATCHED_BY_MANY
+from llm_astar_planner.parameter import ParameterError
 
 try:
     from nav2_msgs.msg import CostmapFilterInfo
@@ -41,6 +43,7 @@ class MaskSubscription:
         """Subscribe on the node `side`, if nav2_msgs is installed and a topic is given.
 
         `parent` remaps the names and logs; `on_masks` gets all masks when one has changed.
+        Raises ParameterError for a topic that cannot be one.
         """
         self._side = side
         self._parent = parent
@@ -51,7 +54,10 @@ class MaskSubscription:
         self._subscriptions: dict[bool, Entities] = {}
         self._masks: dict[bool, FilterMask] = {}
         if CostmapFilterInfo is not None and topic:
-            name = parent.resolve_topic_name(topic)
+            try:
+                name = parent.resolve_topic_name(topic)
+            except InvalidTopicNameException as error:
+                raise ParameterError(f'filter_info_topic: {error}') from None
             entities = Entities(side)
             entities.subscription(
                 CostmapFilterInfo, name, self.on_info, LATCHED_BY_MANY, self._group

@@ -37,6 +37,8 @@ from llm_astar_planner.planning.parameters import costmap_config
 
 # Names all zones in a request to remove some.
 ALL = '*'
+# The frame of zones that are shown before there is a map.
+DEFAULT_FRAME = 'map'
 # Zones that an answer names.
 MOST_NAMED = 10
 # Seconds between two equal complaints in the log.
@@ -103,7 +105,7 @@ class ZoneServer:
                     throttle_duration_sec=QUIET_SECONDS,
                 )
                 return
-            if before is not None and before.frame_id != grid_map.frame_id:
+            if grid_map.frame_id != (DEFAULT_FRAME if before is None else before.frame_id):
                 self.show()
 
     def refresh(self) -> None:
@@ -264,7 +266,7 @@ class ZoneServer:
         """Publish the zones."""
         self._publication.close()
         self._is_due = False
-        frame_id = 'map' if self._grid_map is None else self._grid_map.frame_id
+        frame_id = DEFAULT_FRAME if self._grid_map is None else self._grid_map.frame_id
         stamp = self._node.get_clock().now().to_msg()
         drawn = [(zone.label, zone.geometry, zone.cost == KEEPOUT) for zone in self.zones]
         self._markers.publish(zones_to_markers(drawn, frame_id, stamp))
