@@ -6,10 +6,25 @@ BackUp are other servers' and stand in as nodes that succeed.
 """
 
 import time
-from enum import Enum, auto
 
 from nav2_msgs.action import ComputePathThroughPoses, ComputePathToPose
-from nav2_msgs.srv import ClearEntireCostmap
+from nav2_msgs.srv import ClearEntireCostmap, IsPathValid
+from nav2_tree_control import (
+    FAILURE,
+    IDLE,
+    RUNNING,
+    SUCCESS,
+    Fallback,
+    PipelineSequence,
+    RateController,
+    ReactiveFallback,
+    ReactiveSequence,
+    RecoveryNode,
+    RoundRobin,
+    Sequence,
+    TreeError,
+    TreeNode,
+)
 from nav_msgs.msg import Path
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
@@ -19,191 +34,6 @@ LOOP_SECONDS = 0.01
 WAIT_FOR_SERVICE_SECONDS = 1.0
 CANCEL_SECONDS = 0.05
 ACCEPTED, EXECUTING, SUCCEEDED, CANCELED, ABORTED = 1, 2, 4, 5, 6
-
-
-class Status(Enum):
-    IDLE = auto()
-    RUNNING = auto()
-    SUCCESS = auto()
-    FAILURE = auto()
-
-
-IDLE, RUNNING, SUCCESS, FAILURE = Status
-
-
-class TreeError(RuntimeError):
-    """What ends the whole tree, as an exception does in Nav2."""
-
-
-class TreeNode:
-    """A node of the tree; `children` are ticked as its kind says."""
-
-    def __init__(self, *children):
-        self.children = children
-        self.status = IDLE
-
-    def execute_tick(self):
-        self.status = self.tick()
-        return self.status
-
-    def tick(self):
-        raise NotImplementedError
-
-    def halt(self):
-        """Stop what is running; a node that has ended is made ready to be ticked again."""
-        for child in self.children:
-            if child.status is RUNNING:
-                child.halt()
-            child.status = IDLE
-        self.status = IDLE
-
-
-class Sequence(TreeNode):
-    """Ticks its children in order, from the one that was running."""
-
-    ends_with = FAILURE
-
-    def __init__(self, *children):
-        super().__init__(*children)
-        self._index = 0
-
-    def tick(self):
-        while self._index < len(self.children):
-            status = self.children[self._index].execute_tick()
-            if status is RUNNING:
-                return status
-            if status is self.ends_with:
-                self.halt()
-                return status
-            self._index += 1
-        self.halt()
-        return SUCCESS if self.ends_with is FAILURE else FAILURE
-
-    def halt(self):
-        self._index = 0
-        super().halt()
-
-
-class Fallback(Sequence):
-    """Ticks its children in order until one succeeds."""
-
-    ends_with = SUCCESS
-
-
-class ReactiveFallback(TreeNode):
-    """Ticks its children from the first on, each time."""
-
-    def tick(self):
-        for child in self.children:
-            status = child.execute_tick()
-            if status is not FAILURE:
-                if status is SUCCESS:
-                    self.halt()
-                return status
-        self.halt()
-        return FAILURE
-
-
-class RecoveryNode(TreeNode):
-    """Ticks the first child; where that fails, the second and then the first again."""
-
-    def __init__(self, retries, action, recovery):
-        super().__init__(action, recovery)
-        self._retries = retries
-        self._count = self._index = 0
-
-    def tick(self):
-        while self._count <= self._retries:
-            status = self.children[self._index].execute_tick()
-            if status is RUNNING:
-                return RUNNING
-            if self._index == 0:
-                if status is SUCCESS or self._count == self._retries:
-                    break
-                self._index = 1
-            else:
-                if status is FAILURE:
-                    break
-                self._count += 1
-                self._index = 0
-            super().halt()
-        self.halt()
-        return status
-
-    def halt(self):
-        self._count = self._index = 0
-        super().halt()
-
-
-class PipelineSequence(TreeNode):
-    """Ticks those before the running one again: a new path is planned while one is followed."""
-
-    def __init__(self, *children):
-        super().__init__(*children)
-        self._last = 0
-
-    def tick(self):
-        for index, child in enumerate(self.children):
-            status = child.execute_tick()
-            if status is FAILURE:
-                self.halt()
-                return FAILURE
-            if status is RUNNING and index >= self._last:
-                self._last = index
-                return RUNNING
-        self.halt()
-        return SUCCESS
-
-    def halt(self):
-        self._last = 0
-        super().halt()
-
-
-class RoundRobin(TreeNode):
-    """Ticks one child after the other, the next one each time."""
-
-    def __init__(self, *children):
-        super().__init__(*children)
-        self._index = self._failed = 0
-
-    def tick(self):
-        while self._failed < len(self.children):
-            status = self.children[self._index].execute_tick()
-            if status is RUNNING:
-                return RUNNING
-            self._index = (self._index + 1) % len(self.children)
-            if status is SUCCESS:
-                self._failed = 0
-                super().halt()
-                return SUCCESS
-            self._failed += 1
-        self.halt()
-        return FAILURE
-
-    def halt(self):
-        self._index = self._failed = 0
-        super().halt()
-
-
-class RateController(TreeNode):
-    """Ticks its child at most `hz` times a second, and while it is running."""
-
-    def __init__(self, hz, child):
-        super().__init__(child)
-        self._period, self._begin, self._is_first = 1.0 / hz, 0.0, False
-
-    def tick(self):
-        if self.status is IDLE:
-            self._begin, self._is_first = time.monotonic(), True
-        child = self.children[0]
-        is_due = time.monotonic() - self._begin >= self._period
-        if not (self._is_first or child.status is RUNNING or is_due):
-            return RUNNING
-        self._is_first = False
-        status = child.execute_tick()
-        if status is SUCCESS:
-            self._begin = time.monotonic()
-        return status
 
 
 class WouldRecoveryHelp(TreeNode):
@@ -228,6 +58,14 @@ class GoalUpdated(TreeNode):
         was_idle, before = self.status is IDLE, self._goal
         self._goal = self._blackboard['goal']
         return FAILURE if was_idle or before == self._goal else SUCCESS
+
+
+class SameGoal(GoalUpdated):
+    """GlobalUpdatedGoal under an Inverter: fails where the goal is new, also the first time."""
+
+    def tick(self):
+        before, self._goal = self._goal, self._blackboard['goal']
+        return SUCCESS if before == self._goal else FAILURE
 
 
 class StandIn(TreeNode):
@@ -377,6 +215,21 @@ class ClearCostmap(TreeNode):
         super().halt()
 
 
+class PathIsValid(TreeNode):
+    """IsPathValid: asks whether the path of the blackboard is; no answer in time is a no."""
+
+    def __init__(self, client, server_timeout):
+        super().__init__()
+        self._client, self._timeout = client, server_timeout
+
+    def tick(self):
+        future = self._client.validity.call_async(
+            IsPathValid.Request(path=self._client.blackboard['path'])
+        )
+        self._client.executor_of_tree.spin_until_future_complete(future, self._timeout)
+        return SUCCESS if future.done() and future.result().is_valid else FAILURE
+
+
 class TreeClient(Node):
     """The node that a tree runs in: its clients, its blackboard, and what it saw.
 
@@ -401,6 +254,7 @@ class TreeClient(Node):
                 (ComputePathThrough, ComputePathThroughPoses),
             )
         }
+        self.validity = self.create_client(IsPathValid, 'is_path_valid')
         self.clear = self.create_client(
             ClearEntireCostmap, 'global_costmap/clear_entirely_global_costmap'
         )
@@ -444,6 +298,23 @@ def default_tree(client, kind=ComputePath, server_timeout=0.02):
     )
     hz = 1.0 if kind is ComputePath else 0.333
     return RecoveryNode(6, PipelineSequence(RateController(hz, plan), client.follow), recover)
+
+
+def tree_without_needless_plans(client, server_timeout):
+    """Return `navigate_w_recovery_and_replanning_only_if_path_becomes_invalid.xml`."""
+    plan = RecoveryNode(
+        1,
+        Fallback(
+            ReactiveSequence(SameGoal(client.blackboard), PathIsValid(client, server_timeout)),
+            ComputePath(client, server_timeout),
+        ),
+        ClearCostmap(client, server_timeout),
+    )
+    recover = ReactiveFallback(
+        GoalUpdated(client.blackboard),
+        RoundRobin(ClearCostmap(client, server_timeout), StandIn(), StandIn(), StandIn()),
+    )
+    return RecoveryNode(6, PipelineSequence(RateController(1.0, plan), client.follow), recover)
 
 
 def run(tree, seconds):

@@ -247,6 +247,20 @@ def test_a_tree_replans_every_second_while_the_path_is_followed(running_stack):
         assert 2 <= len(client.codes) <= 4
 
 
+@pytest.mark.parametrize('mark', [None, (6.5, 3.0, 0.2)], ids=['free', 'blocked'])
+def test_a_tree_plans_again_only_if_the_path_becomes_invalid(running_stack, mark):
+    running_stack.show(0.2)
+    with tree_client(follow=2.6) as client:
+        root = tree.tree_without_needless_plans(client, SERVER_SECONDS)
+        while not client.answers:
+            assert root.execute_tick() is tree.RUNNING
+        if mark:
+            running_stack.costmap.mark(*mark)
+        assert tree.run(root, PATIENCE) is tree.SUCCESS
+        assert client.codes == [RESULT.NONE] * (2 if mark else 1), client.answers
+        assert client.clears == 0
+
+
 def test_a_tree_that_is_halted_cancels_its_goal(running_stack):
     running_stack.show(0.2, marks=[(*DOOR, 0.8)], come_back=True)
     with tree_client() as client:
