@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -94,16 +93,16 @@ def yaw_of(quaternion: Any, field: str) -> float:  # noqa: ANN401 - live or deco
     return 2.0 * math.atan2(z, w)
 
 
-def yaws_of(quaternions: Sequence[Any]) -> NDArray[np.float64]:
-    """Return the yaw (rad) of each quaternion: [n], the headings projected on the plane.
+def yaws_of(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the yaw (rad) of each quaternion (x, y, z, w) [n, 4]: [n], projected on the plane.
 
     They need not have unit norm; one of zeros, or with a number that is not finite, means 0.
     """
-    values = [(each.x, each.y, each.z, each.w) for each in quaternions]
-    x, y, z, w = np.array(values, dtype=np.float64).reshape(-1, 4).T
+    x, y, z, w = quaternions.T
     with np.errstate(invalid='ignore', over='ignore'):
         yaws = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    return np.nan_to_num(yaws)
+    found: NDArray[np.float64] = np.nan_to_num(yaws)
+    return found
 
 
 def path_from_message(message: Any) -> NDArray[np.float64]:  # noqa: ANN401 - live or decoded

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Point, PoseStamped, Quaternion
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import (
     grid_from_message,
@@ -328,14 +328,10 @@ def test_expanded_cells_survive_the_round_trip():
 
 
 def test_the_yaws_of_many_quaternions_are_those_of_each():
-    rng = np.random.default_rng(5)
-    poses = [pose_to_message(Pose2D(0.0, 0.0), 'map', STAMP).pose for _ in range(20)]
-    for pose, values in zip(poses, rng.normal(size=(20, 4)).tolist()):
-        for name, value in zip('xyzw', values):
-            setattr(pose.orientation, name, value)
-    each = [pose_from_message(pose).yaw for pose in poses]
-    assert yaws_of([pose.orientation for pose in poses]) == pytest.approx(each)
-    poses[0].orientation.w = math.nan
-    poses[1].orientation = Quaternion(x=0.0, y=0.0, z=0.0, w=0.0)
-    assert yaws_of([pose.orientation for pose in poses[:2]]).tolist() == [0.0, 0.0]
-    assert yaws_of([]).shape == (0,)
+    values = np.random.default_rng(5).normal(size=(20, 4))
+    poses = [Pose(orientation=Quaternion(**dict(zip('xyzw', row)))) for row in values.tolist()]
+    assert yaws_of(values) == pytest.approx([pose_from_message(pose).yaw for pose in poses])
+    values[0, 3] = math.nan
+    values[1] = 0.0
+    assert yaws_of(values)[:2].tolist() == [0.0, 0.0]
+    assert yaws_of(values[:0]).shape == (0,)

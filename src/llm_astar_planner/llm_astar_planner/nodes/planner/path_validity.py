@@ -15,6 +15,11 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.nodes.common.callback_groups import LimitedCallbackGroup
+from llm_astar_planner.nodes.common.compact_path import (
+    CompactPath,
+    compact_path,
+    compact_service,
+)
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.planning.footprint import Footprint
@@ -96,12 +101,13 @@ class PathValidityService:
         newest = self._newest()
         if newest is None:
             raise ValidityError('no map has arrived yet')
-        if not request.path.poses:
+        path = compact_path(request.path)
+        if not len(path.values):
             raise ValidityError('the path is empty')
         if getattr(request, 'layer_name', ''):
             raise ValidityError(f'layer {request.layer_name!r} is not known, only the costmap is')
         costmap, checker = newest
-        poses = self.poses(request.path, costmap.grid_map.frame_id)
+        poses = self.poses(path, costmap.grid_map.frame_id)
         first = self.first_index(poses, costmap.grid_map.frame_id)
         last = last_index(poses, first, getattr(request, 'max_lookahead_distance', 0.0))
         ahead = poses[first:last]
@@ -120,18 +126,14 @@ class PathValidityService:
         indices = np.flatnonzero(invalid) + first
         return indices[:1] if getattr(request, 'stop_at_first_collision', False) else indices
 
-    def poses(self, path: Any, frame_id: str) -> NDArray[np.float64]:  # noqa: ANN401 - a Path
+    def poses(self, path: CompactPath, frame_id: str) -> NDArray[np.float64]:
         """Return a path's poses (x, y, yaw) [n, 3] in metres and radians, in the map's frame.
 
         Each frame that they are in is transformed once, by the newest transform. Raises
         FrameError, GridMapError.
         """
-        places = [pose.pose.position for pose in path.poses]
-        points = np.array([(place.x, place.y) for place in places])
-        yaws = yaws_of([pose.pose.orientation for pose in path.poses])
-        own = path.header.frame_id
-        names = [pose.header.frame_id or own for pose in path.poses]
-        poses = np.column_stack([points, yaws])
+        names = [name or path.frame_id for name in path.frames]
+        poses = np.column_stack([path.values[:, :2], yaws_of(path.values[:, 3:])])
         for name in set(names):
             if name in ('', frame_id):
                 continue
@@ -195,4 +197,5 @@ def serve_path_validity(entities: Entities, validity: PathValidityService) -> No
     """Serve `is_path_valid` if nav2_msgs is installed."""
     if IsPathValid is not None:
         checks = LimitedCallbackGroup(MAX_CHECKS)
-        entities.service(IsPathValid, 'is_path_valid', validity.fill, checks)
+        kind = compact_service(IsPathValid)
+        entities.service(kind, 'is_path_valid', validity.fill, checks)
