@@ -131,7 +131,7 @@ def test_too_many_goals_are_refused_before_any_is_converted():
         to_request(converter(), PlanGoal(goals, pose(2.0, 2.0)), MAP)
 
 
-def test_a_failure_that_was_a_cancel_is_no_warning_in_the_log():
+def test_the_log_has_what_a_plan_warns_of_and_no_cancel_as_a_warning():
     """Where maps come at 5 Hz, each replan may preempt the one before."""
     node = Mock()
     node.get_name.return_value = 'planner_node'
@@ -139,7 +139,11 @@ def test_a_failure_that_was_a_cancel_is_no_warning_in_the_log():
     for is_cancelled in (True, False):
         plan = Plan(ResultCode.TIMEOUT, 'canceled: why', '', (0, 0), (0, 0), NOTHING)
         publisher.publish_report(plan, None, None, STAMP, is_cancelled=is_cancelled)
+    moved = replace(plan, code=ResultCode.NONE, message='a path', warnings=('0.20 m off',))
+    publisher.publish_report(moved, None, None, STAMP)
     publisher._thread.shutdown()
+    said = 'NONE: a path; guided by none; 0.20 m off'
+    node.get_logger().info.assert_called_once_with(said)
     node.get_logger().debug.assert_called_once_with('TIMEOUT: canceled: why')
     node.get_logger().warning.assert_called_once_with('TIMEOUT: canceled: why')
     node.get_logger().error.assert_not_called()

@@ -202,7 +202,8 @@ class PlanPublisher:
         elif report.code:
             logger.warning(report.summary)
         else:
-            logger.info(f'{report.summary}; guided by {report.guided_by}')
+            guide = f'guided by {report.guided_by}'
+            logger.info('; '.join([report.summary, guide, *plan.warnings]))
 
     def publish_views(
         self, plan: Plan, grid_map: GridMap, stamp: Time, write: Callable[[ArrayLike], Path]
