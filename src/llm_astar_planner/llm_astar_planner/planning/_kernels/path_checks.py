@@ -105,12 +105,12 @@ def nearest_by_tiles(
                 if not tile_has_lethal(cells, tiles, threshold, tile_row, tile_column):
                     continue
                 top, left = tile_row * TILE, tile_column * TILE
-                tile = cells[top : top + TILE, left : left + TILE]
                 beside = max(left - x, 0, x - left - TILE + 1)
-                for n in range(len(tile)):
-                    away = abs(top + n - y)
+                for place in range(top, min(top + TILE, len(cells))):
+                    away = abs(place - y)
                     if away * away + beside * beside < best:
-                        nearest = nearest_in_row(tile[n], threshold, x - left, 0, TILE)
+                        right = left + TILE - 1
+                        nearest = nearest_in_row(cells[place], threshold, x, left, right)
                         if nearest < NO_LETHAL:
                             best = min(best, nearest * nearest + away * away)
     return best
@@ -353,7 +353,9 @@ def measure(
         halves = (cells[y, x] < 0) + (cells[path[n - 1, 1], path[n - 1, 0]] < 0)
         if halves:
             unknown += halves / 2.0 * math.hypot(step_x, step_y)
-    squared = squared_clearance(cells, tiles, threshold, path, NO_LETHAL)
+    # With its type, or numba compiles all of it once more for this constant.
+    limit = np.int64(NO_LETHAL)
+    squared = squared_clearance(cells, tiles, threshold, path, limit)
     return squared, unknown, turns
 
 

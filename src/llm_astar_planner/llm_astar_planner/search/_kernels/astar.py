@@ -126,7 +126,7 @@ def choose_landmarks(
             if other >= gap:
                 break
             if place < most:
-                active[place] = before
+                active[place, 0], active[place, 1] = before[0], before[1]
             place -= 1
         if place < most:
             active[place, 0] = row

@@ -155,7 +155,7 @@ def add_passed_centres(points: NDArray[np.int32], count: int, centres: NDArray[n
 
     A pull may turn at each of these `centres`. Returns how many there are.
     """
-    centres[0] = points[0]
+    centres[0, 0], centres[0, 1] = points[0, 0], points[0, 1]
     total = 1
     for index in range(1, count):
         x = points[index - 1, 0]
@@ -226,7 +226,7 @@ def string_pull(
             left -= max(abs(x - turn_x), abs(y - turn_y)) + 1
             if direct < 0.0 or direct > along + segment + 1e-9:
                 anchor = index - 1
-                points[kept] = centres[anchor]
+                points[kept, 0], points[kept, 1] = centres[anchor, 0], centres[anchor, 1]
                 kept += 1
                 along = segment
             else:
@@ -236,9 +236,14 @@ def string_pull(
         counts[INDEX], counts[ANCHOR], counts[KEPT], costs[1] = index, anchor, kept, along
         if index < counts[CENTRES]:
             return False
-        points[kept] = centres[index - 1]
+        points[kept, 0], points[kept, 1] = centres[index - 1, 0], centres[index - 1, 1]
         counts[POINTS] = kept + 1
-        points[: kept + 1] = points[kept::-1].copy()
+        # By hand, since numba takes two seconds to compile an assignment to a slice.
+        for n in range((kept + 1) // 2):
+            for axis in range(2):
+                before = points[n, axis]
+                points[n, axis] = points[kept - n, axis]
+                points[kept - n, axis] = before
         counts[INDEX] = 0
         counts[PULLS] += 1
         if counts[PULLS] % 2 == 0:

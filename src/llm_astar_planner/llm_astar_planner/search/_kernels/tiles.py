@@ -144,7 +144,9 @@ def find_contacts(
     Tiles that are not marked in `stale` [rows, columns] have those of the old list.
     """
     rows, columns = stale.shape
-    count = 0
+    # Whole numbers are written with their type where a constant would have a function of it
+    # compiled once more for that value.
+    count = np.int64(0)
     for row in range(rows):
         for column in range(columns):
             tile = row * columns + column
@@ -180,21 +182,30 @@ def tile_contacts(
     right = min(left + (1 << shift), width)
     if right < width:
         count = border_contacts(
-            labels, top, right - 1, bottom - top, EAST, corner_cutting, contacts, count
+            labels, top, right - 1, bottom - top, np.int64(EAST), corner_cutting, contacts, count
         )
     if bottom < height:
         count = border_contacts(
-            labels, bottom - 1, left, right - left, SOUTH, corner_cutting, contacts, count
+            labels,
+            bottom - 1,
+            left,
+            right - left,
+            np.int64(SOUTH),
+            corner_cutting,
+            contacts,
+            count,
         )
     if corner_cutting and bottom < height:
         number = np.int64(labels[bottom - 1, right - 1])
         if right < width and number and labels[bottom, right]:
             last = right - 1 - left
-            contacts[count] = pack(number, labels[bottom, right], SOUTH_EAST, last, last)
+            side = np.int64(SOUTH_EAST)
+            contacts[count] = pack(number, np.int64(labels[bottom, right]), side, last, last)
             count += 1
         number = np.int64(labels[bottom - 1, left])
         if left > 0 and number and labels[bottom, left - 1]:
-            contacts[count] = pack(number, labels[bottom, left - 1], SOUTH_WEST, 0, 0)
+            side, first = np.int64(SOUTH_WEST), np.int64(0)
+            contacts[count] = pack(number, np.int64(labels[bottom, left - 1]), side, first, first)
             count += 1
     return count
 
@@ -213,7 +224,7 @@ def border_contacts(
     """Append the contacts across one border of a tile: `size` cells from (x, y) on."""
     along_y = 1 if neighbour == EAST else 0
     along_x = 1 - along_y
-    begin = -1
+    begin: Any = np.int64(-1)
     number: Any = np.int64(0)
     other: Any = number
     for place in range(size + 1):
@@ -230,7 +241,7 @@ def border_contacts(
         elif not is_open and begin >= 0:
             contacts[count] = pack(number, other, neighbour, begin, place - 1)
             count += 1
-            begin = -1
+            begin = np.int64(-1)
         if corner_cutting and inner != 0:
             for step in (-1, 1):
                 if 0 <= place + step < size:
