@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -33,10 +34,12 @@ from llm_astar_planner.instructions.place_goal import goal_cell
 from llm_astar_planner.instructions.place_names import find_place
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.parameter import ParameterError
-from llm_astar_planner.planning.compile import compile_kernels
+from llm_astar_planner.planning.compile import compile_for, compile_instruction_kernels
+from llm_astar_planner.planning.kernel_compiler import announced
 from llm_astar_planner.planning.parameters import (
     request_fields,
 )
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, check_request
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
@@ -129,7 +132,7 @@ def run(arguments: argparse.Namespace) -> int:
         **request_fields(options.values),
     )
     check_request(request)
-    compile_kernels()
+    compile_searches(planner, request)
     plan = planner.prepare().plan(request)
     if arguments.json:
         print(json.dumps(plan_to_json(plan, offset)))
@@ -140,6 +143,15 @@ def run(arguments: argparse.Namespace) -> int:
         if not arguments.json:
             print(f'picture    {arguments.png}')
     return 0 if plan.code == 0 else 1
+
+
+def compile_searches(planner: Planner, request: PlanRequest) -> None:
+    """Compile what a request takes, so that its time is for planning; say so if it takes long."""
+    source = FixedReply('[[2, 2]]') if request.source else None
+    with announced(lambda sentence: print(sentence, file=sys.stderr)):
+        compile_for(planner.config, request, source)
+        if request.instruction is not None:
+            compile_instruction_kernels()
 
 
 def waypoint_source(

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import shapely
@@ -36,6 +35,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.methods import METHODS
 from llm_astar_planner.search.paper import compile_kernels as compile_search_kernels
+from llm_astar_planner.waypoints.source import WaypointSource
 
 # Seconds, more than compiling takes.
 PATIENCE = 3600.0
@@ -43,13 +43,19 @@ PATIENCE = 3600.0
 CONFIGS = (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0))
 
 
-def compile_for(config: CostmapConfig, fields: Mapping[str, Any]) -> None:
-    """Compile what plans on costmaps of `config`, of requests with these fields, take."""
+def compile_for(
+    config: CostmapConfig, like: PlanRequest, source: WaypointSource | None = None
+) -> None:
+    """Compile what a request like this takes on a costmap of `config`, with such a source."""
     cells = np.zeros((24, 24), dtype=np.int8)
     cells[4:, 12], cells[4, 4] = OCCUPIED, 50
     planner = Planner(GridMap(cells), config)
     planner.costmap.prepare()
-    request = PlanRequest((2, 20), (21, 20), **{**fields, 'time_limit': PATIENCE})
+    start, goal = (2, 20), (21, 20)
+    request = replace(
+        like, start=start, goal=goal, time_limit=PATIENCE, source=source, sample=None,
+        instruction=None, via=(), viapoints=(),
+    )  # fmt: skip
     # Without landmarks, which are measured in the background, and without waypoints; with both.
     planner.plan(replace(request, source=None))
     planner.prepare().plan(request)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from enum import IntEnum
-from typing import Any
 
 from numba.core import config as numba_config
 from numba.core import event
@@ -18,7 +18,10 @@ from llm_astar_planner.planning.compile import (
     compile_instruction_kernels,
     compile_kernels,
 )
+from llm_astar_planner.planning.types import PlanRequest
+from llm_astar_planner.waypoints.source import WaypointSource
 
+ANNOUNCEMENT = 'compiling the searches, once after an installation'
 EXPECTED_SECONDS = 15
 # Seconds between two looks at whether a plan may still wait.
 POLL_SECONDS = 0.02
@@ -40,7 +43,39 @@ class CompilationStopped(BaseException):
     """The compiler was closed; nothing in numba may catch it."""
 
 
-class KernelCompiler(event.Listener):
+class CompileListener(event.Listener):
+    """Notices when a function is compiled on the thread that makes it: it was not in the cache."""
+
+    def __init__(self, on_compile: Callable[[], None]) -> None:
+        """Take what to call each time; what it raises ends the compilation."""
+        self._on_compile = on_compile
+        self._thread = threading.current_thread()
+
+    def on_start(self, _: event.Event) -> None:
+        """Call back."""
+        if threading.current_thread() is self._thread:
+            self._on_compile()
+
+    def on_end(self, _: event.Event) -> None:
+        """Ignore the end."""
+
+
+@contextmanager
+def announced(report: Callable[[str], None]) -> Iterator[None]:
+    """Call `report` with a sentence if anything has to be compiled; once."""
+    is_announced = False
+
+    def announce() -> None:
+        nonlocal is_announced
+        if not is_announced:
+            is_announced = True
+            report(f'{ANNOUNCEMENT}, about {EXPECTED_SECONDS} s')
+
+    with event.install_listener('numba:compile', CompileListener(announce)):
+        yield
+
+
+class KernelCompiler:
     """Compiles the kernels on a thread of its own, or loads them from numba's cache.
 
     Where nothing has to be compiled that takes half a second. `report` gets a sentence when it
@@ -48,12 +83,17 @@ class KernelCompiler(event.Listener):
     """
 
     def __init__(
-        self, config: CostmapConfig, fields: Mapping[str, Any], report: Callable[[str], None]
+        self,
+        config: CostmapConfig,
+        request: PlanRequest,
+        source: WaypointSource | None,
+        report: Callable[[str], None],
     ) -> None:
-        """Start; what plans on costmaps of `config` with requests of `fields` take comes first."""
+        """Start; first comes what requests like this take on costmaps of `config`."""
         self.compiled = Compiled.NOTHING
         self._config = config
-        self._fields = fields
+        self._request = request
+        self._source = source
         self._report = report
         self._changed = threading.Condition()
         self._began = time.monotonic()
@@ -80,9 +120,11 @@ class KernelCompiler(event.Listener):
 
     def work(self) -> None:
         """Compile everything, step by step, until closed."""
-        with event.install_listener('numba:compile', self):
+        with event.install_listener('numba:compile', CompileListener(self.on_compile)):
             try:
-                self.step(lambda: compile_for(self._config, self._fields), Compiled.USUAL)
+                self.step(
+                    lambda: compile_for(self._config, self._request, self._source), Compiled.USUAL
+                )
                 self.step(lambda: compile_costmap(self._config), Compiled.MAP_CHANGES)
                 self.step(compile_instruction_kernels, Compiled.INSTRUCTIONS)
                 self.step(compile_kernels, Compiled.EVERYTHING)
@@ -105,10 +147,8 @@ class KernelCompiler(event.Listener):
             what = 'plans go on' if compiled is Compiled.USUAL else 'all of them'
             self._report(f'searches compiled in {time.monotonic() - self._began:.1f} s: {what}')
 
-    def on_start(self, _: event.Event) -> None:
-        """Notice that a function is not in the cache. Raises CompilationStopped when closed."""
-        if threading.current_thread() is not self._thread:
-            return
+    def on_compile(self) -> None:
+        """Report the first compilation. Raises CompilationStopped when closed."""
         if self._is_closed:
             raise CompilationStopped
         if not self._is_compiling:
@@ -116,9 +156,5 @@ class KernelCompiler(event.Listener):
             folder = numba_config.CACHE_DIR
             where = f'; they are kept in {folder}' if folder else ''
             self._report(
-                'compiling the searches, once after an installation: the first plans wait for '
-                f'about {EXPECTED_SECONDS} s{where}'
+                f'{ANNOUNCEMENT}: the first plans wait for about {EXPECTED_SECONDS} s{where}'
             )
-
-    def on_end(self, _: event.Event) -> None:
-        """Ignore that a function is compiled."""

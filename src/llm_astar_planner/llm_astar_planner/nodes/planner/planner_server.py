@@ -48,6 +48,7 @@ from llm_astar_planner.planning.kernel_compiler import KernelCompiler
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.waypoints.fixed import FixedReply
 
 
@@ -211,10 +212,12 @@ class PlannerServer:
     def make_compiler(self) -> KernelCompiler:
         """Return what compiles the searches, at first those under the present settings."""
         settings = self._settings.current
-        source = FixedReply('[[2, 2]]') if settings['llm_client'] else None
-        fields = request_fields(settings) | {'source': source}
-        report = self._node.get_logger().info
-        compiler = KernelCompiler(costmap_config(settings), fields, report)
+        compiler = KernelCompiler(
+            costmap_config(settings),
+            PlanRequest((0, 0), (0, 0), **request_fields(settings)),
+            FixedReply('[[2, 2]]') if settings['llm_client'] else None,
+            self._node.get_logger().info,
+        )
         self._entities.on_close(compiler.close)
         return compiler
 

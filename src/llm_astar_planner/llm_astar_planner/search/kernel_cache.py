@@ -1,0 +1,87 @@
+"""Where numba keeps the compiled kernels: in a folder that this process can write.
+
+numba writes next to the modules, else below the user's cache folder, and refuses to work where it
+can write neither: in an installation of another user without a HOME, or on a read-only disk. There
+this names another folder, and fills it with what was compiled at the installation.
+NUMBA_CACHE_DIR, where it is set, decides alone.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+import tempfile
+from pathlib import Path
+
+from numba.core import config
+from numba.core.caching import _CacheLocator
+
+NAME = 'llm_astar_planner'
+# The folder that was chosen here, None while numba's own are good.
+_CHOSEN: list[Path] = []
+
+
+def prepare_cache(kernels: str) -> None:
+    """Make sure that numba can keep what it compiles of a package, given its `__file__`."""
+    folder = Path(kernels).parent
+    if not _CHOSEN and (config.CACHE_DIR or is_writable(folder / '__pycache__')):
+        return
+    if not _CHOSEN:
+        _CHOSEN.append(writable_folder())
+        config.CACHE_DIR = str(_CHOSEN[0])
+    copy_compiled(
+        folder / '__pycache__', _CHOSEN[0] / _CacheLocator.get_suitable_cache_subpath(kernels)
+    )
+
+
+def is_writable(folder: Path) -> bool:
+    """Tell whether files can be written to a folder, which is made if need be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+def writable_folder() -> Path:
+    """Return a folder below the user's cache folder, or a temporary one of this user alone.
+
+    Raises FileNotFoundError if there is no folder at all that can be written.
+    """
+    try:
+        folder = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache', NAME)
+    except RuntimeError:  # nobody's home
+        pass
+    else:
+        if is_writable(folder):
+            return folder
+    folder = Path(tempfile.gettempdir(), f'{NAME}_{os.getuid()}')
+    # numba unpickles what is there, so nobody else may write it.
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return Path(tempfile.mkdtemp(prefix=NAME))
+    is_own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
+    if is_own and not found.st_mode & 0o077 and is_writable(folder):
+        return folder
+    return Path(tempfile.mkdtemp(prefix=NAME))
+
+
+def copy_compiled(source: Path, target: Path) -> None:
+    """Copy numba's files that are missing or older in `target`, each in one step.
+
+    The indices come last: a process that starts at the same time finds what they name.
+    """
+    for pattern in ('*.nbc', '*.nbi'):
+        for file in source.glob(pattern):
+            copy = target / file.name
+            if copy.exists() and copy.stat().st_mtime >= file.stat().st_mtime:
+                continue
+            target.mkdir(parents=True, exist_ok=True)
+            with tempfile.NamedTemporaryFile(dir=target, delete=False) as half:
+                pass
+            shutil.copy2(file, half.name)
+            os.replace(half.name, copy)

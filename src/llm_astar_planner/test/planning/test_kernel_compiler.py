@@ -1,0 +1,102 @@
+"""Kernels are compiled in the background: what waits for them can be cancelled, and is told."""
+
+import threading
+
+import numpy as np
+import pytest
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.planning import kernel_compiler
+from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler, announced
+from llm_astar_planner.planning.types import PlanRequest
+from numba import njit
+
+REQUEST = PlanRequest((0, 0), (0, 0))
+
+
+def new_function():
+    """Return a function that numba has not compiled."""
+    return njit(lambda numbers: numbers.sum() + 1)
+
+
+@pytest.fixture
+def steps(monkeypatch):
+    """The steps of the compiler, which wait until they are let go on."""
+    gates = {
+        name: threading.Event() for name in ('for', 'costmap', 'instruction_kernels', 'kernels')
+    }
+    for name, gate in gates.items():
+
+        def step(*_, gate=gate):
+            assert gate.wait(30.0)
+            new_function()(np.zeros(3))
+
+        monkeypatch.setattr(kernel_compiler, f'compile_{name}', step)
+    yield gates
+    for gate in gates.values():
+        gate.set()
+
+
+def test_what_is_needed_first_is_waited_for_alone_and_announced(steps):
+    said = []
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, None, said.append)
+    assert not compiler.wait(Compiled.USUAL, lambda: compiler.compiled > Compiled.USUAL)
+    steps['for'].set()
+    assert compiler.wait(Compiled.USUAL)
+    assert compiler.compiled is Compiled.USUAL
+    assert not compiler.wait(Compiled.EVERYTHING, lambda: False)
+    for gate in steps.values():
+        gate.set()
+    assert compiler.wait(Compiled.EVERYTHING)
+    compiler.close()
+    assert len(said) == 3
+    assert 'about 15 s' in said[0]
+    assert 'plans go on' in said[1]
+
+
+def test_a_caller_who_gives_up_gets_its_own_exception(steps):
+    def give_up():
+        raise KeyError
+
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, None, str)
+    with pytest.raises(KeyError):
+        compiler.wait(Compiled.USUAL, give_up)
+    steps['for'].set()
+    compiler.close()
+
+
+def test_a_closed_compiler_stops_before_the_next_function_and_releases_those_who_wait(steps):
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, None, str)
+    waiting = threading.Thread(target=compiler.wait, args=(Compiled.EVERYTHING,))
+    waiting.start()
+    closing = threading.Thread(target=compiler.close)
+    closing.start()
+    waiting.join(30.0)
+    assert not waiting.is_alive()
+    steps['for'].set()
+    closing.join(30.0)
+    assert not closing.is_alive()
+    assert compiler.compiled is Compiled.NOTHING
+
+
+def test_plans_go_on_where_the_searches_do_not_compile(steps, monkeypatch):
+    def fail(*_):
+        raise OSError('no space left on device')
+
+    monkeypatch.setattr(kernel_compiler, 'compile_for', fail)
+    said = []
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, None, said.append)
+    assert compiler.wait(Compiled.USUAL)
+    compiler.close()
+    assert said == ['the searches do not compile: OSError: no space left on device']
+
+
+def test_a_compilation_is_announced_once_and_a_cached_function_not_at_all():
+    said = []
+    one, other = new_function(), new_function()
+    with announced(said.append):
+        one(np.zeros(3))
+        other(np.zeros(3))
+    assert len(said) == 1
+    with announced(said.append):
+        one(np.zeros(3))
+    assert len(said) == 1
