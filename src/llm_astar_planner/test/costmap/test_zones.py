@@ -74,7 +74,7 @@ def test_a_cell_has_the_highest_cost_of_the_zones_that_touch_it(seed):
     np.testing.assert_array_equal(composed.cells[~unsure], expected[~unsure])
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1))
 def test_removing_zones_restores_the_cells_and_their_order_does_not_matter(seed):
     random = np.random.default_rng(seed)
