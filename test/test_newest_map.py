@@ -21,6 +21,7 @@ from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.nodes.planner.request_conversion import RequestError
 from llm_astar_planner.planning.types import ResultCode
 from nav_msgs.msg import OccupancyGrid
+from rclpy.duration import Duration
 from rclpy.logging import get_logger
 from rclpy.parameter import Parameter
 
@@ -137,6 +138,42 @@ def test_an_equal_map_is_not_prepared_again_but_is_younger(maps):
     assert maps.newest.arrived > before.arrived
 
 
+def test_paths_are_checked_on_a_map_that_is_still_being_prepared(maps, rules):
+    assert maps.newest_arrived() is None
+    rules.gate.clear()
+    maps.take(map_with((1, 1)))
+    assert maps.newest_arrived() is None  # what checks paths may not be compiled
+    rules.gate.set()
+    assert maps.wait(PATIENCE, always)
+    costmap, checker = maps.newest_arrived()
+    assert (costmap, checker) == (maps.planner.costmap, maps.planner.checker)
+    rules.config, good = 'no rules at all', maps.newest
+    maps.take(map_with((2, 2)))
+    assert maps.wait(PATIENCE, always)
+    assert maps.newest_arrived()[0] is good.planner.costmap
+    rules.config = CostmapConfig()
+    preparing = maps._changed
+    with preparing:
+        newest = map_with((3, 3))
+        maps.take(newest)
+        costmap, checker = maps.newest_arrived()
+    assert costmap.grid_map is newest
+    assert checker.rules[0] is newest.cells
+
+
+def test_a_map_with_other_zones_is_as_old_as_the_last_message(maps):
+    maps.arrivals.note(0.3)
+    maps.take(map_with((1, 1)))
+    assert maps.wait(PATIENCE, always)
+    before = maps.newest
+    maps.take(map_with((2, 2)))
+    assert maps.wait(PATIENCE, always)
+    assert maps.newest.planner is not before.planner
+    assert maps.newest.arrived == before.arrived == maps.arrivals.last
+    assert maps.age >= 0.3
+    assert not maps.wait(0.0, always, newer_than=before.arrived)
+
+
 def test_a_cancelled_goal_and_a_closed_node_wait_no_longer(maps, rules):
     rules.gate.clear()
     maps.take(map_with((1, 1)))
@@ -184,6 +221,27 @@ def test_a_map_of_another_size_between_updates_and_updates_off_it_leave_the_last
     update(5, sec=6)
     assert len(taken) == 4
     assert taken[-1].digest == map_with((5, 0), shape=(10, 20)).digest
+
+
+def test_a_message_says_how_long_it_was_under_way_if_its_stamp_is_of_just_now():
+    node, transits = rclpy.create_node('stamps'), []
+    entities = Mock(node=node)
+    subscription = MapSubscription(entities, lambda _: None, on_arrival=transits.append)
+    now = node.get_clock().now()
+
+    def send(seconds):
+        stamp = (now - Duration(seconds=seconds)).to_msg()
+        subscription._on_whole(grid_to_message(map_with(), stamp))
+
+    send(0.2)
+    send(60.0)
+    send(-60.0)
+    subscription._on_whole(grid_to_message(map_with(), Time()))
+    subscription._on_whole(SimpleNamespace())  # refused
+    node.destroy_node()
+    assert len(transits) == 4
+    assert 0.2 <= transits[0] < 0.5
+    assert transits[1:] == [0.0, 0.0, 0.0]
 
 
 @contextlib.contextmanager

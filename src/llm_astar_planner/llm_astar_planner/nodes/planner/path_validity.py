@@ -105,7 +105,9 @@ class PathValidityService:
         if not len(path.values):
             raise ValidityError('the path is empty')
         if getattr(request, 'layer_name', ''):
-            raise ValidityError(f'layer {request.layer_name!r} is not known, only the costmap is')
+            raise ValidityError(
+                f'layer {request.layer_name[:100]!r} is not known, only the costmap is'
+            )
         costmap, checker = newest
         poses = self.poses(path, costmap.grid_map.frame_id)
         first = self.first_index(poses, costmap.grid_map.frame_id)
