@@ -16,7 +16,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message, status_values, yaw_of
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, quaternion_of
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
-from llm_astar_planner.nodes.common.tf import Frames
+from llm_astar_planner.nodes.common.tf import HAS_TF2, Frames
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.planning.footprint import Footprint
@@ -24,6 +24,9 @@ from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from shapely import affinity
+
+if HAS_TF2:
+    from tf2_msgs.msg import TFMessage
 
 SPACE = '/footprint'
 LONG = '[[0.5, 0.25], [0.5, -0.25], [-0.5, -0.25], [-0.5, 0.25]]'
@@ -179,6 +182,23 @@ def test_a_published_path_is_checked_again_when_the_footprint_changes(robot):
     assert robot.set(LONG).successful
     wait_for(lambda: 'no path fits the footprint' in monitor.state, 'the check')
     assert robot.set('').successful
+
+
+@pytest.mark.skipif(not HAS_TF2, reason='tf2_ros is not installed')
+def test_nav2s_footprint_is_taken_where_the_robot_is_by_tf(robot):
+    stamp = robot.caller.node.get_clock().now().to_msg()
+    transform = TransformStamped(child_frame_id='base_link')
+    transform.header.frame_id, transform.header.stamp = 'map', stamp
+    transform.transform.translation.x, transform.transform.translation.y = 30.0, -12.0
+    transform.transform.rotation = quaternion_of(1.0)
+    broadcaster = robot.caller.node.create_publisher(TFMessage, '/tf', RELIABLE)
+    wait_for(broadcaster.get_subscription_count, '/tf')
+    broadcaster.publish(TFMessage(transforms=[transform]))
+    footprint = Footprint(((0.6, 0.25), (0.6, -0.25), (-0.4, -0.25), (-0.4, 0.25)))
+    shape = affinity.rotate(shapely.Polygon(footprint.points), 1.0, (0, 0), use_radians=True)
+    points = shapely.get_coordinates(affinity.translate(shape, 30.0, -12.0))[:-1]
+    robot.footprints.publish(polygon_of(points, 'map', stamp))
+    wait_for(lambda: robot.current and robot.current.is_close_to(footprint, 1e-4), 'it')
 
 
 class Buffer:

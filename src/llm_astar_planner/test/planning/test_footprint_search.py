@@ -9,8 +9,16 @@ import pytest
 import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    RouteInstruction,
+    Understanding,
+)
+from llm_astar_planner.instructions.specification import Avoid, Disc, Specification, Visit
 from llm_astar_planner.planning.compile import compile_footprint_kernels
 from llm_astar_planner.planning.footprint import Footprint
+from llm_astar_planner.planning.footprint_checker import FootprintChecker
+from llm_astar_planner.planning.plan_reuse import reuse_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from shapely import affinity
@@ -332,3 +340,65 @@ def test_paths_are_the_cheapest_that_an_oracle_finds(seed):
             assert plan.length <= wider.get(goal, math.inf) + 1e-6
             assert_passes(plan, planner, footprint)
     assert found
+
+
+def test_a_path_is_kept_only_where_the_footprint_passes_it_on_the_new_map():
+    cells = np.zeros((100, 100), np.int8)
+    before = planner_of(cells)
+    plan = before.plan(PlanRequest((20, 50), (80, 50), footprint=LONG))
+    # 0.25 m beside the path: free for a circle of 0.2 m, not for the polygon.
+    cells[55, 50] = 100
+    after = planner_of(cells)
+    assert reuse_problem(plan, before.grid_map, after) is None
+    assert 'meets an obstacle on it' in reuse_problem(plan, before.grid_map, after, LONG)
+    assert reuse_problem(plan, before.grid_map, before, LONG) is None
+
+
+def instructed(planner, policy, *clauses):
+    instruction = RouteInstruction(
+        Interpretation('text', Specification(clauses), 'truth', Understanding.WHOLE), policy=policy
+    )
+    return planner.plan(
+        PlanRequest((30, 57), (104, 160), footprint=LONG, instruction=instruction, time_limit=30.0)
+    )
+
+
+def test_a_path_that_keeps_to_an_instruction_passes_or_gives_way_to_one_that_does():
+    planner = planner_of(L_WITH_ROOM)
+    # The lower half of the room is enough to turn in.
+    plan = instructed(planner, 'require', Avoid(region=Disc(4.7, 2.35, 0.1)))
+    assert plan.code is ResultCode.NONE, plan.message
+    assert_passes(plan, planner, LONG)
+    # A path with a visit is not searched by heading: the direct one is taken, or none.
+    visit = Visit(regions=(Disc(5.8, 2.5, 0.2),))
+    plan = instructed(planner, 'prefer', visit)
+    assert plan.code is ResultCode.NONE, plan.message
+    assert_passes(plan, planner, LONG)
+    plan = instructed(planner, 'require', visit)
+    if plan.code is ResultCode.NONE:
+        assert_passes(plan, planner, LONG)
+    else:
+        assert plan.code is ResultCode.NO_VALID_PATH
+
+
+def test_the_last_check_finds_what_the_search_would_have_missed(monkeypatch):
+    planner = planner_of(L_WITHOUT_ROOM)
+    monkeypatch.setattr(FootprintChecker, 'path_collides', lambda *_: False)
+    plan = planner.plan(PlanRequest((30, 57), (104, 160), footprint=LONG))
+    assert plan.code is ResultCode.UNKNOWN
+    assert 'withheld: the footprint meets an obstacle at' in plan.message
+
+
+def test_the_footprint_is_of_the_robots_frame_on_a_turned_map():
+    # The same corridor on a map that is turned by 0.6 rad: yaws are those of the map's frame.
+    origin = Pose2D(4.0, -7.0, 0.6)
+    planner = Planner(GridMap(L_WITH_ROOM, 0.05, origin), CostmapConfig(robot_radius=0.2))
+    x, y = planner.grid_map.grid_to_world([(30, 57)])[0]
+    request = PlanRequest(
+        (30, 57), (104, 160), footprint=LONG, start_pose=Pose2D(x, y, 0.6),
+        goal_yaw=0.6 + math.pi / 2,
+    )  # fmt: skip
+    plan = planner.plan(request)
+    assert plan.code is ResultCode.NONE, plan.message
+    assert plan.warnings == ()
+    assert_passes(plan, planner, LONG, 0.0, math.pi / 2)
