@@ -12,11 +12,13 @@ import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.visualization.instructions import (
@@ -37,6 +39,8 @@ STATUS_MARKERS = {
 }
 # Of a title in its font.
 CHARACTERS_PER_INCH = 10
+# Outlines of the robot drawn along one path.
+MAX_OUTLINES = 100
 EXPANDED, UNKNOWN, OBSTACLE, PATH = '#bcd7f0', '#e8e4da', '#222222', '#d62728'
 
 
@@ -45,7 +49,8 @@ class Picture:
     """What to draw, in grid coordinates: `path` [n, 2], `expanded` bool [height, width].
 
     `waypoints` are (x, y, status). `offset` is the map coordinate of cell (0, 0), for the axes.
-    `places` are drawn with their names, and `instructed` says what became of an instruction.
+    `places` are drawn with their names, `instructed` says what became of an instruction, and the
+    `footprint` is drawn along the path.
     """
 
     grid_map: GridMap
@@ -58,6 +63,7 @@ class Picture:
     offset: Cell = (0, 0)
     places: Places = NO_PLACES
     instructed: InstructedPath | None = None
+    footprint: Footprint | None = None
 
     def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points [n, 2] in metres of the map's frame in the coordinates of the axes."""
@@ -87,8 +93,9 @@ def picture_of(
         path = path if plan.any_angle is None else plan.any_angle.points
         instructed = InstructedPath(plan.instruction, route, grid_map.grid_to_world(path))
     return Picture(
-        grid_map, start, goal, path, plan.expanded, waypoints, title, offset, places, instructed
-    )
+        grid_map, start, goal, path, plan.expanded, waypoints, title, offset, places, instructed,
+        plan.footprint,
+    )  # fmt: skip
 
 
 def drawable_map(grid_map: GridMap, costmap: CostmapConfig | None) -> GridMap:
@@ -138,6 +145,8 @@ def draw(axes: Axes, picture: Picture) -> None:
         # Red is what violates an instruction.
         colour = PATH if picture.instructed is None else INSTRUCTED_PATH
         axes.plot(x, y, color=colour, linewidth=2, label='path')
+    if picture.footprint is not None and len(picture.path) > 1:
+        draw_footprints(axes, picture, picture.footprint)
     if picture.instructed is not None:
         draw_instruction(axes, picture.instructed, picture.project)
     labelled = set()
@@ -151,6 +160,22 @@ def draw(axes: Axes, picture: Picture) -> None:
     mark_point(axes, picture, picture.goal, ('#17becf', 'D'), 'goal', size=9)
     inches = axes.figure.bbox.width / axes.figure.dpi
     axes.set_title(wrap_title(picture.title, inches), parse_math=False)
+
+
+def draw_footprints(axes: Axes, picture: Picture, footprint: Footprint) -> None:
+    """Draw the robot's outline along the path, about its own size apart."""
+    resolution = picture.grid_map.resolution
+    path = picture.path + np.array(picture.offset)
+    steps = np.diff(path, axis=0, append=2 * path[-1:] - path[-2:-1])
+    apart = max(1.0, 1.5 * footprint.circumscribed_radius / resolution, len(path) / MAX_OUTLINES)
+    outlines = []
+    for index in np.arange(0.0, len(path), apart).astype(int):
+        cos, sin = steps[index] / max(np.hypot(*steps[index]), 1.0)
+        turned = footprint.array / resolution @ np.array([[cos, sin], [-sin, cos]])
+        outlines.append(turned + path[index])
+    axes.add_collection(
+        PolyCollection(outlines, facecolors='none', edgecolors=PATH, linewidths=0.6)
+    )
 
 
 def wrap_title(title: str, inches: float) -> str:
