@@ -127,7 +127,7 @@ def running_graph():
     with running(planner, Waypoints()), calling(SPACE) as caller:
         graph = Graph(caller, planner)
         graph.show(grid())
-        caller.wait_until_ready(grid().digest)
+        caller.wait_until_ready(grid().digest, seconds=PATIENCE)
         assert graph.adding.wait_for_service(PATIENCE)
         assert graph.removing.wait_for_service(PATIENCE)
         yield graph
