@@ -1,13 +1,18 @@
-"""Start the planner and its waypoint client, and map_node unless `map:=false`."""
+"""Start the planner and its waypoint client, and map_node unless `map:=false`.
+
+All start at once and need no order: the map is latched, a first goal waits for what is still
+being prepared, and the planner does without waypoints until the client is there. Where the planner
+or map_node cannot start or dies, everything ends; the waypoint client may be missing.
+"""
 
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch.actions import DeclareLaunchArgument, Shutdown
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
+from launch_ros.actions import Node, SetParameter
 
 PACKAGE = 'llm_astar_planner'
 
@@ -15,48 +20,50 @@ PACKAGE = 'llm_astar_planner'
 def generate_launch_description() -> LaunchDescription:
     """Describe the three nodes; `ros2 launch --show-args` lists what can be set."""
     config = Path(get_package_share_directory(PACKAGE)) / 'config'
-    parameters = [LaunchConfiguration('params_file')]
+    arguments = {
+        'namespace': ('', 'Namespace of all nodes'),
+        'use_sim_time': ('false', 'Use the time of /clock'),
+        'autostart': ('true', 'false: a lifecycle manager activates planner_node'),
+        'params_file': (str(config / 'planner.yaml'), 'Parameters of all nodes'),
+        'log_level': ('info', 'Log level of all nodes'),
+        'map': ('true', 'Whether to start map_node; false: use the /map of another node'),
+        'map_file': ('demo.json', 'Map of map_node: barrier-map JSON or map_server YAML'),
+        'map_id': ('0', 'Which map of the file'),
+    }
+    value = {name: LaunchConfiguration(name) for name in arguments}
+
+    def node(executable: str, set_here: dict[str, LaunchConfiguration], **options: object) -> Node:
+        return Node(
+            package=PACKAGE,
+            executable=executable,
+            name=executable,
+            namespace=value['namespace'],
+            parameters=[value['params_file'], set_here],
+            # As Nav2 does, so that a robot in a namespace has its own transforms.
+            remappings=[('/tf', 'tf'), ('/tf_static', 'tf_static')],
+            arguments=['--ros-args', '--log-level', value['log_level']],
+            output='screen',
+            **options,
+        )
+
     return LaunchDescription(
         [
-            DeclareLaunchArgument(
-                'params_file',
-                default_value=str(config / 'planner.yaml'),
-                description='Parameters of all nodes',
+            *(
+                DeclareLaunchArgument(name, default_value=default, description=sentence)
+                for name, (default, sentence) in arguments.items()
             ),
-            DeclareLaunchArgument(
-                'map',
-                default_value='true',
-                description='Whether to start map_node; false: use the /map of another node',
+            SetParameter('use_sim_time', value['use_sim_time']),
+            node(
+                'map_node',
+                {'map_file': value['map_file'], 'map_id': value['map_id']},
+                condition=IfCondition(value['map']),
+                on_exit=Shutdown(reason='map_node has ended'),
             ),
-            DeclareLaunchArgument(
-                'map_file',
-                default_value='demo.json',
-                description='Map of map_node: barrier-map JSON or map_server YAML',
-            ),
-            DeclareLaunchArgument(
-                'map_id', default_value='0', description='Which map of the file'
-            ),
-            Node(
-                package=PACKAGE,
-                executable='map_node',
-                parameters=[
-                    *parameters,
-                    {
-                        'map_file': LaunchConfiguration('map_file'),
-                        'map_id': LaunchConfiguration('map_id'),
-                    },
-                ],
-                condition=IfCondition(LaunchConfiguration('map')),
-                output='screen',
-            ),
-            Node(
-                package=PACKAGE,
-                executable='llm_client_node',
-                parameters=parameters,
-                output='screen',
-            ),
-            Node(
-                package=PACKAGE, executable='planner_node', parameters=parameters, output='screen'
+            node('llm_client_node', {}),
+            node(
+                'planner_node',
+                {'autostart': value['autostart']},
+                on_exit=Shutdown(reason='planner_node has ended'),
             ),
         ]
     )

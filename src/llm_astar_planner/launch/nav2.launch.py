@@ -1,0 +1,105 @@
+"""Start Nav2's navigation_launch.py with this planner in the place of planner_server's plugin.
+
+planner_server stays for its global costmap and the services that clear it; its actions,
+`is_path_valid` and `plan` are moved below `nav2_planner/`. planner_node serves their names and has
+a lifecycle manager and a bond of its own. It needs no start order: bt_navigator looks for the
+actions when Nav2's manager activates it, which is later.
+"""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node, SetParameter, SetRemap
+
+PACKAGE = 'llm_astar_planner'
+ACTIONS = ('compute_path_to_pose', 'compute_path_through_poses')
+# In Jazzy each part of an action is remapped on its own.
+PARTS = ('send_goal', 'cancel_goal', 'get_result', 'feedback', 'status')
+MOVED_ASIDE = (
+    *(f'{action}/_action/{part}' for action in ACTIONS for part in PARTS),
+    'is_path_valid',
+    'plan',
+)
+TRANSFORMS = [('/tf', 'tf'), ('/tf_static', 'tf_static')]
+COSTMAP = [
+    ('map', 'global_costmap/costmap'),
+    ('map_updates', 'global_costmap/costmap_updates'),
+    ('published_footprint', 'global_costmap/published_footprint'),
+]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Describe the stack; `ros2 launch --show-args` lists what can be set."""
+    nav2 = Path(get_package_share_directory('nav2_bringup'))
+    config = Path(get_package_share_directory(PACKAGE)) / 'config'
+    arguments = {
+        'namespace': ('', 'Namespace of all nodes'),
+        'use_sim_time': ('false', 'Use the time of /clock'),
+        'autostart': ('true', 'Whether the lifecycle managers activate the nodes'),
+        'params_file': (str(nav2 / 'params' / 'nav2_params.yaml'), "Parameters of Nav2's nodes"),
+        'planner_params_file': (str(config / 'nav2.yaml'), 'Parameters of planner_node'),
+        'use_respawn': ('False', 'Whether nodes that have died are started again'),
+        'log_level': ('info', 'Log level of all nodes'),
+    }
+    value = {name: LaunchConfiguration(name) for name in arguments}
+    common = {
+        'namespace': value['namespace'],
+        'arguments': ['--ros-args', '--log-level', value['log_level']],
+        'output': 'screen',
+    }
+    navigation = PythonLaunchDescriptionSource(str(nav2 / 'launch' / 'navigation_launch.py'))
+    passed = {name: value[name] for name in arguments if name != 'planner_params_file'}
+    ours = {'parameters': [value['planner_params_file']], 'respawn': value['use_respawn']}
+    return LaunchDescription(
+        [
+            *(
+                DeclareLaunchArgument(name, default_value=default, description=sentence)
+                for name, (default, sentence) in arguments.items()
+            ),
+            GroupAction(
+                [
+                    # For that node alone: bt_navigator must find the actions by these names.
+                    *(
+                        SetRemap(f'planner_server:{name}', f'nav2_planner/{name}')
+                        for name in MOVED_ASIDE
+                    ),
+                    IncludeLaunchDescription(navigation, launch_arguments=passed.items()),
+                ]
+            ),
+            GroupAction(
+                [
+                    SetParameter('use_sim_time', value['use_sim_time']),
+                    Node(
+                        package=PACKAGE,
+                        executable='planner_node',
+                        name='planner_node',
+                        # RViz's goal is for Nav2's behaviour tree, which calls the action.
+                        remappings=[*TRANSFORMS, *COSTMAP, ('goal_pose', 'llm_astar/goal_pose')],
+                        **ours,
+                        **common,
+                    ),
+                    Node(
+                        package=PACKAGE,
+                        executable='llm_client_node',
+                        name='llm_client_node',
+                        remappings=COSTMAP,
+                        **ours,
+                        **common,
+                    ),
+                    Node(
+                        package='nav2_lifecycle_manager',
+                        executable='lifecycle_manager',
+                        name='lifecycle_manager_llm_astar',
+                        parameters=[
+                            {'autostart': value['autostart'], 'node_names': ['planner_node']}
+                        ],
+                        **common,
+                    ),
+                ]
+            ),
+        ]
+    )
