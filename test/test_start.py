@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+import rclpy
 from graph_tools import calling, process, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_planner.nodes.tools.planner_client import PlannerClientError
@@ -29,6 +30,14 @@ def test_nothing_that_takes_long_is_imported_before_the_services_are_there():
     assert set(done.stdout.split()) <= {'lark'}  # which the ROS wheels import
 
 
+@pytest.fixture
+def ros():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+@pytest.mark.usefixtures('ros')
 def test_a_goal_waits_for_the_compilation_and_a_signal_ends_it(tmp_path, monkeypatch):
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
     with process('planner_node', namespace=COLD) as node, calling(COLD) as caller:

@@ -241,8 +241,12 @@ class PlanPublisher:
             self._explored.publish(expanded_to_message(plan.expanded, grid_map, stamp))
 
     def logged(self, publish: Callable[..., None], *arguments: Any) -> None:  # noqa: ANN401
-        """Call something on the publisher's thread; an exception is logged."""
+        """Call something on the publisher's thread; an exception is logged.
+
+        After a signal nothing can be published any more, which is no failure.
+        """
         try:
             publish(*arguments)
         except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
-            self._node.get_logger().error(traceback.format_exc())
+            if self._node.context.ok():
+                self._node.get_logger().error(traceback.format_exc())
