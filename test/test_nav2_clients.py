@@ -72,7 +72,9 @@ class Stack:
         self.costmap.use(period, updates=updates)
         for mark in marks:
             self.costmap.mark(*mark, come_back=come_back)
-        self.caller.wait_until_ready(self.costmap.grid_map.digest)
+        digest = self.costmap.grid_map.digest
+        # Longer where the searches have to be compiled first.
+        self.caller.wait_until_ready(digest, seconds=3.0 * PATIENCE)
 
 
 @pytest.fixture(scope='module')
