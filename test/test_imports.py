@@ -93,7 +93,7 @@ def test_the_adapter_never_imports_the_planner_and_only_messages_imports_ros(pat
     if room != 'messages' or path.stem in PLAIN_MESSAGES:
         assert not imported(path, *ROS)
     if room == 'maps':
-        assert rooms_of(path, ADAPTER) <= {'maps', 'errors'}
+        assert rooms_of(path, ADAPTER) <= {'maps', 'errors', 'files'}
 
 
 @pytest.mark.parametrize(
