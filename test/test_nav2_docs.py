@@ -39,9 +39,15 @@ def names(text):
     return set(re.findall(r'`([^`]+)`', text))
 
 
-def test_every_parameter_is_compared():
+def ours_alone(section):
+    """Return the names that a section lists behind its table."""
+    return names(SECTIONS[section].partition('Ours alone: ')[2])
+
+
+def test_every_parameter_is_compared_and_those_of_ours_exist():
     own = {parameter.name for parameter in NODES['planner_node']}
     assert own - names(SECTIONS['Parameters']) == set()
+    assert ours_alone('Parameters') <= own
 
 
 def test_our_defaults_are_those_of_the_table():
@@ -90,7 +96,7 @@ def names_in_the_graph(node):
     return {name.replace(f'{node.get_name()}/', '~/') for name in relative}
 
 
-def test_every_topic_service_and_action_is_compared():
+def test_every_topic_service_and_action_is_compared_and_those_of_ours_exist():
     rclpy.init()
     node = PlannerNode(namespace=SPACE)
     compared = names(SECTIONS['Topics, services and actions'])
@@ -101,3 +107,4 @@ def test_every_topic_service_and_action_is_compared():
     rclpy.try_shutdown()
     missing = {name for name in found - compared if not OF_ANY_NODE.match(name)}
     assert {name for name in missing if not OF_THE_CLIENT.match(name)} == set()
+    assert ours_alone('Topics, services and actions') <= found
