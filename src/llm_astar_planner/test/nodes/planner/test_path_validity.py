@@ -7,7 +7,9 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Point, TransformStamped
+from hypothesis import given
+from hypothesis import strategies as st
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.writing import path_to_message, quaternion_of
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -212,3 +214,35 @@ def test_the_cells_of_a_map_with_a_turned_origin_are_found():
     turned = GridMap(CELLS, 0.5, Pose2D(1.0, 2.0, 0.3))
     x, y = turned.grid_to_world([(10.0, 4.0)])[0].tolist()
     assert Service(turned).ask(path_of((x, y))) == (False, [0])
+
+
+numbers = st.floats() | st.floats(-5.0, 20.0)
+
+
+@given(
+    st.lists(st.tuples(numbers, numbers, st.sampled_from(['map', '', 'odom', 'x'])), max_size=4),
+    st.floats(-4.0, 4.0),
+    st.fixed_dictionaries(
+        {
+            'max_cost': st.integers(0, 255),
+            'consider_unknown_as_obstacle': st.booleans(),
+            'layer_name': st.sampled_from(['', '', 'static_layer']),
+            'footprint': st.sampled_from(['', CAR_TEXT, '[[0, 0]]', '[', '[[nan, 1], [2, 3]]']),
+            'stop_at_first_collision': st.booleans(),
+            'max_lookahead_distance': st.floats(),
+        }
+    ),
+    st.sampled_from([0.0, 0.7]),
+)
+def test_any_request_gets_an_answer(places, yaw, fields, robot_radius):
+    path = path_of(*((0.0, 0.0) for _ in places), yaw=yaw)
+    for pose, (x, y, frame) in zip(path.poses, places):
+        pose.header = Header(frame_id=frame)
+        pose.pose.position = Point(x=x, y=y, z=0.0)
+    buffer = Buffer(odom=(4.0, 2.0, 0.5), base_link=(3.0, 3.0, 0.0))
+    service = Service(config=CostmapConfig(robot_radius=robot_radius), buffer=buffer)
+    response = SimpleNamespace(success=None)
+    answer = service.service.fill(SimpleNamespace(path=path, **fields), response)
+    assert isinstance(answer.success, bool)
+    assert answer.is_valid == (answer.success and not answer.invalid_pose_indices)
+    assert all(0 <= index < len(places) for index in answer.invalid_pose_indices)
