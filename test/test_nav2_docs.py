@@ -66,7 +66,7 @@ def test_our_defaults_are_those_of_the_table():
 
 @pytest.mark.parametrize('row', code_rows(), ids=lambda row: row[0])
 def test_the_codes_of_the_actions_are_those_of_the_table(row):
-    case, ours, reported = row[0], row[-2], row[-1].strip('`')
+    case, ours, reported = row[0], row[4], row[5].strip('`')
     code = ResultCode[reported]
     goals = () if case.startswith('`goals`') else ('a pose',)
     response = SimpleNamespace(
@@ -81,8 +81,18 @@ def test_the_codes_of_the_actions_are_those_of_the_table(row):
         assert ours == f'`{name}`'
 
 
+@pytest.mark.parametrize('section', [name for name, text in SECTIONS.items() if '|---' in text])
+def test_every_row_says_what_is_the_same_what_differs_and_what_is_missing(section):
+    verdict = re.compile(
+        r'same|differs( because|:)|differs in|as (NavFn|Smac 2D)|\[below\]|of tf2'
+    )
+    for row in rows_of(section):
+        is_missing = any(cell.startswith('missing') for cell in row[1:-1])
+        assert is_missing or verdict.match(row[-1]) or row[0].startswith('**'), row
+
+
 def test_every_code_of_a_plan_is_in_the_table():
-    assert {code.name for code in ResultCode} == {row[-1].strip('`') for row in code_rows()}
+    assert {code.name for code in ResultCode} == {row[5].strip('`') for row in code_rows()}
 
 
 def names_in_the_graph(node):
