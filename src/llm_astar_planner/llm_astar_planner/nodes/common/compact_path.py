@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 from dataclasses import dataclass
+from importlib.metadata import version
 from types import SimpleNamespace
 from typing import Any
 
@@ -48,6 +49,8 @@ class PathStruct(ctypes.Structure):
     ]
 
 
+# The major versions of rclpy that this was tried with: those of Jazzy and of Kilted.
+TRIED = ('7', '9')
 # What the fields of a request may be. One of another type is not read here.
 KINDS = {
     'nav_msgs/Path': PathStruct,
@@ -136,8 +139,14 @@ def value_of(field: Any) -> Any:  # noqa: ANN401 - of any of KINDS
 
 
 def compact_service(kind: Any) -> Any:  # noqa: ANN401 - a service type
-    """Return a service type as `kind` whose requests are compact, `kind` where that fails."""
+    """Return a service type as `kind` whose requests are compact.
+
+    That is `kind` itself where it fails, and with versions of rclpy that this was not tried with:
+    memory of another layout could end the process.
+    """
     try:
+        if version('rclpy').partition('.')[0] not in TRIED:
+            return kind
         compact = compact_type(kind.Request)
         if not is_read_rightly(kind.Request, compact):
             return kind

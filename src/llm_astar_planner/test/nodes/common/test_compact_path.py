@@ -90,3 +90,9 @@ def test_the_requests_of_is_path_valid_are_compact_and_its_responses_are_not():
     found = deserialize_message(serialize_message(request), kind.Request)
     assert set(vars(found)) == set(request.get_fields_and_field_types())
     assert len(found.path.values) == 3
+
+
+def test_another_version_of_rclpy_reads_by_its_own_means(monkeypatch):
+    services = pytest.importorskip('nav2_msgs.srv', reason='nav2_msgs is not installed')
+    monkeypatch.setattr(compact_path, 'TRIED', ('6',))
+    assert compact_service(services.IsPathValid) is services.IsPathValid
