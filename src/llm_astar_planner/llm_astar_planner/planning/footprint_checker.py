@@ -66,7 +66,7 @@ class FootprintChecker:
         Yaws are relative to the grid, in radians.
         """
         return not kernels.turn_collides(
-            *self._rules, float(place[0]), float(place[1]), begin, end
+            *self._rules, float(place[0]), float(place[1]), (begin, end)
         )
 
     def path_collides(

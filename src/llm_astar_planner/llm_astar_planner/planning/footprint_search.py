@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.endpoints import Endpoints, window_around
 from llm_astar_planner.planning.footprint_checker import FootprintChecker
-from llm_astar_planner.planning.footprint_validator import footprint_problem
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
-from llm_astar_planner.search.any_angle import interpolate
 from llm_astar_planner.search.headings import (
     EVERY_HEADING,
     HEADINGS,
@@ -64,19 +62,19 @@ def fit_footprint(
         if len(ahead):
             step = path[-1] - path[ahead[-1]]
             yaw = math.atan2(step[1], step[0])
+    goal, shift = search.endpoints.goal, search.endpoints.goal_shift
+    if goal != endpoints.goal:
+        search.warn(f'the footprint gets no nearer to the goal than {goal}, {shift:.2f} m off')
     return search.endpoints
 
 
 def collides(costmap: Costmap, request: PlanRequest, points: NDArray[np.int32]) -> bool:
     """Tell whether the footprint of a request collides on straight segments between cells [n, 2].
 
-    It is asked twice, the second time with shapely.
+    It also turns at the ends, from the start's yaw and to the goal's.
     """
     search = FootprintSearch(costmap, request)
-    return (
-        search.checker.path_collides(points, search.start_yaw, search.goal_yaw)
-        or footprint_problem(interpolate(points), costmap, request) is not None
-    )
+    return search.checker.path_collides(points, search.start_yaw, search.goal_yaw)
 
 
 class FootprintSearch:
@@ -157,8 +155,7 @@ class FootprintSearch:
         if status is SearchStatus.EXHAUSTED and is_first and yaw is not None:
             # The robot is there anyway, and may get away in a manner of its own.
             status = search.run(EVERY_HEADING, ends, self.deadline, segment.stop)
-            if status is SearchStatus.FOUND:
-                self.warn(NO_TURN)
+            self.warn(NO_TURN)
         if status is SearchStatus.STOPPED:
             reason = 'cancelled' if segment.stop[0] else 'out of time'
             message = f'{reason} while looking for a path that fits the footprint'
@@ -231,8 +228,6 @@ class FootprintSearch:
     def end_at(self, cell: Cell) -> None:
         """End at another cell than at the goal."""
         shift = math.dist(cell, self.request.goal) * self.costmap.grid_map.resolution
-        warning = f'the footprint ends at {cell}, {shift:.2f} m off the goal, where it can get to'
-        self.warn(warning)
         self.endpoints = self.endpoints._replace(goal=cell, goal_shift=shift)
 
     def fits(self, cell: Cell, yaw: float | None) -> bool:

@@ -38,7 +38,7 @@ from llm_astar_planner.planning.types import (
 )
 from llm_astar_planner.planning.viapoints import ViapointSource
 from llm_astar_planner.planning.waypoint_filter import mark_out_of_order
-from llm_astar_planner.search.any_angle import AnyAnglePath, string_pull
+from llm_astar_planner.search.any_angle import AnyAnglePath, interpolate, string_pull
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import GUIDED
@@ -154,6 +154,8 @@ class Planner:
                 for solution in segment.search():
                     if not anytime or request.via:
                         continue
+                    if request.footprint and collides(self.costmap, request, solution.path):
+                        continue
                     # 3. A better path, while the search goes on.
                     if self.problem(request, endpoints, solution.path) is None:
                         yield self.build_plan(request, endpoints, segments, solution)
@@ -241,6 +243,13 @@ class Planner:
             return None
         return footprint_problem(path, self.costmap, request)
 
+    def footprint_passes(self, points: NDArray[np.int32], request: PlanRequest) -> bool:
+        """Tell whether a request's footprint passes straight segments between cells [n, 2]."""
+        return request.footprint is None or not (
+            collides(self.costmap, request, points)
+            or footprint_problem(interpolate(points), self.costmap, request)
+        )
+
     def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
         """Say what is wrong with a path of cells [n, 2] on this map, or None.
 
@@ -292,11 +301,7 @@ class Planner:
                 except TimeoutError as error:
                     fields['warnings'] = (*endpoints.warnings, str(error))
                 shortened = fields.get('any_angle')
-                if (
-                    shortened
-                    and request.footprint
-                    and collides(self.costmap, request, shortened.points)
-                ):
+                if shortened and not self.footprint_passes(shortened.points, request):
                     fields['any_angle'] = None
                     fields['warnings'] = (*endpoints.warnings, NOT_SHORTENED)
         # Where there are via points, no source is asked.

@@ -33,8 +33,8 @@ from llm_astar_planner.search.stop import StopFlag
 
 HEADINGS = 8
 EVERY_HEADING = (1 << HEADINGS) - 1
-# Cells by which what is swept is widened: more than the rounding of any check.
-MARGIN = 0.02
+# Cells by which what is swept is widened: more than the inaccuracy of any check of a path.
+MARGIN = 0.08
 # Between two samples of a turn no point moves farther than this, in cells, where the samples do.
 ARC, MAX_SAMPLES = 0.2, 64
 # Footprints prepared that are kept.

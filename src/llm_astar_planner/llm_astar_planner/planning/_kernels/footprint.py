@@ -14,15 +14,16 @@ from numba import njit
 from numpy.typing import NDArray
 
 HALF = 0.5
-# Cells that a point of the polygon may move between two looks.
-STEP = 0.5
+# Cells that a point of the polygon may move between two looks, at first and if that finds a
+# collision: cells are taken to be half of it larger, so that nothing between two looks is missed.
+STEPS = (0.5, 0.1)
 
 _jit: Any = njit(cache=True, nogil=True)
 
 
 @_jit
-def touches(corners: NDArray[np.float64], x: float, y: float) -> bool:
-    """Tell whether a polygon [n, 2], its interior included, meets the cell at (x, y)."""
+def touches(corners: NDArray[np.float64], x: float, y: float, half: float) -> bool:
+    """Tell whether a polygon [n, 2], its inside too, meets the square of 2 * half at (x, y)."""
     inside = False
     before_x, before_y = corners[-1, 0] - x, corners[-1, 1] - y
     for n in range(len(corners)):
@@ -32,9 +33,9 @@ def touches(corners: NDArray[np.float64], x: float, y: float) -> bool:
         far_x, far_y = abs(here_x - before_x) / 2.0, abs(here_y - before_y) / 2.0
         across = middle_x * (here_y - before_y) / 2.0 - middle_y * (here_x - before_x) / 2.0
         if (
-            abs(middle_x) <= HALF + far_x
-            and abs(middle_y) <= HALF + far_y
-            and abs(across) <= HALF * (far_x + far_y)
+            abs(middle_x) <= half + far_x
+            and abs(middle_y) <= half + far_y
+            and abs(across) <= half * (far_x + far_y)
         ):
             return True
         if (here_y > 0.0) != (before_y > 0.0):
@@ -52,10 +53,12 @@ def collides(
     points: NDArray[np.float64],
     pose: NDArray[np.float64],
     corners: NDArray[np.float64],
+    half: float,
 ) -> bool:
     """Tell whether a polygon at a pose (x, y, yaw) meets a lethal cell or leaves the map.
 
-    `points` [n, 2] is the polygon in the robot's frame; `corners` [n, 2] is written over.
+    `points` [n, 2] is the polygon in the robot's frame; `corners` [n, 2] is written over. Cells
+    reach `half` to each side, HALF or more.
     """
     height, width = cells.shape
     x, y, cos, sin = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
@@ -68,10 +71,11 @@ def collides(
         top, bottom = min(top, corner_y), max(bottom, corner_y)
         corners[n, 0], corners[n, 1] = corner_x, corner_y
     # Written so that what is not a number leaves the map.
-    if not (left > -HALF and top > -HALF and right < width - HALF and bottom < height - HALF):
+    left, right, top, bottom = left - half, right + half, top - half, bottom + half
+    if not (left > -1.0 and top > -1.0 and right < width and bottom < height):
         return True
-    first, last = math.floor(left + HALF), math.floor(right + HALF)
-    for row in range(math.floor(top + HALF), math.floor(bottom + HALF) + 1):
+    first, last = math.ceil(left), math.floor(right)
+    for row in range(math.ceil(top), math.floor(bottom) + 1):
         line = cells[row, first : last + 1]
         found = False
         for n in range(line.size):
@@ -80,7 +84,7 @@ def collides(
             continue
         for n in range(line.size):
             lethal = line[n] >= threshold or (unknown_blocks and line[n] < 0)
-            if lethal and touches(corners, first + n, row):
+            if lethal and touches(corners, first + n, row, half):
                 return True
     return False
 
@@ -97,7 +101,7 @@ def clear(cells: NDArray[np.int8], points: NDArray[np.float64], pose: NDArray[np
     top, bottom = max(corners[:, 1].min() + HALF, 0.0), min(corners[:, 1].max() + HALF, height)
     for y in range(math.floor(top), min(math.floor(bottom) + 1, height)):
         for x in range(math.floor(first), min(math.floor(last) + 1, width)):
-            if touches(corners, x, y):
+            if touches(corners, x, y, HALF):
                 cells[y, x] = 0
 
 
@@ -112,7 +116,7 @@ def first_collision(
     """Return the index of the first pose [m, 3] at which a polygon collides, or -1."""
     corners = np.empty_like(points)
     for n in range(len(poses)):
-        if collides(cells, threshold, unknown_blocks, points, poses[n], corners):
+        if collides(cells, threshold, unknown_blocks, points, poses[n], corners, HALF):
             return n
     return -1
 
@@ -129,8 +133,37 @@ def all_collisions(
     corners = np.empty_like(points)
     found = np.empty(len(poses), dtype=np.bool_)
     for n in range(len(poses)):
-        found[n] = collides(cells, threshold, unknown_blocks, points, poses[n], corners)
+        found[n] = collides(cells, threshold, unknown_blocks, points, poses[n], corners, HALF)
     return found
+
+
+@_jit
+def motion_collides(
+    cells: NDArray[np.int8],
+    threshold: int,
+    unknown_blocks: bool,
+    points: NDArray[np.float64],
+    begin: NDArray[np.float64],
+    change: NDArray[np.float64],
+) -> bool:
+    """Tell whether a polygon collides between a pose (x, y, yaw) and the one `change` [3] on."""
+    reach = 0.0
+    for n in range(len(points)):
+        reach = max(reach, math.hypot(points[n, 0], points[n, 1]))
+    length = math.hypot(change[0], change[1]) + abs(change[2]) * reach
+    corners, pose = np.empty_like(points), np.empty(3)
+    for step in STEPS:
+        count = max(math.ceil(length / step), 1)
+        half = HALF + length / count / 2.0
+        free = True
+        for n in range(count + 1):
+            pose[:] = begin + change * (n / count)
+            if collides(cells, threshold, unknown_blocks, points, pose, corners, half):
+                free = False
+                break
+        if free:
+            return False
+    return True
 
 
 @_jit
@@ -141,30 +174,14 @@ def turn_collides(
     points: NDArray[np.float64],
     x: float,
     y: float,
-    begin: float,
-    end: float,
+    yaws: tuple[float, float],
 ) -> bool:
-    """Tell whether a polygon collides that turns on the spot, whichever way round it turns.
-
-    It is looked at in steps in which no point moves farther than STEP.
-    """
-    reach = 0.0
-    for n in range(len(points)):
-        reach = max(reach, math.hypot(points[n, 0], points[n, 1]))
-    corners = np.empty_like(points)
-    pose = np.array([x, y, 0.0])
-    angle = (end - begin + math.pi) % (2.0 * math.pi) - math.pi
-    for way in range(2):
-        if way == 1:
-            angle -= 2.0 * math.pi if angle > 0.0 else -2.0 * math.pi
-        count = math.ceil(abs(angle) * reach / STEP) + 1
-        free = True
-        for n in range(count + 1):
-            pose[2] = begin + angle * n / count
-            if collides(cells, threshold, unknown_blocks, points, pose, corners):
-                free = False
-                break
-        if free:
+    """Tell whether a polygon collides that turns on the spot, whichever way round it turns."""
+    begin, change = np.array([x, y, yaws[0]]), np.zeros(3)
+    angle = (yaws[1] - yaws[0] + math.pi) % (2.0 * math.pi) - math.pi
+    for turn in (0.0, -2.0 * math.pi if angle > 0.0 else 2.0 * math.pi):
+        change[2] = angle + turn
+        if not motion_collides(cells, threshold, unknown_blocks, points, begin, change):
             return False
     return True
 
@@ -181,31 +198,31 @@ def path_collides(
 ) -> bool:
     """Tell whether a polygon collides that follows a path [n, 2].
 
-    It moves ahead from point to point, looked at every STEP, and turns on the spot between; at
-    the first point it turns from `start_yaw` and at the last to `goal_yaw`, unless these are NaN.
+    It moves ahead from point to point and turns on the spot between; at the first point it turns
+    from `start_yaw` and at the last to `goal_yaw`, unless these are NaN.
     """
-    corners = np.empty_like(points)
-    pose = np.empty(3)
+    begin, change = np.zeros(3), np.zeros(3)
     before = start_yaw
     for n in range(len(path) - 1):
-        step_x, step_y = path[n + 1, 0] - path[n, 0], path[n + 1, 1] - path[n, 1]
+        x, y = path[n]
+        step_x, step_y = path[n + 1, 0] - x, path[n + 1, 1] - y
         length = math.hypot(step_x, step_y)
         if length == 0.0:
             continue
         yaw = math.atan2(step_y, step_x)
-        pose[2] = yaw
-        count = math.ceil(length / STEP)
-        for m in range(count + 1):
-            pose[0], pose[1] = path[n, 0] + step_x * m / count, path[n, 1] + step_y * m / count
-            if collides(cells, threshold, unknown_blocks, points, pose, corners):
+        begin[2] = yaw
+        count = math.ceil(length)
+        change[0], change[1] = step_x / count, step_y / count
+        for m in range(count):
+            begin[0], begin[1] = x + m * change[0], y + m * change[1]
+            if motion_collides(cells, threshold, unknown_blocks, points, begin, change):
                 return True
-        if not math.isnan(before) and before != yaw:
-            x, y = path[n]
-            if turn_collides(cells, threshold, unknown_blocks, points, x, y, before, yaw):
-                return True
+        turns = not math.isnan(before) and before != yaw
+        if turns and turn_collides(cells, threshold, unknown_blocks, points, x, y, (before, yaw)):
+            return True
         before = yaw
     if math.isnan(goal_yaw):
         return False
     before = goal_yaw if math.isnan(before) else before
     x, y = path[-1]
-    return turn_collides(cells, threshold, unknown_blocks, points, x, y, before, goal_yaw)
+    return turn_collides(cells, threshold, unknown_blocks, points, x, y, (before, goal_yaw))
