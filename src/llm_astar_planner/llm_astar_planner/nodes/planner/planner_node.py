@@ -42,7 +42,6 @@ class PlannerNode(LifecycleNodeMixin, Node):
 
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Declare the parameters, and start when spun or wait to be configured."""
-        # Before anything that may raise: since Kilted rclpy destroys a node that was half made.
         self._goals: Entities | None = None
         self._server: PlannerServer | None = None
         self._problem = ''
@@ -51,6 +50,9 @@ class PlannerNode(LifecycleNodeMixin, Node):
         self._is_leaving = False
         self._started = threading.Event()
         Node.__init__(self, NAME, **node_options)
+        if hasattr(self.context, 'untrack_node'):
+            # Kilted's contexts destroy their nodes, holding a lock that this node's threads need.
+            self.context.untrack_node(self)
         # Setting a parameter may take as long as a large map does; a manager waits two seconds.
         LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
         self._change_state = self._service_change_state.callback
