@@ -35,7 +35,7 @@ from llm_astar_planner.instructions.place_names import find_place
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.compile import compile_for, compile_instruction_kernels
-from llm_astar_planner.planning.kernel_compiler import announced
+from llm_astar_planner.planning.kernel_compiler import WAYPOINTS, announced
 from llm_astar_planner.planning.parameters import (
     request_fields,
 )
@@ -147,9 +147,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def compile_searches(planner: Planner, request: PlanRequest) -> None:
     """Compile what a request takes, so that its time is for planning; say so if it takes long."""
-    source = FixedReply('[[2, 2]]') if request.source else None
     with announced(lambda sentence: print(sentence, file=sys.stderr)):
-        compile_for(planner.config, request, source)
+        compile_for(planner.config, request)
+        compile_for(planner.config, request, WAYPOINTS)
         if request.instruction is not None:
             compile_instruction_kernels()
 

@@ -46,19 +46,22 @@ CONFIGS = (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0
 def compile_for(
     config: CostmapConfig, like: PlanRequest, source: WaypointSource | None = None
 ) -> None:
-    """Compile what a request like this takes on a costmap of `config`, with such a source."""
+    """Compile what a request like this takes on a costmap of `config`.
+
+    Without `source` that is a first plan, for which no landmarks are measured yet; else one with
+    landmarks and such waypoints.
+    """
     cells = np.zeros((24, 24), dtype=np.int8)
     cells[4:, 12], cells[4, 4] = OCCUPIED, 50
     planner = Planner(GridMap(cells), config)
-    planner.costmap.prepare()
     start, goal = (2, 20), (21, 20)
     request = replace(
         like, start=start, goal=goal, time_limit=PATIENCE, source=source, sample=None,
         instruction=None, via=(), viapoints=(),
     )  # fmt: skip
-    # Without landmarks, which are measured in the background, and without waypoints; with both.
-    planner.plan(replace(request, source=None))
-    planner.prepare().plan(request)
+    if source is not None:
+        planner.prepare()
+    planner.plan(request)
     if request.footprint is not None:
         compile_footprint_kernels()
 

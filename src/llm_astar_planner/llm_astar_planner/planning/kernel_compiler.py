@@ -19,10 +19,11 @@ from llm_astar_planner.planning.compile import (
     compile_kernels,
 )
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.waypoints.source import WaypointSource
+from llm_astar_planner.waypoints.fixed import FixedReply
 
 ANNOUNCEMENT = 'compiling the searches, once after an installation'
 EXPECTED_SECONDS = 15
+WAYPOINTS = FixedReply('[[2, 2]]')
 # Seconds between two looks at whether a plan may still wait.
 POLL_SECONDS = 0.02
 # Seconds to wait in `close` until the kernel that is being compiled is ready.
@@ -86,14 +87,17 @@ class KernelCompiler:
         self,
         config: CostmapConfig,
         request: PlanRequest,
-        source: WaypointSource | None,
+        is_guided: Callable[[], bool],
         report: Callable[[str], None],
     ) -> None:
-        """Start; first comes what requests like this take on costmaps of `config`."""
+        """Start; first comes what requests like this take on costmaps of `config`.
+
+        Waypoints belong to that if `is_guided()` once the rest is compiled, else come next.
+        """
         self.compiled = Compiled.NOTHING
         self._config = config
         self._request = request
-        self._source = source
+        self._is_guided = is_guided
         self._report = report
         self._changed = threading.Condition()
         self._began = time.monotonic()
@@ -122,10 +126,8 @@ class KernelCompiler:
         """Compile everything, step by step, until closed."""
         with event.install_listener('numba:compile', CompileListener(self.on_compile)):
             try:
-                self.step(
-                    lambda: compile_for(self._config, self._request, self._source), Compiled.USUAL
-                )
-                self.step(lambda: compile_costmap(self._config), Compiled.MAP_CHANGES)
+                self.step(self.compile_usual, Compiled.USUAL)
+                self.step(self.compile_next, Compiled.MAP_CHANGES)
                 self.step(compile_instruction_kernels, Compiled.INSTRUCTIONS)
                 self.step(compile_kernels, Compiled.EVERYTHING)
             except CompilationStopped:
@@ -146,6 +148,17 @@ class KernelCompiler:
         if self._is_compiling and compiled in (Compiled.USUAL, Compiled.EVERYTHING):
             what = 'plans go on' if compiled is Compiled.USUAL else 'all of them'
             self._report(f'searches compiled in {time.monotonic() - self._began:.1f} s: {what}')
+
+    def compile_usual(self) -> None:
+        """Compile what a first plan takes under the settings of the start."""
+        compile_for(self._config, self._request)
+        if self._is_guided():
+            compile_for(self._config, self._request, WAYPOINTS)
+
+    def compile_next(self) -> None:
+        """Compile what the next plans take: waypoints, landmarks, and a map that changes."""
+        compile_for(self._config, self._request, WAYPOINTS)
+        compile_costmap(self._config)
 
     def on_compile(self) -> None:
         """Report the first compilation. Raises CompilationStopped when closed."""

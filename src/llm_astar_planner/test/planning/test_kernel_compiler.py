@@ -38,7 +38,7 @@ def steps(monkeypatch):
 
 def test_what_is_needed_first_is_waited_for_alone_and_announced(steps):
     said = []
-    compiler = KernelCompiler(CostmapConfig(), REQUEST, None, said.append)
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, bool, said.append)
     assert not compiler.wait(Compiled.USUAL, lambda: compiler.compiled > Compiled.USUAL)
     steps['for'].set()
     assert compiler.wait(Compiled.USUAL)
@@ -57,7 +57,7 @@ def test_a_caller_who_gives_up_gets_its_own_exception(steps):
     def give_up():
         raise KeyError
 
-    compiler = KernelCompiler(CostmapConfig(), REQUEST, None, str)
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, bool, str)
     with pytest.raises(KeyError):
         compiler.wait(Compiled.USUAL, give_up)
     steps['for'].set()
@@ -65,7 +65,7 @@ def test_a_caller_who_gives_up_gets_its_own_exception(steps):
 
 
 def test_a_closed_compiler_stops_before_the_next_function_and_releases_those_who_wait(steps):
-    compiler = KernelCompiler(CostmapConfig(), REQUEST, None, str)
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, bool, str)
     waiting = threading.Thread(target=compiler.wait, args=(Compiled.EVERYTHING,))
     waiting.start()
     closing = threading.Thread(target=compiler.close)
@@ -84,10 +84,10 @@ def test_plans_go_on_where_the_searches_do_not_compile(steps, monkeypatch):
 
     monkeypatch.setattr(kernel_compiler, 'compile_for', fail)
     said = []
-    compiler = KernelCompiler(CostmapConfig(), REQUEST, None, said.append)
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, bool, said.append)
     assert compiler.wait(Compiled.USUAL)
     compiler.close()
-    assert said == ['the searches do not compile: OSError: no space left on device']
+    assert said[0] == 'the searches do not compile: OSError: no space left on device'
 
 
 def test_a_compilation_is_announced_once_and_a_cached_function_not_at_all():

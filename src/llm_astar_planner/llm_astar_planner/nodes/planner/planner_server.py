@@ -49,7 +49,6 @@ from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.waypoints.fixed import FixedReply
 
 
 class PlannerServer:
@@ -69,12 +68,12 @@ class PlannerServer:
         self._initial_pose: PoseStamped | None = None
         self._cache: CachedWaypointSource | None = None
         self._places = PlacesServer(entities, PlacesParameter(entities, settings))
-        compiler = self.make_compiler()
         self._instructions = InstructionServer(
             entities, settings, lambda: self._places.places, self.on_understood
         )
         self._client = self.make_client()
         self._cache = CachedWaypointSource(self._client) if self._client else None
+        compiler = self.make_compiler()
         frames = self.make_frames()
         self._maps = MapManager(
             node.get_logger(),
@@ -215,7 +214,7 @@ class PlannerServer:
         compiler = KernelCompiler(
             costmap_config(settings),
             PlanRequest((0, 0), (0, 0), **request_fields(settings)),
-            FixedReply('[[2, 2]]') if settings['llm_client'] else None,
+            lambda: self._client is not None and self._client.ready,
             self._node.get_logger().info,
         )
         self._entities.on_close(compiler.close)
