@@ -44,17 +44,24 @@ CONFIGS = (CostmapConfig(), CostmapConfig(robot_radius=1.0, inflation_radius=2.0
 
 
 def compile_for(
-    config: CostmapConfig, like: PlanRequest, source: WaypointSource | None = None
+    config: CostmapConfig,
+    like: PlanRequest,
+    source: WaypointSource | None = None,
+    *,
+    is_graded: bool = True,
 ) -> None:
     """Compile what a request like this takes on a costmap of `config`.
 
     Without `source` that is a first plan, for which no landmarks are measured yet; else one with
-    landmarks and such waypoints.
+    landmarks and such waypoints. Where costs are not graded, goals far away take kernels of their
+    own.
     """
-    cells = np.zeros((24, 24), dtype=np.int8)
-    cells[4:, 12], cells[4, 4] = OCCUPIED, 50
+    cells = np.zeros((24, 24 if is_graded else 100), dtype=np.int8)
+    cells[4:, 12] = OCCUPIED
+    if is_graded:
+        cells[4, 4] = 50
     planner = Planner(GridMap(cells), config)
-    start, goal = (2, 20), (21, 20)
+    start, goal = (2, 20), (cells.shape[1] - 3, 20)
     request = replace(
         like, start=start, goal=goal, time_limit=PATIENCE, source=source, sample=None,
         instruction=None, via=(), viapoints=(),

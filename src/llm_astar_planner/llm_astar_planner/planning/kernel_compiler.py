@@ -34,10 +34,11 @@ class Compiled(IntEnum):
     """What is compiled so far, in this order."""
 
     NOTHING = 0
-    USUAL = 1  # what plans under the settings of the start take
-    MAP_CHANGES = 2
-    INSTRUCTIONS = 3
-    EVERYTHING = 4
+    USUAL = 1  # what plans under the settings of the start take, on costmaps
+    UNIFORM = 2  # and on maps without graded costs
+    MAP_CHANGES = 3
+    INSTRUCTIONS = 4
+    EVERYTHING = 5
 
 
 class CompilationStopped(BaseException):
@@ -127,6 +128,7 @@ class KernelCompiler:
         with event.install_listener('numba:compile', CompileListener(self.on_compile)):
             try:
                 self.step(self.compile_usual, Compiled.USUAL)
+                self.step(self.compile_uniform, Compiled.UNIFORM)
                 self.step(self.compile_next, Compiled.MAP_CHANGES)
                 self.step(compile_instruction_kernels, Compiled.INSTRUCTIONS)
                 self.step(compile_kernels, Compiled.EVERYTHING)
@@ -154,6 +156,10 @@ class KernelCompiler:
         compile_for(self._config, self._request)
         if self._is_guided():
             compile_for(self._config, self._request, WAYPOINTS)
+
+    def compile_uniform(self) -> None:
+        """Compile what plans take where costs are uniform."""
+        compile_for(self._config, self._request, is_graded=False)
 
     def compile_next(self) -> None:
         """Compile what the next plans take: waypoints, landmarks, and a map that changes."""

@@ -219,14 +219,24 @@ class RequestHandler:
 
         Raises RequestError if the goal was cancelled.
         """
-        needed = Compiled.USUAL
+        needed = Compiled.UNIFORM
         if self._instructions.current.instruction is not None:
             needed = Compiled.INSTRUCTIONS
         if job.goal.planner_id not in OWN_IDS:
             needed = Compiled.EVERYTHING
-        self._compiler.wait(needed, lambda: not job.token.reason)
+        self._compiler.wait(
+            needed, lambda: not job.token.reason and not self.is_compiled_for_map(needed)
+        )
         job.raise_if_cancelled()
         return replace(job, begin=time.monotonic())
+
+    def is_compiled_for_map(self, needed: Compiled) -> bool:
+        """Tell whether less is enough than is `needed` on all maps: one with graded costs came."""
+        newest = self._maps.newest
+        if newest is None or not Compiled.USUAL <= self._compiler.compiled < needed:
+            return False
+        surcharges = newest.planner.costmap.grid_graph.cell_surcharge
+        return needed is Compiled.UNIFORM and surcharges.size > 0
 
     def publish(self, path: Path, replan_reason: str) -> None:
         """Publish a path; one that a client has just requested preempts a replan."""

@@ -135,7 +135,8 @@ def transpose(
     square = np.empty(64, dtype=np.uint64)
     for top in range(lines[0] // 64 * 64, lines[1], 64):
         for word in range(span[0], span[1]):
-            square[:] = np.uint64(0xFFFFFFFFFFFFFFFF)
+            for line in range(64):
+                square[line] = np.uint64(0xFFFFFFFFFFFFFFFF)
             for line in range(min(64, height + 2 - top)):
                 place = PLANES * (1 + (top + line) * row_words + word)
                 square[line] = np.uint64(words[place])
@@ -233,6 +234,8 @@ def pack_window(
     top, bottom, left, right = window
     row_words = (width + 65) // 64
     column_words = (height + 65) // 64
+    # With its type, or numba compiles what takes it once for this value and once for any.
+    rows = np.int64(PLANES)
     columns = PLANES * (1 + (height + 2) * row_words)
     lines = (top + 1, bottom + 1)
     span = ((left + 1) >> 6, (right >> 6) + 1)
@@ -241,13 +244,13 @@ def pack_window(
     span_near = (left >> 6, min((right + 1 >> 6) + 1, row_words))
     columns_near = (max(left, 1), min(right + 1, width) + 1)
     column_span = (top >> 6, min((bottom + 1 >> 6) + 1, column_words))
-    blocked, jump_points = count_window(words, PLANES, row_words, rows_near, span_near)
+    blocked, jump_points = count_window(words, rows, row_words, rows_near, span_near)
     jump_points += count_window(words, columns, column_words, columns_near, column_span)[1]
     pack_rows(bits, width, words, window)
     transpose(height, width, words, lines, span)
-    now = mark_stops(words, PLANES, row_words, rows_near, span_near)
+    now = mark_stops(words, rows, row_words, rows_near, span_near)
     now += mark_stops(words, columns, column_words, columns_near, column_span)
-    now_blocked, _ = count_window(words, PLANES, row_words, rows_near, span_near)
+    now_blocked, _ = count_window(words, rows, row_words, rows_near, span_near)
     return now_blocked - blocked, now - jump_points
 
 
@@ -337,7 +340,8 @@ def jump_search(
         for landmark in range(active.shape[0]):
             distance = np.int64(landmark_distances[active[landmark, 0], start])
             f = max(f, abs(distance - active[landmark, 1]))
-        heads[:] = 0
+        for slot in range(heads.size):
+            heads[slot] = 0
         heads[0] = 1
         # Buckets begin at the estimate: where that is exact, the first path ends the search.
         origin = f
