@@ -217,8 +217,13 @@ class Buffer:
         return transform
 
 
-def footprint_server(frames, footprint=''):
-    settings = {'footprint': footprint, 'robot_base_frame': 'base_link'}
+def footprint_server(frames, footprint='', **changes):
+    settings = {
+        'footprint': footprint,
+        'robot_base_frame': 'base_link',
+        'occupied_threshold': 65,
+        'robot_radius': 0.0,
+    } | changes
     settings = type('Settings', (dict,), {'current': settings})(settings)
     node = Mock()
     on_change = Mock()
@@ -265,6 +270,22 @@ def test_the_log_says_what_is_wrong_with_a_footprint(points, words):
     assert words in logger.error.call_args[0][0]
     assert server.current is None
     on_change.assert_not_called()
+
+
+@pytest.mark.parametrize(
+    ('changes', 'is_used'),
+    [({}, True), ({'occupied_threshold': 99}, False), ({'robot_radius': 0.22}, False)],
+)
+def test_a_circle_of_nav2_is_no_footprint_where_the_costmap_plans_for_it(changes, is_used):
+    server, _, _ = footprint_server(Frames(None), **changes)
+    angles = np.arange(16) * math.pi / 8
+    points = np.column_stack([np.cos(angles), np.sin(angles)]) * 0.2
+    points += np.sign(np.round(points, 9)) * 0.01
+    server.on_message(polygon_of(points))
+    assert (server.current is not None) is is_used
+    # A polygon that is no circle always counts.
+    server.on_message(polygon_of(points * (1.0, 0.6)))
+    assert server.current is not None
 
 
 def test_the_parameter_of_the_start_counts_at_once():

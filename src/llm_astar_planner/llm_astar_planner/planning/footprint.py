@@ -19,6 +19,8 @@ from llm_astar_planner.costmap.config import MAX_RADIUS
 
 MIN_POINTS, MAX_POINTS = 3, 64
 MAX_CHARS = 4096
+# Of a circle in Nav2's costmaps; padding moves its points by another share in each direction.
+CIRCLE_POINTS, ROUND = 16, 0.9
 # Square metres; a polygon of less is a line.
 MIN_AREA = 1e-6
 # As Nav2 writes a footprint: [[x, y], ...], with commas or blanks between the numbers.
@@ -99,6 +101,12 @@ class Footprint:
             if (y > 0.0) != (far_y > 0.0):
                 inside ^= x - y * step_x / step_y > 0.0
         return nearest if inside else 0.0
+
+    @property
+    def is_round(self) -> bool:
+        """Whether it is what Nav2 makes of a robot's radius: 16 points, perhaps padded."""
+        distances = [math.hypot(x, y) for x, y in self.points]
+        return len(distances) == CIRCLE_POINTS and min(distances) > ROUND * max(distances)
 
     def __str__(self) -> str:
         """Return what a message says of it."""

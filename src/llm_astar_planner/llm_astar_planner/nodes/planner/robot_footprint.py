@@ -15,6 +15,7 @@ from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.tf import Frames
 from llm_astar_planner.planning.footprint import MAX_POINTS, Footprint, FootprintError
+from llm_astar_planner.planning.footprint_checker import COSTMAP_THRESHOLD
 
 TOPIC = 'published_footprint'
 # Metres that the points of one footprint may differ by from message to message: rounding in the
@@ -28,7 +29,8 @@ class RobotFootprint:
 
     The parameter `footprint` counts if it is set, else the last good message. Nav2's costmaps
     publish their padded footprint where the robot is, in their global frame: the transform at its
-    stamp leads back to the robot's frame. A message that is refused changes nothing.
+    stamp leads back to the robot's frame. A message that is refused changes nothing. What they
+    make of a robot's radius is no footprint where the costmap plans for the circle anyway.
     """
 
     def __init__(
@@ -55,7 +57,10 @@ class RobotFootprint:
 
     def refresh(self) -> None:
         """Follow a changed parameter."""
-        self.use(Footprint.parse(self._settings['footprint']) or self._received)
+        received = self._received
+        if received is not None and self.is_planned_for(received):
+            received = None
+        self.use(Footprint.parse(self._settings['footprint']) or received)
 
     def on_message(self, message: PolygonStamped) -> None:
         """Take the footprint of a message, or say in the log why not."""
@@ -70,7 +75,13 @@ class RobotFootprint:
         before = self._received
         if before is None or not before.is_close_to(received, SAME_METRES):
             self._received = received
-            self.use(received)
+            self.refresh()
+
+    def is_planned_for(self, footprint: Footprint) -> bool:
+        """Tell whether a footprint is a circle that the costmap keeps off obstacles already."""
+        is_costmap = self._settings['occupied_threshold'] == COSTMAP_THRESHOLD
+        radius = self._settings['robot_radius']
+        return footprint.is_round and (is_costmap or radius >= footprint.inscribed_radius)
 
     def in_base_frame(self, message: PolygonStamped) -> Footprint:
         """Return the footprint of a message in the robot's frame.
