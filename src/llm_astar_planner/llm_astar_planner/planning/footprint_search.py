@@ -26,6 +26,7 @@ from llm_astar_planner.search.headings import (
     swept_cells,
 )
 from llm_astar_planner.search.result import Cell, SearchStatus
+from llm_astar_planner.search.stop import StopFlag
 
 # Cells; a larger footprint would take too long to prepare.
 MAX_REACH = 1000.0
@@ -151,20 +152,30 @@ class FootprintSearch:
             segment.costmap.grid_graph, self.checker.obstacles, swept, start, goal
         )
         ends = self.headings_at(goal, self.goal_yaw) if is_last else EVERY_HEADING
-        status = search.run(self.headings_at(start, yaw), ends, self.deadline, segment.stop)
+        status = self.run(search, segment.stop, (self.headings_at(start, yaw), ends))
         if status is SearchStatus.EXHAUSTED and is_first and yaw is not None:
             # The robot is there anyway, and may get away in a manner of its own.
-            status = search.run(EVERY_HEADING, ends, self.deadline, segment.stop)
+            status = self.run(search, segment.stop, (EVERY_HEADING, ends))
             self.warn(NO_TURN)
-        if status is SearchStatus.STOPPED:
-            reason = 'cancelled' if segment.stop[0] else 'out of time'
-            message = f'{reason} while looking for a path that fits the footprint'
-            raise PlanningFailure(ResultCode.TIMEOUT, message)
         found = status is SearchStatus.FOUND
         state = search.found if found else self.nearest_reached(search, is_last)
         result = search.result(state, want_expanded=segment.request.want_expanded)
         segment.take(result, time.monotonic() - begin)
         return segment.result.path
+
+    def run(
+        self, search: HeadingSearch, stop: StopFlag, headings: tuple[int, int]
+    ) -> SearchStatus:
+        """Run a search between headings at the start and at the goal, bits of masks.
+
+        Raises PlanningFailure if it is stopped, and PathTooLongError.
+        """
+        status = search.run(*headings, self.deadline, stop)
+        if status is SearchStatus.STOPPED:
+            reason = 'cancelled' if stop[0] else 'out of time'
+            message = f'{reason} while looking for a path that fits the footprint'
+            raise PlanningFailure(ResultCode.TIMEOUT, message)
+        return status
 
     def swept(self) -> SweptCells:
         """Return what each motion sweeps. Raises PlanningFailure for too many cells."""
