@@ -26,6 +26,7 @@ from shapely import affinity
 
 # One metre long, 0.5 m wide; its circle of 0.56 m does not fit into the corridors below.
 LONG = Footprint.parse('[[0.5, 0.25], [0.5, -0.25], [-0.5, -0.25], [-0.5, 0.25]]')
+PATIENCE = 120.0
 STEPS = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)]
 
 
@@ -33,6 +34,11 @@ def planner_of(cells, resolution=0.05, **rules) -> Planner:
     rules = {'robot_radius': 0.2} | rules
     grid_map = GridMap(np.asarray(cells, np.int8), resolution)
     return Planner(grid_map, CostmapConfig(**rules))
+
+
+def request_of(*fields, **named) -> PlanRequest:
+    # Searches that have to be compiled first take longer than the default.
+    return PlanRequest(*fields, time_limit=PATIENCE, **named)
 
 
 def corridors(*areas, size=200) -> np.ndarray:
@@ -100,7 +106,7 @@ def _compiled():
 def test_a_long_robot_passes_a_corridor_aligned_and_turns_where_there_is_room(method):
     planner = planner_of(L_WITH_ROOM)
     start = Pose2D(1.5, 2.85, 0.0)
-    request = PlanRequest(
+    request = request_of(
         (30, 57), (104, 160), method, footprint=LONG, start_pose=start, goal_yaw=math.pi / 2
     )
     plan = planner.plan(request)
@@ -110,8 +116,8 @@ def test_a_long_robot_passes_a_corridor_aligned_and_turns_where_there_is_room(me
 
 def test_a_corner_without_room_to_turn_has_no_path_and_the_message_names_the_place():
     planner = planner_of(L_WITHOUT_ROOM)
-    assert planner.plan(PlanRequest((30, 57), (104, 160))).code is ResultCode.NONE
-    plan = planner.plan(PlanRequest((30, 57), (104, 160), footprint=LONG, tolerance=0.5))
+    assert planner.plan(request_of((30, 57), (104, 160))).code is ResultCode.NONE
+    plan = planner.plan(request_of((30, 57), (104, 160), footprint=LONG, tolerance=0.5))
     assert plan.code is ResultCode.NO_VALID_PATH
     assert 'no path fits the footprint (4 points, radii 0.25 m inscribed' in plan.message
     x, y = map(float, plan.message.split('than (')[1].split(') m')[0].split(', '))
@@ -126,9 +132,9 @@ def test_a_longer_way_is_taken_where_the_short_one_is_too_narrow():
     cells[30:38, 60] = 0
     cells[90:106, 60] = 0
     planner = planner_of(cells, robot_radius=0.1)
-    request = PlanRequest((30, 34), (90, 34))
+    request = request_of((30, 34), (90, 34))
     assert planner.plan(request).path[:, 1].max() < 60
-    wide = PlanRequest((30, 34), (90, 34), footprint=LONG)
+    wide = request_of((30, 34), (90, 34), footprint=LONG)
     plan = planner.plan(wide)
     assert plan.path[:, 1].max() >= 90
     assert_passes(plan, planner, LONG)
@@ -139,7 +145,7 @@ def test_a_t_junction_is_turned_through_at_its_crossing():
     cells = corridors((10, 190, 90, 104), (93, 107, 100, 190), (84, 116, 82, 112))
     planner = planner_of(cells)
     for goal, yaw in (((30, 97), math.pi), ((170, 97), 0.0)):
-        request = PlanRequest((100, 170), goal, footprint=LONG, goal_yaw=yaw)
+        request = request_of((100, 170), goal, footprint=LONG, goal_yaw=yaw)
         plan = planner.plan(request)
         assert plan.code is ResultCode.NONE, plan.message
         assert_passes(plan, planner, LONG, goal_yaw=yaw)
@@ -147,8 +153,8 @@ def test_a_t_junction_is_turned_through_at_its_crossing():
 
 def test_a_path_that_fits_is_left_as_it_is():
     planner = planner_of(np.zeros((80, 80)))
-    request = PlanRequest((20, 20), (60, 50))
-    fitted = PlanRequest((20, 20), (60, 50), footprint=LONG, goal_yaw=1.0)
+    request = request_of((20, 20), (60, 50))
+    fitted = request_of((20, 20), (60, 50), footprint=LONG, goal_yaw=1.0)
     plain, plan = planner.plan(request), planner.plan(fitted)
     assert plan.path.tolist() == plain.path.tolist()
     assert plan.message == plain.message
@@ -159,7 +165,7 @@ def test_every_better_path_on_the_way_passes():
     cells = (rng.random((150, 150)) < 0.0015).astype(np.int8) * 100
     cells[10:20, 10:20] = cells[130:140, 130:140] = 0
     planner = planner_of(cells, robot_radius=0.1)
-    request = PlanRequest((15, 15), (135, 135), footprint=LONG, max_suboptimality=1.0)
+    request = request_of((15, 15), (135, 135), footprint=LONG, max_suboptimality=1.0)
     plans = list(planner.plans(request))
     assert plans[-1].code is ResultCode.NONE
     for plan in plans:
@@ -168,7 +174,7 @@ def test_every_better_path_on_the_way_passes():
 
 def test_a_path_through_via_points_passes():
     planner = planner_of(corridors((5, 195, 5, 45), (150, 164, 40, 160), (100, 195, 150, 195)))
-    request = PlanRequest((20, 25), (120, 170), via=((157, 100), (180, 170)), footprint=LONG)
+    request = request_of((20, 25), (120, 170), via=((157, 100), (180, 170)), footprint=LONG)
     plan = planner.plan(request)
     assert plan.code is ResultCode.NONE, plan.message
     assert_passes(plan, planner, LONG)
@@ -176,10 +182,10 @@ def test_a_path_through_via_points_passes():
 
 def test_a_path_at_any_angle_is_given_only_where_the_footprint_passes_it():
     planner = planner_of(np.zeros((80, 80)))
-    request = PlanRequest((20, 20), (60, 50), footprint=LONG, any_angle=True)
+    request = request_of((20, 20), (60, 50), footprint=LONG, any_angle=True)
     assert planner.plan(request).any_angle is not None
     # It would cut the corner of the room in which the robot has to turn.
-    request = PlanRequest((30, 57), (104, 160), footprint=LONG, any_angle=True)
+    request = request_of((30, 57), (104, 160), footprint=LONG, any_angle=True)
     planner = planner_of(L_WITH_ROOM)
     plan = planner.plan(request)
     assert plan.code is ResultCode.NONE
@@ -193,7 +199,7 @@ def test_inscribed_cells_of_a_costmap_do_not_stop_the_polygon():
     inflated = planner_of(cells, robot_radius=0.25).costmap.blocked
     cells[inflated & (cells == 0)] = 99
     planner = planner_of(cells, robot_radius=0.0, occupied_threshold=99)
-    plan = planner.plan(PlanRequest((30, 57), (104, 160), footprint=LONG))
+    plan = planner.plan(request_of((30, 57), (104, 160), footprint=LONG))
     assert plan.code is ResultCode.NONE, plan.message
     assert_passes(plan, planner, LONG, threshold=100)
 
@@ -203,7 +209,7 @@ def test_a_robot_that_touches_an_obstacle_where_it_stands_may_start():
     cells[20, 28] = 100
     start = Pose2D(1.02, 1.02, 0.0)
     planner = planner_of(cells)
-    request = PlanRequest((20, 20), (60, 60), footprint=LONG, start_pose=start)
+    request = request_of((20, 20), (60, 60), footprint=LONG, start_pose=start)
     plan = planner.plan(request)
     assert plan.code is ResultCode.NONE, plan.message
     assert any('cells under it count as free' in warning for warning in plan.warnings)
@@ -219,12 +225,12 @@ def test_a_robot_that_touches_an_obstacle_where_it_stands_may_start():
 def test_a_robot_in_an_aisle_that_looks_the_other_way_gets_a_path_and_a_warning():
     planner = planner_of(corridors((10, 190, 90, 104)))
     start = Pose2D(5.025, 4.85, math.pi)
-    request = PlanRequest((100, 96), (160, 96), footprint=LONG, start_pose=start)
+    request = request_of((100, 96), (160, 96), footprint=LONG, start_pose=start)
     plan = planner.plan(request)
     assert plan.code is ResultCode.NONE, plan.message
     assert any('cannot turn on the spot at the start' in warning for warning in plan.warnings)
     # At the goal it has to be able to.
-    behind = PlanRequest((100, 96), (160, 96), footprint=LONG, goal_yaw=math.pi)
+    behind = request_of((100, 96), (160, 96), footprint=LONG, goal_yaw=math.pi)
     assert planner.plan(behind).code is ResultCode.NO_VALID_PATH
 
 
@@ -233,24 +239,24 @@ def test_the_goal_moves_within_the_tolerance_to_where_the_footprint_fits():
     cells[:, 80:] = 100
     planner = planner_of(cells)
     # 0.3 m from the wall, which it would look at.
-    request = PlanRequest((30, 50), (74, 50), footprint=LONG, goal_yaw=0.0)
+    request = request_of((30, 50), (74, 50), footprint=LONG, goal_yaw=0.0)
     plan = planner.plan(request)
     assert plan.code is ResultCode.GOAL_OCCUPIED
     assert 'it meets an obstacle at the goal (74, 50)' in plan.message
-    near = PlanRequest((30, 50), (74, 50), footprint=LONG, goal_yaw=0.0, tolerance=0.5)
+    near = request_of((30, 50), (74, 50), footprint=LONG, goal_yaw=0.0, tolerance=0.5)
     plan = planner.plan(near)
     assert plan.code is ResultCode.NONE, plan.message
     assert plan.goal == (69, 50)
     assert plan.goal_shift == pytest.approx(0.25)
     assert_passes(plan, planner, LONG, goal_yaw=0.0)
-    far = PlanRequest((30, 50), (74, 50), footprint=LONG, goal_yaw=0.0, tolerance=0.1)
+    far = request_of((30, 50), (74, 50), footprint=LONG, goal_yaw=0.0, tolerance=0.1)
     assert planner.plan(far).code is ResultCode.NO_VALID_PATH
 
 
 def test_a_goal_that_only_a_circle_reaches_moves_to_the_nearest_cell_that_is_reached():
     # A niche that is entered around a corner.
     planner = planner_of(corridors((10, 112, 50, 64), (98, 112, 50, 100)))
-    request = PlanRequest((30, 57), (104, 80), footprint=LONG, tolerance=3.0)
+    request = request_of((30, 57), (104, 80), footprint=LONG, tolerance=3.0)
     plan = planner.plan(request)
     assert plan.code is ResultCode.NONE, plan.message
     assert plan.goal_shift > 0.5
@@ -260,14 +266,14 @@ def test_a_goal_that_only_a_circle_reaches_moves_to_the_nearest_cell_that_is_rea
 @pytest.mark.parametrize('resolution', [1e-4, 2.0])
 def test_footprints_of_very_many_or_no_cells_are_planned_for_or_refused(resolution):
     planner = planner_of(np.zeros((60, 60)), resolution, robot_radius=0.0)
-    plan = planner.plan(PlanRequest((10, 10), (50, 50), footprint=LONG))
+    plan = planner.plan(request_of((10, 10), (50, 50), footprint=LONG))
     assert plan.code is (ResultCode.NONE if resolution > 1.0 else ResultCode.UNKNOWN)
 
 
 def test_time_limits_and_cancels_end_the_search_by_heading():
     planner = planner_of(L_WITHOUT_ROOM)
     stop = np.ones(1, np.uint8)
-    assert planner.plan(PlanRequest((30, 57), (104, 160), footprint=LONG), stop).code in {
+    assert planner.plan(request_of((30, 57), (104, 160), footprint=LONG), stop).code in {
         ResultCode.TIMEOUT, ResultCode.NO_VALID_PATH,
     }  # fmt: skip
 
@@ -333,7 +339,7 @@ def test_paths_are_the_cheapest_that_an_oracle_finds(seed):
     for goal in map(tuple, rng.integers((0, 0), (28, 24), (40, 2)).tolist()):
         if planner.costmap.blocked[goal[1], goal[0]]:
             continue
-        plan = planner.plan(PlanRequest(start, goal, footprint=footprint, max_suboptimality=1.0))
+        plan = planner.plan(request_of(start, goal, footprint=footprint, max_suboptimality=1.0))
         assert (plan.code is ResultCode.NONE) >= math.isfinite(wider.get(goal, math.inf))
         if plan.code is ResultCode.NONE:
             found += 1
@@ -346,7 +352,7 @@ def test_paths_are_the_cheapest_that_an_oracle_finds(seed):
 def test_a_path_is_kept_only_where_the_footprint_passes_it_on_the_new_map():
     cells = np.zeros((100, 100), np.int8)
     before = planner_of(cells)
-    plan = before.plan(PlanRequest((20, 50), (80, 50), footprint=LONG))
+    plan = before.plan(request_of((20, 50), (80, 50), footprint=LONG))
     # 0.25 m beside the path: free for a circle of 0.2 m, not for the polygon.
     cells[55, 50] = 100
     after = planner_of(cells)
@@ -359,9 +365,7 @@ def instructed(planner, policy, *clauses):
     instruction = RouteInstruction(
         Interpretation('text', Specification(clauses), 'truth', Understanding.WHOLE), policy=policy
     )
-    return planner.plan(
-        PlanRequest((30, 57), (104, 160), footprint=LONG, instruction=instruction, time_limit=30.0)
-    )
+    return planner.plan(request_of((30, 57), (104, 160), footprint=LONG, instruction=instruction))
 
 
 def test_a_path_that_keeps_to_an_instruction_passes_or_gives_way_to_one_that_does():
@@ -385,7 +389,7 @@ def test_a_path_that_keeps_to_an_instruction_passes_or_gives_way_to_one_that_doe
 def test_the_last_check_finds_what_the_search_would_have_missed(monkeypatch):
     planner = planner_of(L_WITHOUT_ROOM)
     monkeypatch.setattr(FootprintChecker, 'path_collides', lambda *_: False)
-    plan = planner.plan(PlanRequest((30, 57), (104, 160), footprint=LONG))
+    plan = planner.plan(request_of((30, 57), (104, 160), footprint=LONG))
     assert plan.code is ResultCode.UNKNOWN
     assert 'withheld: the footprint meets an obstacle at' in plan.message
 
@@ -395,7 +399,7 @@ def test_the_footprint_is_of_the_robots_frame_on_a_turned_map():
     origin = Pose2D(4.0, -7.0, 0.6)
     planner = Planner(GridMap(L_WITH_ROOM, 0.05, origin), CostmapConfig(robot_radius=0.2))
     x, y = planner.grid_map.grid_to_world([(30, 57)])[0]
-    request = PlanRequest(
+    request = request_of(
         (30, 57), (104, 160), footprint=LONG, start_pose=Pose2D(x, y, 0.6),
         goal_yaw=0.6 + math.pi / 2,
     )  # fmt: skip
@@ -416,7 +420,7 @@ def random_request(rng, planner):
     if rng.random() < 0.6:
         place = planner.grid_map.grid_to_world([rng.uniform(-0.49, 0.49, 2) + start])[0]
         pose = Pose2D(*place.tolist(), rng.uniform(-4, 4))
-    return PlanRequest(
+    return request_of(
         start,
         goal,
         str(rng.choice(['guided', 'astar'])),
@@ -428,7 +432,6 @@ def random_request(rng, planner):
         start_tolerance=float(rng.choice([0.0, 0.25])),
         any_angle=bool(rng.random() < 0.3),
         max_suboptimality=1.0,
-        time_limit=60.0,
     )
 
 
