@@ -59,7 +59,8 @@ class PathMonitor:
         self._changed = threading.Condition()
         self._closing = False
         self._to_remember: PlanResponse | None = None
-        self._to_check: tuple[Planner, CancellationToken, str] | None = None
+        self._to_check: tuple[Planner, CancellationToken | None, str] | None = None
+        self._is_replanning = False
         self._thread = threading.Thread(target=self.work, name='path_monitor', daemon=True)
         self._thread.start()
 
@@ -83,12 +84,15 @@ class PathMonitor:
         self.state = NO_PATH
 
     def check(self, planner: Planner, change: str = '') -> None:
-        """Check the path on this map soon; a check that still runs is cancelled.
+        """Check the path on this map soon, once a replan that runs has ended.
 
-        `change` says what else has changed, '' for the map alone.
+        `change` says what else has changed, '' for the map alone: that cancels the replan. A map
+        does not, since maps may come faster than one is made.
         """
-        token = self._replans.begin(change or 'the map has changed again')
         with self._changed:
+            token = None
+            if change or not self._is_replanning:
+                token = self._replans.begin(change or 'the map has changed again')
             self._to_check = (planner, token, change)
             self._changed.notify()
 
@@ -121,8 +125,12 @@ class PathMonitor:
             # A thread that waits must not keep a map alive.
             del response, check
 
-    def check_now(self, planner: Planner, token: CancellationToken, change: str) -> None:
-        """Check the path, and replan if it is broken or `replan_on_map` is set."""
+    def check_now(self, planner: Planner, token: CancellationToken | None, change: str) -> None:
+        """Check the path, and replan if it is broken or `replan_on_map` is set.
+
+        Without a token, which a replan that ran still had, it begins one.
+        """
+        token = token or self._replans.begin('')
         watched = self._watched
         if watched is None or watched.planner is None:
             return
@@ -138,7 +146,11 @@ class PathMonitor:
             return
         reason = problem or change or 'replan_on_map is set'
         self.state = f'replanned on map {digest}: {reason}'
-        response = self._handler.answer(watched.goal, token, replan_reason=self.state)
+        self._is_replanning = True
+        try:
+            response = self._handler.answer(watched.goal, token, replan_reason=self.state)
+        finally:
+            self._is_replanning = False
         if response.plan.code is ResultCode.NONE:
             self.remember(response)
             self.update(watched, response)
