@@ -32,7 +32,8 @@ from llm_astar_planner.nodes.planner.request_conversion import (
     RequestError,
 )
 from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler
-from llm_astar_planner.planning.types import Plan, PlanningFailure, ResultCode
+from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, ResultCode
+from llm_astar_planner.search.methods import EXACT, GUIDED
 
 # The part of the planning time that is kept for checking and writing the path: seconds or a share.
 FINISH_SECONDS, FINISH_SHARE = 0.1, 0.1
@@ -182,6 +183,8 @@ class RequestHandler:
             max(LEAST_SECONDS, deadline - finish - time.monotonic()),
             want_expanded=self._publisher.wants_expanded,
         )
+        jumps = self._compiler.compiled >= Compiled.UNIFORM
+        request = request if jumps else without_jump_points(request)
         keeps_heading = self._settings.current['use_final_approach_orientation']
         ends = poses.start, poses.goals[-1]
         writer = PathWriter(
@@ -219,24 +222,14 @@ class RequestHandler:
 
         Raises RequestError if the goal was cancelled.
         """
-        needed = Compiled.UNIFORM
+        needed = Compiled.USUAL
         if self._instructions.current.instruction is not None:
             needed = Compiled.INSTRUCTIONS
         if job.goal.planner_id not in OWN_IDS:
             needed = Compiled.EVERYTHING
-        self._compiler.wait(
-            needed, lambda: not job.token.reason and not self.is_compiled_for_map(needed)
-        )
+        self._compiler.wait(needed, lambda: not job.token.reason)
         job.raise_if_cancelled()
         return replace(job, begin=time.monotonic())
-
-    def is_compiled_for_map(self, needed: Compiled) -> bool:
-        """Tell whether less is enough than is `needed` on all maps: one with graded costs came."""
-        newest = self._maps.newest
-        if newest is None or not Compiled.USUAL <= self._compiler.compiled < needed:
-            return False
-        surcharges = newest.planner.costmap.grid_graph.cell_surcharge
-        return needed is Compiled.UNIFORM and surcharges.size > 0
 
     def publish(self, path: Path, replan_reason: str) -> None:
         """Publish a path; one that a client has just requested preempts a replan."""
@@ -263,3 +256,8 @@ class RequestHandler:
             with self._ended:
                 self._running.discard(token)
                 self._ended.notify_all()
+
+
+def without_jump_points(request: PlanRequest) -> PlanRequest:
+    """Return a request for A* instead of `guided`, while the search of jump points is compiled."""
+    return replace(request, method=EXACT) if request.method == GUIDED else request
