@@ -71,8 +71,10 @@ def nodes(places_file):
             Parameter('places_file', value=places_file),
         ],
     )
+    given = {'source': 'none', 'fixed_endpoint': False}
     client = LlmClientNode(
-        namespace=SPACE, parameter_overrides=[Parameter('source', value='none')]
+        namespace=SPACE,
+        parameter_overrides=[Parameter(name, value=value) for name, value in given.items()],
     )
     with spinning(MapNode(namespace=SPACE), client, planner), calling(SPACE) as caller:
         caller.wait_until_ready(client='llm_client_node')

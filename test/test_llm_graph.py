@@ -18,7 +18,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode, NoMapError
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-from llm_astar_planner.planning.parameters import SOURCE
+from llm_astar_planner.planning.parameters import FIXED, SOURCE
 from llm_astar_planner.waypoints.transcript import read_transcript
 from local_llm import LocalLlm, needs_llm
 from nav_msgs.msg import OccupancyGrid
@@ -130,7 +130,7 @@ GAP_OF_COST_80[19:22, 30] = 80
 @pytest.fixture
 def client_node():
     """An llm_client_node in this process, whose callbacks the tests call."""
-    parameters = {'source': 'oracle', 'transcript': '', 'dataset': ''}
+    parameters = {'source': 'oracle', 'transcript': '', 'dataset': '', 'fixed_endpoint': False}
     node = LlmClientNode(
         namespace=ALONE,
         parameter_overrides=[Parameter(name, value=value) for name, value in parameters.items()],
@@ -192,6 +192,20 @@ def test_planner_and_client_use_the_same_cells_through_the_graph():
     assert (through.code, through.source_status, through.guided_by) == (0, 'OK', 'oracle')
     assert [status for *_, status in through.waypoints] == ['accepted']
     assert (barred.code, barred.waypoints) == (208, ())
+
+
+@pytest.mark.parametrize('name', FIXED)
+def test_nobody_in_the_graph_can_change_where_a_key_is_sent_or_which_file_is_written(name):
+    node = LlmClientNode(namespace=ALONE, parameter_overrides=[Parameter('source', value='none')])
+    try:
+        before = node.get_parameter(name).value
+        (reason,) = set_on(node, **{name: 'http://attacker.example/v1'})
+        assert reason.startswith(f'{name}: is fixed; start the node with `fixed_endpoint: false`')
+        assert node.get_parameter(name).value == before
+        assert set_on(node, source='oracle', timeout_s=2.0) == []
+        assert len(set_on(node, fixed_endpoint=False)) == 1
+    finally:
+        node.destroy_node()
 
 
 def test_other_costmap_rules_are_no_reason_for_a_new_source(client_node, chat_server):

@@ -36,7 +36,12 @@ from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import run_node
 from llm_astar_planner.nodes.interpretation_server import InterpretationServer
 from llm_astar_planner.planning.compile import compile_map_kernels
-from llm_astar_planner.planning.parameters import SET_BY_PLANNER, costmap_config, source_config
+from llm_astar_planner.planning.parameters import (
+    FIXED,
+    SET_BY_PLANNER,
+    costmap_config,
+    source_config,
+)
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.stop import StopFlag
@@ -112,6 +117,9 @@ class LlmClientNode(Node):
         source_values = {
             name: value for name, value in values.items() if name not in SET_BY_PLANNER
         }
+        problem = self.change_of_fixed(values)
+        if problem is not None:
+            return problem
         try:
             if source_values != self._source_values:
                 found = with_transcript(values)
@@ -121,6 +129,16 @@ class LlmClientNode(Node):
             return str(error)
         self._source_values = source_values
         return None
+
+    def change_of_fixed(self, values: dict[str, Any]) -> str | None:
+        """Say which parameter may not change any more since the start; None where none does."""
+        before = self._source_values
+        if not before or not values['fixed_endpoint']:
+            return None
+        changed = [name for name in FIXED if values[name] != before[name]]
+        if not changed:
+            return None
+        return f'{changed[0]}: is fixed; start the node with `fixed_endpoint: false` to change it'
 
     def adopt_source(self) -> None:
         """Use the source and the interpreter that the last check of the parameters made."""

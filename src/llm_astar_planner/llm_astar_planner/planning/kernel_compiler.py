@@ -116,6 +116,14 @@ class KernelCompiler:
                 self._changed.wait(POLL_SECONDS)
             return self.compiled >= needed
 
+    def serves_as(self, needed: Compiled) -> bool:
+        """Tell whether a plan need not wait any longer: A* serves until jump points are compiled.
+
+        Where they are only loaded, which is soon done, it had better wait.
+        """
+        is_usual = needed is Compiled.UNIFORM and self.compiled >= Compiled.USUAL
+        return is_usual and self._is_compiling
+
     def close(self) -> None:
         """Stop compiling; what is compiled stays."""
         with self._changed:

@@ -218,6 +218,10 @@ NODE = (
     ),
 )
 SOURCE = tuple(waypoints.SOURCE.values())
+# Parameters of llm_client_node that name an address, a key or a file.
+FIXED = (
+    'base_url', 'api_key_env', 'prompt', 'instruction_examples', 'transcript', 'record', 'dataset'
+)  # fmt: skip
 CLIENT = (
     *SOURCE,
     *(
@@ -234,6 +238,15 @@ CLIENT = (
         'dataset',
         '',
         'Barrier maps whose ids are the keys of transcripts: a path, or a name in `maps/`',
+        node_only=True,
+    ),
+    Parameter(
+        'fixed_endpoint',
+        True,
+        f'Whether {", ".join(f"`{name}`" for name in FIXED)} keep the values of the start; '
+        'otherwise any participant of the graph can change where the key is sent and which files '
+        'are read and written',
+        read_only=True,
         node_only=True,
     ),
 )

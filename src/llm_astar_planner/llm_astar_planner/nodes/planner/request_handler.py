@@ -33,6 +33,7 @@ from llm_astar_planner.nodes.planner.request_conversion import (
 )
 from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler
 from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, ResultCode
+from llm_astar_planner.search.guided import FAR
 from llm_astar_planner.search.methods import EXACT, GUIDED
 
 # The part of the planning time that is kept for checking and writing the path: seconds or a share.
@@ -222,12 +223,14 @@ class RequestHandler:
 
         Raises RequestError if the goal was cancelled.
         """
-        needed = Compiled.USUAL
+        needed = Compiled.UNIFORM
         if self._instructions.current.instruction is not None:
             needed = Compiled.INSTRUCTIONS
         if job.goal.planner_id not in OWN_IDS:
             needed = Compiled.EVERYTHING
-        self._compiler.wait(needed, lambda: not job.token.reason)
+        self._compiler.wait(
+            needed, lambda: not (job.token.reason or self._compiler.serves_as(needed))
+        )
         job.raise_if_cancelled()
         return replace(job, begin=time.monotonic())
 
@@ -259,5 +262,10 @@ class RequestHandler:
 
 
 def without_jump_points(request: PlanRequest) -> PlanRequest:
-    """Return a request for A* instead of `guided`, while the search of jump points is compiled."""
-    return replace(request, method=EXACT) if request.method == GUIDED else request
+    """Return a request for A* instead of `guided`, while the search of jump points is compiled.
+
+    To goals nearby no jump points are searched.
+    """
+    distance = max(abs(a - b) for a, b in zip(request.start, request.goal))
+    is_led = request.method == GUIDED and distance >= FAR
+    return replace(request, method=EXACT) if is_led else request

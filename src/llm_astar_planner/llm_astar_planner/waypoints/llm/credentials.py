@@ -104,8 +104,8 @@ class Endpoint:
         if owner and owner != self.host:
             raise not_configured(f'{name} is the key of {owner} and is not sent to {self.host}; '
                                   'name another variable in api_key_env')  # fmt: skip
-        if owner and not self.base_url.lower().startswith('https:'):
-            raise not_configured(f'{name} is only sent over https')
+        if not self.is_loopback and not self.base_url.lower().startswith('https:'):
+            raise not_configured(f'{name} is only sent over https, or to this machine')
         key = os.environ.get(name, '').strip()
         if not key:
             raise not_configured(f'the environment variable {name} is not set')

@@ -287,7 +287,7 @@ def no_names(monkeypatch):
 def test_names_that_do_not_resolve(chat_server, monkeypatch, no_names, host, status, word):
     monkeypatch.setenv('ROBOT_KEY', 'one-two-three')
     source = source_for(
-        chat_server, base_url=f'http://{host}/v1', api_key_env='ROBOT_KEY', timeout_s=1.0
+        chat_server, base_url=f'https://{host}/v1', api_key_env='ROBOT_KEY', timeout_s=1.0
     )
     started = time.monotonic()
     reply = source.waypoints(QUERY)
@@ -301,7 +301,7 @@ def test_proxy_settings_that_do_not_work(monkeypatch, chat_server, no_names, pro
     monkeypatch.setenv('ALL_PROXY', proxy)
     monkeypatch.setenv('ROBOT_KEY', 'one-two-three')
     source = source_for(
-        chat_server, base_url='http://fails.example/v1', api_key_env='ROBOT_KEY', timeout_s=2.0
+        chat_server, base_url='https://fails.example/v1', api_key_env='ROBOT_KEY', timeout_s=2.0
     )
     reply = source.waypoints(QUERY)
     assert reply.status in (SourceStatus.ERROR, SourceStatus.UNREACHABLE), reply
@@ -342,6 +342,11 @@ def test_an_auth_failure_is_not_repeated(chat_server):
             {'base_url': 'http://api.openai.com/v1'},
             {'OPENAI_API_KEY': 'planted-secret'},
             'only sent over https',
+        ),
+        (
+            {'base_url': 'http://192.168.1.5:8000/v1', 'api_key_env': 'ROBOT_KEY'},
+            {'ROBOT_KEY': 'planted-secret'},
+            'only sent over https, or to this machine',
         ),
         ({'base_url': 'https://api.openai.com/v1'}, {}, 'OPENAI_API_KEY is not set'),
         ({'api_key_env': 'ROBOT_KEY'}, {}, 'ROBOT_KEY is not set'),
