@@ -107,7 +107,9 @@ def test_a_file_that_is_not_there_lists_those_that_are():
 
 def make_answers(*words):
     """What make says in a shell without a sourced ROS."""
-    environment = {key: os.environ[key] for key in os.environ if key != 'ROS_DISTRO'}
+    # Nor one of the make that runs the tests, whose arguments its children inherit.
+    given = ('ROS_DISTRO', 'MAKEFLAGS', 'MAKEOVERRIDES')
+    environment = {key: os.environ[key] for key in os.environ if key not in given}
     rule = 'world: ; @echo $(WORLD) $(ROS_REQUIREMENTS)'
     ask = ['make', '--silent', '--eval', rule, *words]
     return subprocess.run(ask, cwd=ROOT, env=environment, capture_output=True, text=True)
