@@ -179,7 +179,7 @@ def test_parameters_are_checked_when_set_and_the_reason_names_the_choices(caller
         ('planner_node', 'max_planning_time', 'soon', 'Wrong parameter type'),
         ('planner_node', 'llm_client', 'other', 'llm_client'),
         ('llm_client_node', 'source', 'oracle9', 'replay'),
-        ('llm_client_node', 'transcript', 'nowhere.jsonl', 'nowhere.jsonl'),
+        ('llm_client_node', 'transcript', 'nowhere.jsonl', 'transcript: is fixed'),
         ('map_node', 'map_file', 'nowhere.json', 'demo.json'),
         ('map_node', 'map_id', 99, 'holds 0, 1, 2'),
     ]:

@@ -91,7 +91,8 @@ def test_client_and_planner_with_a_real_model(monkeypatch):
     slow += ['-p', 'search_while_waiting:=false']
     answered = ('OK', 'NO_WAYPOINTS', 'MALFORMED')
     with LocalLlm(api_key_env=KEY_ENV) as server:
-        arguments = endpoint(server.base_url, max_output_tokens=24, timeout_s=100.0, max_retries=0)
+        limits = {'max_output_tokens': 24, 'timeout_s': 100.0, 'max_retries': 0}
+        arguments = endpoint(server.base_url, fixed_endpoint=False, **limits)
         map_node, client, planner, caller = graph(arguments, *slow)
         with map_node, client, planner, caller as caller:
             caller.wait_until_ready(client='llm_client_node')

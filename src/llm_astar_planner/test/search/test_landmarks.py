@@ -1,5 +1,6 @@
 import math
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -369,6 +370,10 @@ def test_threads_that_search_while_the_map_changes_get_true_bounds(manager):
                 future.result()
             manager.update(grids[-1])
             manager.wait(60.0)
+            # On a busy machine the updates may be over before a search has had any.
+            end = time.monotonic() + 60.0
+            while not used and time.monotonic() < end:
+                time.sleep(0.01)
         finally:
             done.set()
         for future in searches:
