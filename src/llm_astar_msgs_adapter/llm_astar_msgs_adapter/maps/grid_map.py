@@ -41,6 +41,12 @@ class Pose2D(NamedTuple):
     y: float
     yaw: float = 0.0
 
+    def transform(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return where points [n, 2] of the frame with this pose are in the frame of the pose."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        turned: NDArray[np.float64] = np.asarray(points) @ np.array([[cos, sin], [-sin, cos]])
+        return turned + (self.x, self.y)
+
 
 ORIGIN = Pose2D(0.0, 0.0)
 
@@ -105,12 +111,14 @@ class GridMap:
         digest.update(self.cells.data)  # as it lies in memory: 0.6 ms a million cells
         return digest.hexdigest()[:12]
 
+    @property
+    def layout(self) -> tuple[tuple[int, ...], float, Pose2D, str]:
+        """Where the cells are: equal for maps whose cells are at the same places."""
+        return self.cells.shape, self.resolution, self.origin, self.frame_id
+
     def is_laid_out_as(self, other: GridMap) -> bool:
         """Tell whether each cell is at the same place on both maps."""
-        return self.cells.shape == other.cells.shape and (
-            (self.resolution, self.origin, self.frame_id)
-            == (other.resolution, other.origin, other.frame_id)
-        )
+        return self.layout == other.layout
 
     def is_equal_to(self, other: GridMap) -> bool:
         """Tell whether both maps have the same cells at the same places: faster than digests."""
@@ -141,9 +149,7 @@ class GridMap:
     def grid_to_world(self, points: ArrayLike) -> NDArray[np.float64]:
         """Turn grid coordinates [n, 2], where cell centres are integers, into metres."""
         local = (np.asarray(points, dtype=np.float64).reshape(-1, 2) + 0.5) * self.resolution
-        cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
-        turned: NDArray[np.float64] = local @ np.array([[cos, sin], [-sin, cos]])
-        return turned + self.origin[:2]
+        return self.origin.transform(local)
 
     def world_to_cell(self, x: float, y: float) -> tuple[int, int]:
         """Return the cell (x, y) of a point in metres, on the map or off it.

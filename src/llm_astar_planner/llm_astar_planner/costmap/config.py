@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED
+
 from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
 
 # Metres; a robot is not larger.
 MAX_RADIUS = 10.0
 # The highest occupancy that Nav2 publishes for a cell which is neither inscribed (99) nor lethal.
 HIGHEST_COST = 98
+# What `occupied_threshold` is on a costmap: inscribed cells are 99, lethal ones 100.
+COSTMAP_THRESHOLD = 99
 
 
 @dataclass(frozen=True)
@@ -77,6 +81,15 @@ class CostmapConfig:
             problem = entry.problem(getattr(self, name))
             if problem:
                 raise ParameterError(problem)
+
+    @property
+    def obstacle_threshold(self) -> int:
+        """Occupancy from which a cell is an obstacle itself, of a robot of whatever shape.
+
+        On a costmap, which is used with COSTMAP_THRESHOLD, inscribed cells are none.
+        """
+        is_costmap = self.occupied_threshold == COSTMAP_THRESHOLD
+        return OCCUPIED if is_costmap else self.occupied_threshold
 
     @property
     def has_radius(self) -> bool:

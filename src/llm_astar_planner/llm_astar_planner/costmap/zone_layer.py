@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE, UNKNOWN, GridMap
@@ -46,7 +46,7 @@ class ZoneLayer:
         ZonesError for a mask of speeds in m/s without it, and for zones over MOST_CELLS.
         """
         self.config = config or CostmapConfig()
-        self._place = place_of(layout)
+        self._layout = layout.layout
         covered = [(zone, window_of(zone.geometry, layout)) for zone in zones]
         self._zones = [(zone, window) for zone, window in covered if has_cells(window)]
         check_size(window for _, window in self._zones)
@@ -62,7 +62,7 @@ class ZoneLayer:
 
     def fits(self, grid_map: GridMap) -> bool:
         """Tell whether the layer lies on this map as on its own."""
-        return self._place == place_of(grid_map)
+        return self._layout == grid_map.layout
 
     def compose(self, grid_map: GridMap) -> GridMap:
         """Return a map with the zones and masks: each cell has its own cost or theirs if higher.
@@ -100,11 +100,6 @@ class ZoneLayer:
             window.top - top : window.bottom - top, window.left - left : window.right - left
         ]
         np.maximum(part, np.where(touched, cost, TRANSPARENT), out=part)
-
-
-def place_of(grid_map: GridMap) -> Hashable:
-    """Return where the cells of a map are: equal for maps that are laid out alike."""
-    return grid_map.cells.shape, grid_map.resolution, grid_map.origin, grid_map.frame_id
 
 
 def has_cells(window: Window) -> bool:

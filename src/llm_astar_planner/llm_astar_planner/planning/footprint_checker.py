@@ -13,8 +13,6 @@ from llm_astar_planner.planning._kernels import footprint as kernels
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.search.result import Cell
 
-# Of a costmap as an occupancy grid: the threshold that it is used with, and what is lethal on it.
-COSTMAP_THRESHOLD, LETHAL = 99, 100
 # Cells [height, width], the threshold from which they are lethal, and whether unknown ones are.
 Obstacles = tuple[NDArray[np.int8], int, bool]
 
@@ -38,10 +36,8 @@ class FootprintChecker:
         self.grid_map, config = costmap.grid_map, costmap.config
         self.footprint = footprint
         self.points = points = footprint.array / self.grid_map.resolution
-        is_costmap = config.occupied_threshold == COSTMAP_THRESHOLD
-        threshold = LETHAL if is_costmap else config.occupied_threshold
         allowed = config.allow_unknown if allow_unknown is None else allow_unknown
-        self._rules = self.grid_map.cells, threshold, not allowed, points
+        self._rules = self.grid_map.cells, config.obstacle_threshold, not allowed, points
 
     @property
     def obstacles(self) -> Obstacles:
@@ -93,8 +89,8 @@ class FootprintChecker:
 
         Poses are in metres and radians, in the map's frame. One that is not finite collides.
         """
-        index = kernels.first_collision(*self._rules, self.to_grid(poses))
-        return None if index < 0 else int(index)
+        found = np.flatnonzero(self.collisions(poses))
+        return int(found[0]) if len(found) else None
 
     def collisions(self, poses: ArrayLike) -> NDArray[np.bool_]:
         """Tell for each pose (x, y, yaw) [n, 3] in metres whether it collides: bool [n]."""

@@ -271,7 +271,7 @@ class FootprintSearch:
         nearest = np.argsort(squared, kind='stable')[: np.count_nonzero(squared <= reach**2)]
         cells = cells[nearest[:MAX_CELLS]]
         for cell in cells[self.free_cells(cells, yaw)]:
-            yield as_cell(cell)
+            yield int(cell[0]), int(cell[1])
 
     def headings_at(self, cell: Cell, yaw: float | None) -> int:
         """Return the headings, bits of a mask, from and to which it can turn at a cell."""
@@ -279,8 +279,3 @@ class FootprintSearch:
             return EVERY_HEADING
         angles = [HEADING_ANGLE * heading for heading in range(HEADINGS)]
         return sum(1 << h for h, a in enumerate(angles) if self.checker.can_turn(cell, a, yaw))
-
-
-def as_cell(point: NDArray[np.int32]) -> Cell:
-    """Return a cell [2] as two ints."""
-    return int(point[0]), int(point[1])

@@ -116,10 +116,10 @@ class KernelCompiler:
                 self._changed.wait(POLL_SECONDS)
             return self.compiled >= needed
 
-    def serves_as(self, needed: Compiled) -> bool:
-        """Tell whether a plan need not wait any longer: A* serves until jump points are compiled.
+    def has_substitute_for(self, needed: Compiled) -> bool:
+        """Tell whether plans can do without what is needed: A* serves instead of jump points.
 
-        Where they are only loaded, which is soon done, it had better wait.
+        Not where these are only loaded, which is soon done.
         """
         is_usual = needed is Compiled.UNIFORM and self.compiled >= Compiled.USUAL
         return is_usual and self._is_compiling

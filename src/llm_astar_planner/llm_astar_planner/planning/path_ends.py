@@ -6,12 +6,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from llm_astar_msgs_adapter.maps.grid_map import BORDER_TOLERANCE
 from numpy.typing import NDArray
 
 from llm_astar_planner.planning.path_validator import CollisionChecker
 
-# How far beyond its border a point may lie and still belong to a cell, as in GridMap.
-BORDER_TOLERANCE = 1e-6
 # An end this near to the centre of its cell, in cells, is at it.
 AT_CENTRE = 1e-9
 # Ends of a path of one cell that are this near to each other, in cells, are the same place.

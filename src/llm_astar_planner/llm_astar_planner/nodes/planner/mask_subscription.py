@@ -92,14 +92,13 @@ class MaskSubscription:
         is_keepout = info.kind is FilterKind.KEEPOUT
         if self._infos.get(is_keepout) != info:
             return
-        before = self._masks.get(is_keepout)
         try:
-            self._masks[is_keepout] = FilterMask(info, grid_from_message(message))
-            self._on_masks(tuple(self._masks.values()))
+            masks = self._masks | {is_keepout: FilterMask(info, grid_from_message(message))}
+            self._on_masks(tuple(masks.values()))
         except Exception as error:  # noqa: BLE001 - no message may end the thread of the maps
-            if before is not None:
-                self._masks[is_keepout] = before
             self.log(f'filter mask {info.topic}', error)
+        else:
+            self._masks = masks
 
     def log(self, what: str, error: Exception) -> None:
         """Log that something was refused."""

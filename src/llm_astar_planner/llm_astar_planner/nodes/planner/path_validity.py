@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_msgs_adapter.maps.grid_map import OCCUPIED, GridMapError
+from llm_astar_msgs_adapter.maps.grid_map import GridMapError
 from llm_astar_msgs_adapter.messages.fields import yaws_of
 from numpy.typing import NDArray
 from rclpy.impl.rcutils_logger import RcutilsLogger
@@ -23,7 +23,7 @@ from llm_astar_planner.nodes.common.compact_path import (
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.footprint_checker import COSTMAP_THRESHOLD, FootprintChecker
+from llm_astar_planner.planning.footprint_checker import FootprintChecker
 from llm_astar_planner.planning.path_validator import (
     NO_LIMIT,
     CollisionChecker,
@@ -155,10 +155,8 @@ class PathValidityService:
 
 def point_checker(costmap: Costmap) -> CollisionChecker:
     """Return what checks a path of a body that has another shape than the costmap was made for."""
-    config = costmap.config
-    is_costmap = config.occupied_threshold == COSTMAP_THRESHOLD
-    threshold = OCCUPIED if is_costmap else config.occupied_threshold
-    rules = replace(config, robot_radius=0.0, occupied_threshold=threshold)
+    threshold = costmap.config.obstacle_threshold
+    rules = replace(costmap.config, robot_radius=0.0, occupied_threshold=threshold)
     return CollisionChecker(costmap.grid_map, rules)
 
 

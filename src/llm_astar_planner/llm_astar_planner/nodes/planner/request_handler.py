@@ -229,7 +229,7 @@ class RequestHandler:
         if job.goal.planner_id not in OWN_IDS:
             needed = Compiled.EVERYTHING
         self._compiler.wait(
-            needed, lambda: not (job.token.reason or self._compiler.serves_as(needed))
+            needed, lambda: not (job.token.reason or self._compiler.has_substitute_for(needed))
         )
         job.raise_if_cancelled()
         return replace(job, begin=time.monotonic())

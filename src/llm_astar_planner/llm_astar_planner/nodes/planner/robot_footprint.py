@@ -10,12 +10,12 @@ from geometry_msgs.msg import PolygonStamped, PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 
+from llm_astar_planner.costmap.config import COSTMAP_THRESHOLD
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.tf import Frames
 from llm_astar_planner.planning.footprint import MAX_POINTS, Footprint, FootprintError
-from llm_astar_planner.planning.footprint_checker import COSTMAP_THRESHOLD
 
 TOPIC = 'published_footprint'
 # Metres that the points of one footprint may differ by from message to message: rounding in the
@@ -97,8 +97,7 @@ class RobotFootprint:
         base = self._settings['robot_base_frame']
         # Where the origin of the message's frame is in the robot's.
         origin = self._frames.locate(PoseStamped(header=message.header), base, TOPIC, lambda: True)
-        cos, sin = np.cos(origin.yaw), np.sin(origin.yaw)
-        return Footprint.of(corners @ np.array([[cos, sin], [-sin, cos]]) + origin[:2])
+        return Footprint.of(origin.transform(corners))
 
     def use(self, footprint: Footprint | None) -> None:
         """Use a footprint from now on."""

@@ -193,10 +193,8 @@ class ZoneServer:
                 f'frame_id: no map has arrived yet, so {short_repr(frame_id)} cannot be '
                 "transformed; leave it out if the zones are in the map's frame"
             )
-        x, y, yaw = self.pose_in(grid_map, Pose2D(0.0, 0.0), frame_id)
-        turn = [[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]]
-        moved = shapely.transform(zone.geometry, lambda points: points @ turn + (x, y))
-        return replace(zone, geometry=moved)
+        origin = self.pose_in(grid_map, Pose2D(0.0, 0.0), frame_id)
+        return replace(zone, geometry=shapely.transform(zone.geometry, origin.transform))
 
     def add_text(self, text: str) -> str:
         """Add the zones of a GeoJSON text; return what was done. Raises LlmAstarError."""

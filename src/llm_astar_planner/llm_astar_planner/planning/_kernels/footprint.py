@@ -13,6 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from llm_astar_planner.search._kernels.headings import is_lethal
+
 HALF = 0.5
 # Cells that a point of the polygon may move between two looks, at first and if that finds a
 # collision: cells are taken to be half of it larger, so that nothing between two looks is missed.
@@ -76,12 +78,9 @@ def collides(
         return True
     first, last = math.ceil(left), math.floor(right)
     for row in range(math.ceil(top), math.floor(bottom) + 1):
-        line = cells[row, first : last + 1]
-        found = False
-        for n in range(line.size):
-            found |= (line[n] >= threshold) | (unknown_blocks & (line[n] < 0))
-        if not found:
+        if not is_lethal(cells, threshold, unknown_blocks, row, first, last):
             continue
+        line = cells[row, first : last + 1]
         for n in range(line.size):
             lethal = line[n] >= threshold or (unknown_blocks and line[n] < 0)
             if lethal and touches(corners, first + n, row, half):
@@ -103,22 +102,6 @@ def clear(cells: NDArray[np.int8], points: NDArray[np.float64], pose: NDArray[np
         for x in range(math.floor(first), min(math.floor(last) + 1, width)):
             if touches(corners, x, y, HALF):
                 cells[y, x] = 0
-
-
-@_jit
-def first_collision(
-    cells: NDArray[np.int8],
-    threshold: int,
-    unknown_blocks: bool,
-    points: NDArray[np.float64],
-    poses: NDArray[np.float64],
-) -> int:
-    """Return the index of the first pose [m, 3] at which a polygon collides, or -1."""
-    corners = np.empty_like(points)
-    for n in range(len(poses)):
-        if collides(cells, threshold, unknown_blocks, points, poses[n], corners, HALF):
-            return n
-    return -1
 
 
 @_jit
