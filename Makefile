@@ -88,7 +88,8 @@ $(VENV)/.installed: $(VENV)/.dependencies-$(WORLD) $(SOURCES)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
 		--no-build-isolation $(PACKAGES) $(KEEP)
 	rm -rf src/*/build src/*/*.egg-info
-	$(BIN)/python -c 'from llm_astar_planner.planning import compile as c; \
+	@echo 'compiling the searches: a minute or two'
+	@$(BIN)/python -c 'from llm_astar_planner.planning import compile as c; \
 		c.compile_kernels(); c.compile_instruction_kernels()'
 	@touch $@
 
