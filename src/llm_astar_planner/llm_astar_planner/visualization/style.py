@@ -1,0 +1,74 @@
+"""The one style of pictures, animations, reports and the page: colours, markers, names.
+
+Plain constants without matplotlib, for a light background. Blue on amber stays apart for readers
+who see few colours; every mark also has its own shape; and printed in grey the areas keep their
+order of brightness: free, unknown, expanded, inflated, obstacle.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Mark(NamedTuple):
+    """A marked point: CSS colour, matplotlib's marker, the shape in a word, the legend's name."""
+
+    colour: str
+    marker: str
+    shape: str
+    name: str
+
+
+FREE, UNKNOWN, EXPANDED = '#ffffff', '#e9ebef', '#fcd98f'
+# The free cells that the robot's radius, its footprint or the costmap's costs close.
+INFLATED, OBSTACLE = '#a9aeb8', '#262a33'
+# A path on its pale outline.
+PATH, PATH_OUTLINE = '#0050b5', '#ffffff'
+# The robot's outline along a path.
+FOOTPRINT = '#5c8fd6'
+
+START = Mark('#56b4e9', 's', 'square', 'start')
+GOAL = Mark('#e0218a', 'D', 'diamond', 'goal')
+VIA = Mark('#f0e442', '^', 'triangle', 'via point')
+WAYPOINTS = {
+    'accepted': Mark('#009e73', '*', 'star', 'waypoint, accepted'),
+    'out_of_order': Mark('#e69f00', 'P', 'plus', 'waypoint, out of order'),
+    'unreachable': Mark('#8e44ad', 'v', 'triangle down', 'waypoint, unreachable'),
+    'occupied': Mark('#d55e00', 'X', 'cross', 'waypoint, occupied'),
+    'out_of_bounds': Mark('#7f7f7f', 'H', 'hexagon', 'waypoint, out of bounds'),
+}
+MARK_EDGE = '#111111'
+
+# Clauses of an instruction, by `ClauseStatus`.
+CLAUSES = {
+    'SATISFIED': '#009e73',
+    'VIOLATED': '#c8102e',
+    'IMPOSSIBLE': '#c8102e',
+    'GUESSED': '#e08a00',
+    'NOT_UNDERSTOOD': '#7f7f7f',
+}
+# Named places.
+AREA, OBJECT = '#5b7f95', '#8c6d46'
+
+# Of pages and charts: text, less important text, lines, background of tables.
+INK, SOFT, LINE, WASH = '#1f2430', '#5b6270', '#d9dce3', '#f4f5f8'
+# Bars and curves: what is shown, what it is compared with, and what is worse.
+CHART, BASELINE, WORSE = '#0050b5', '#9aa0ac', '#d55e00'
+
+
+def page_colours() -> dict[str, str | dict[str, str]]:
+    """Return the colours by what is drawn, for JSON; `waypoint` has one for each status."""
+    return {
+        'free': FREE,
+        'obstacle': OBSTACLE,
+        'unknown': UNKNOWN,
+        'inflated': INFLATED,
+        'expanded': EXPANDED,
+        'path': PATH,
+        'start': START.colour,
+        'goal': GOAL.colour,
+        'via': VIA.colour,
+        'footprint': FOOTPRINT,
+        'waypoint': {status: mark.colour for status, mark in WAYPOINTS.items()},
+        'clause': dict(CLAUSES),
+    }
