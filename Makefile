@@ -86,7 +86,7 @@ $(VENV)/.dependencies-$(WORLD): $(SETUPS) Makefile | check-python
 $(VENV)/.installed: $(VENV)/.dependencies-$(WORLD) $(SOURCES)
 	rm -rf src/*/build src/*/*.egg-info
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		--no-build-isolation $(PACKAGES) $(KEEP)
+		--no-build-isolation $(PACKAGES) starlette uvicorn $(KEEP)
 	rm -rf src/*/build src/*/*.egg-info
 	@echo 'compiling the searches: a minute or two'
 	@$(BIN)/python -c 'from llm_astar_planner.planning import compile as c; \

@@ -40,6 +40,17 @@ ROOMS = {
         'visualization',
         'resources',
     },
+    'play': {
+        'parameter',
+        'search',
+        'costmap',
+        'waypoints',
+        'instructions',
+        'planning',
+        'visualization',
+        'benchmark',
+        'resources',
+    },
     'nodes': {
         'parameter',
         'search',

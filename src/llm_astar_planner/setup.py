@@ -68,6 +68,7 @@ setup(
             'instructions/grammar/vocabulary/*.yaml',
             'waypoints/learned/*.npz',
             'benchmark/report/*.j2',
+            'play/page/*',
         ]
     },
     data_files=data_files,
@@ -97,6 +98,8 @@ setup(
         'cluster': ['dask[distributed]'],
         # `llm-astar mcp`.
         'mcp': ['mcp>=2'],
+        # `llm-astar play`.
+        'play': ['starlette', 'uvicorn'],
         'test': ['pytest', 'hypothesis', 'mcap-ros2-support', 'mcp>=2'],
         # To train the embedded waypoint model again; see training/.
         'train': ['torch>=2.6'],

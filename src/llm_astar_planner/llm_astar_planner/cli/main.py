@@ -19,6 +19,7 @@ from llm_astar_planner.parameter import ParameterError, nearest_name
 # must run where what the others need is missing.
 COMMANDS = {
     'plan': 'plan from start to goal on a map, without ROS',
+    'play': 'plan in the browser: drag start and goal, draw walls, watch the search',
     'places': 'check, list and draw the named places of a map',
     'mcp': 'serve route planning to agents over MCP',
     'call': 'ask a running planner for a plan, or what an instruction means',

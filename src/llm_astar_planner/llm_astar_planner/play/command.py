@@ -1,0 +1,43 @@
+"""The `llm-astar plan` command that makes the page's plan again."""
+
+from __future__ import annotations
+
+import shlex
+
+from llm_astar_planner.play.request import PlayRequest
+from llm_astar_planner.search.result import Cell
+
+EDITED = 'the walls are edited, and a command plans on the map as it is'
+
+
+def command_of(request: PlayRequest) -> str | None:
+    """Return the command line, None where the walls are edited."""
+    if request.walls.are_edited:
+        return None
+    words = ['llm-astar', 'plan', '--map', request.play_map.file]
+    if request.play_map.map_id is not None:
+        words += ['--map-id', str(request.play_map.map_id)]
+    for flag, cell in (('--start', request.start), ('--goal', request.goal)):
+        words += [flag, *coordinates(request, cell)]
+    for cell in request.via:
+        words += ['--via', *coordinates(request, cell)]
+    for name, value in request.given.items():
+        words += parameter_words('--' + name.replace('_', '-'), value)
+    if request.reply is not None:
+        words += ['--reply', request.reply]
+    else:
+        words += ['--source', request.source]
+    return shlex.join(words)
+
+
+def coordinates(request: PlayRequest, cell: Cell) -> list[str]:
+    """Return a cell in the coordinates of the map."""
+    x_min, y_min = request.play_map.offset
+    return [str(cell[0] + x_min), str(cell[1] + y_min)]
+
+
+def parameter_words(flag: str, value: object) -> list[str]:
+    """Return the flag of a parameter with its value."""
+    if isinstance(value, bool):
+        return [flag if value else '--no-' + flag[2:]]
+    return [flag, format(value, 'g') if isinstance(value, float) else str(value)]
