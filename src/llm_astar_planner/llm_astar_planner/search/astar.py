@@ -69,6 +69,11 @@ class PlainSearch:
         self._control[:] = 0
         self._control[self.BEST_SLOT] = kernels.NO_PATH
 
+    @property
+    def work(self) -> int:
+        """What has been done, in the unit of a quota: expansions."""
+        return self.expansions
+
     def advance(self, quota: int) -> None:
         """Expand up to `quota` cells; set `status` if that ends the search.
 

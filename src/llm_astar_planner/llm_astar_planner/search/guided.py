@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from llm_astar_planner.search._kernels import astar as plain_kernels
 from llm_astar_planner.search._kernels import guided as kernels
 from llm_astar_planner.search.astar import EXPANSION_SLICE, PathTooLongError, PlainSearch
+from llm_astar_planner.search.expansion_order import ExpansionRecorder
 from llm_astar_planner.search.grid_graph import GridGraph, as_grid
 from llm_astar_planner.search.jump import JumpSearch
 from llm_astar_planner.search.landmarks import Landmarks
@@ -79,6 +80,7 @@ class GuidedSearch:
     thread sets `stop[0] = 1`; the expanded cells of a search cancelled that way are not returned.
     `weight` is how greedily waypoints are followed; `work_factor` limits the expansions that they
     may cost, as a multiple of those of the search without any (None: as many as take its time).
+    A `recorder` notes in which order cells are expanded.
     """
 
     def __init__(
@@ -94,6 +96,7 @@ class GuidedSearch:
         deadline: float = math.inf,
         weight: float = WEIGHT,
         work_factor: float | None = None,
+        recorder: ExpansionRecorder | None = None,
     ) -> None:
         """Take the query; nothing is searched yet.
 
@@ -112,7 +115,9 @@ class GuidedSearch:
             raise ValueError('landmarks: are of a map of another size')
         self._landmarks = landmarks
         stop = no_stop() if stop is None else stop
-        self._query = _Query(start, goal, max_suboptimality, stop, deadline, weight, work_factor)
+        self._query = _Query(
+            start, goal, max_suboptimality, stop, deadline, weight, work_factor, recorder
+        )
         self._result: GuidedResult | None = None
 
     def guide(self, waypoints: ArrayLike) -> None:
@@ -213,6 +218,7 @@ class _Query:
     deadline: float
     weight: float
     work_factor: float | None
+    recorder: ExpansionRecorder | None
     # Waypoints that the search has not taken yet, the newest last. Other threads append to it.
     inbox: deque[NDArray[np.float64]] = field(default_factory=deque)
 
@@ -247,6 +253,11 @@ class WaypointSearch:
         ])  # fmt: skip
         self._heads = np.zeros(0, dtype=np.int32)
         self._targets: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
+
+    @property
+    def work(self) -> int:
+        """What has been done, in the unit of a quota: expansions."""
+        return self.expansions
 
     def follow(self, waypoints: NDArray[np.float64]) -> None:
         """Follow new waypoints [n, 2] from here on; see `GuidedSearch.guide`."""
@@ -330,7 +341,8 @@ class _Run:
 
     def step(self) -> PlainSearch | WaypointSearch:
         """Search one slice; set the status if that ends the search; return which one searched."""
-        if self.query.inbox:
+        query = self.query
+        if query.inbox:
             self.take_waypoints()
         plain, led = self.plain, self.waypoint_search
         if self.waypoints is None or (led is not None and led.status is not None):
@@ -338,27 +350,55 @@ class _Run:
         if plain.expansions < self.plain_first:
             return self.step_plain(self.plain_first - plain.expansions)
         if led is None:
-            led = self.waypoint_search = WaypointSearch(self.query, plain)
+            led = self.waypoint_search = WaypointSearch(query, plain)
             led.follow(self.waypoints)
         allowed = max(HEAD_START * self.fewest_moves, self.work_factor * plain.expansions)
         quota = min(int(allowed) - led.expansions, EXPANSION_SLICE)
         if quota <= 0:
             return self.step_plain(max(_MIN_PLAIN_STEP, plain.expansions // _PLAIN_SHARE))
-        led.advance(quota, plain.best)
+        if query.recorder is None:
+            led.advance(quota, plain.best)
+        else:
+            self.record_waypoint_search(led, quota, query.recorder)
         if led.status is SearchStatus.EXHAUSTED:
             # No path costs less than the best one known, if there is one.
             plain.learn(led.best, led.best)
             self.status = SearchStatus.FOUND if led.best < plain_kernels.NO_PATH else led.status
         elif led.status is SearchStatus.FOUND:
             plain.learn(led.best)
-            if self.query.is_met(plain):
+            if query.is_met(plain):
                 self.status = SearchStatus.FOUND
         return led
+
+    def record_waypoint_search(
+        self, led: WaypointSearch, quota: int, recorder: ExpansionRecorder
+    ) -> None:
+        """Expand a slice along the waypoints and record it."""
+
+        def run(step: int) -> int:
+            led.advance(step, self.plain.best)
+            return self.plain.expansions + led.expansions
+
+        recorder.advance(led, quota, run)
+
+    def record_plain_search(self, quota: int, recorder: ExpansionRecorder) -> None:
+        """Expand a slice of the plain A* and record it."""
+        plain, led = self.plain, self.waypoint_search
+        others = 0 if led is None else led.expansions
+
+        def run(step: int) -> int:
+            plain.advance(step)
+            return plain.expansions + others
+
+        recorder.advance(plain, quota, run)
 
     def step_plain(self, quota: int) -> PlainSearch:
         """Let the plain A* expand `quota` cells; set the status if that ends the search."""
         plain = self.plain
-        plain.advance(quota)
+        if self.query.recorder is None:
+            plain.advance(quota)
+        else:
+            self.record_plain_search(quota, self.query.recorder)
         if plain.status is not None:
             self.status = plain.status
         elif self.query.max_suboptimality is not None and self.query.is_met(plain):

@@ -51,6 +51,11 @@ class JumpSearch(PlainSearch):
         self._control[self.BEST_SLOT] = NO_PATH
         self._heads = np.empty(kernels.BUCKETS, dtype=np.int32)
 
+    @property
+    def work(self) -> int:
+        """What has been done, in the unit of a quota: scans."""
+        return int(self._control[kernels.J_SCANS])
+
     def advance(self, quota: int) -> None:
         """Scan at least `quota` times; set `status` if that ends the search.
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from llm_astar_planner.search._kernels import paper as kernels
 from llm_astar_planner.search.any_angle import can_see, string_pull
 from llm_astar_planner.search.astar import exact_astar
+from llm_astar_planner.search.expansion_order import ExpansionRecorder
 from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import guided
 from llm_astar_planner.search.jump import jump_search
@@ -51,6 +52,7 @@ class SearchOptions:
     `corner_cutting` allows a diagonal step between or next to blocked cells, as the paper does.
     The search ends at `deadline` (monotonic seconds, looked at between slices) and when another
     thread sets `stop[0] = 1`. Without `want_expanded` the result has no expanded cells, [0, 0].
+    A `recorder` notes in which order cells are expanded.
     """
 
     heuristic: str = 'euclidean'
@@ -59,6 +61,7 @@ class SearchOptions:
     stop: StopFlag = field(default_factory=no_stop)
     deadline: float = math.inf
     want_expanded: bool = True
+    recorder: ExpansionRecorder | None = None
 
 
 class Method(Protocol):
@@ -164,13 +167,17 @@ def run_kernel(
     seen, closed = (np.zeros(width * height, dtype=np.bool_) for _ in range(2))
     g, move_to = np.empty(width * height), np.empty(width * height, dtype=np.int8)
     counts = np.zeros(kernels.COUNTS, dtype=np.int64)
-    search = partial(
+    recorder = options.recorder
+    search: Callable[..., int] = partial(
         kernels.paper_search,
         np.ascontiguousarray(blocked, dtype=np.bool_), first, last,
         np.asarray(targets, dtype=np.float64).reshape(-1, 2), HEURISTICS[options.heuristic],
-        float(decay), bool(options.corner_cutting), options.stop, SLICE,
+        float(decay), bool(options.corner_cutting), options.stop,
+        SLICE if recorder is None else recorder.step,
         seen, closed, g, move_to, counts, np.array([max(1.0, weight), weight]),
     )  # fmt: skip
+    if recorder is not None:
+        search = recorded(search, recorder, closed.reshape(width, height).T, counts)
     code = run_slices(search, options.deadline)
     expanded = closed.reshape(width, height).T if options.want_expanded else _NOT_WANTED
     found = _STATUS[code], int(counts[kernels.EXPANSIONS]), int(counts[kernels.STORAGE]), expanded
@@ -178,6 +185,24 @@ def run_kernel(
         return SearchResult(*found)
     path, diagonals = kernels.trace_back(move_to, first, last, height)
     return SearchResult(*found, path, len(path) - 1 - diagonals + diagonals * math.sqrt(2.0))
+
+
+def recorded(
+    search: Callable[..., int],
+    recorder: ExpansionRecorder,
+    closed: NDArray[np.bool_],
+    counts: NDArray[np.int64],
+) -> Callable[..., int]:
+    """Return a search whose slices are recorded; `closed` [height, width] is what it expanded."""
+
+    def run(*heap: NDArray[Any]) -> int:
+        code = search(*heap)
+        expansions = int(counts[kernels.EXPANSIONS])
+        if code != kernels.RUNNING or recorder.is_due(expansions):
+            recorder.look(closed, expansions)
+        return code
+
+    return run
 
 
 def run_slices(search: Callable[..., int], deadline: float) -> int:

@@ -1,0 +1,81 @@
+"""Runs the searches of a plan again to learn in which order they expanded the cells."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+from itertools import pairwise
+
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.planning.waypoint_filter import guiding_points, target_list
+from llm_astar_planner.search.astar import EXPANSION_SLICE, PlainSearch
+from llm_astar_planner.search.expansion_order import ExpansionOrder, ExpansionRecorder
+from llm_astar_planner.search.guided import GuidedSearch
+from llm_astar_planner.search.methods import EXACT, GUIDED
+from llm_astar_planner.search.paper import PAPER_METHODS, SearchOptions
+from llm_astar_planner.search.result import SearchStatus
+
+
+def retrace(planner: Planner, request: PlanRequest, plan: Plan) -> ExpansionOrder | None:
+    """Return in which order a plan's searches expanded the cells, those to via points in turn.
+
+    `plan` is the planner's answer to `request`. The searches run again as they ran for the plan,
+    and what they expand is compared with what the plan says. None where the order cannot be
+    known: with an instruction, after a search by heading, and where it depended on time
+    (waypoints that came in during the search, a time limit, landmarks that were not there yet).
+    """
+    if request.instruction is not None or not plan.expansions:
+        return None
+    recorder = ExpansionRecorder(planner.costmap.blocked.shape, plan.expansions)
+    cells = [plan.start, *plan.via, plan.goal]
+    try:
+        for start, goal in pairwise(cells):
+            segment = replace(request, start=start, goal=goal, via=())
+            status = search_again(planner, segment, plan, recorder)
+            if status is not SearchStatus.FOUND:
+                break
+            recorder.next_search()
+    except OverflowError:
+        return None
+    order = recorder.order()
+    return order if order.expansions == plan.expansions else None
+
+
+def search_again(
+    planner: Planner, request: PlanRequest, plan: Plan, recorder: ExpansionRecorder
+) -> SearchStatus:
+    """Run the search of one segment as the plan's; return how it ended. Raises OverflowError."""
+    graph, ends = planner.costmap.grid_graph, (request.start, request.goal)
+    if request.method == GUIDED:
+        with planner.landmarks.lend(graph) as landmarks:
+            search = GuidedSearch(
+                graph, *ends, max_suboptimality=request.max_suboptimality, landmarks=landmarks,
+                recorder=recorder,
+            )  # fmt: skip
+            search.guide(guiding_points(plan.checked_waypoints))
+            deque(search.solutions(), maxlen=0)
+            return search.result().status
+    if request.method == EXACT:
+        return record_exact(PlainSearch(graph, *ends), recorder)
+    options = SearchOptions(
+        request.heuristic, request.weight, planner.config.corner_cutting, recorder=recorder
+    )
+    targets = target_list(plan.checked_waypoints, *ends)[1:]
+    method = PAPER_METHODS[request.method]
+    return method(planner.costmap.blocked, *ends, targets, options).status
+
+
+def record_exact(search: PlainSearch, recorder: ExpansionRecorder) -> SearchStatus:
+    """Run an exact search to its end and record it. Raises OverflowError."""
+
+    def run(quota: int) -> int:
+        search.advance(quota)
+        return search.expansions
+
+    try:
+        while search.status is None:
+            recorder.advance(search, EXPANSION_SLICE, run)
+        return search.status
+    finally:
+        search.close()
