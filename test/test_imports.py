@@ -28,8 +28,16 @@ ROOMS = {
     'search': set(),
     'costmap': {'search', 'parameter'},
     'waypoints': {'search', 'costmap', 'parameter', 'resources'},
-    'instructions': {'search', 'costmap', 'waypoints', 'parameter', 'resources'},
-    'planning': {'search', 'costmap', 'waypoints', 'instructions', 'parameter', 'resources'},
+    'instructions': {'search', 'costmap', 'waypoints', 'parameter', 'resources', 'lazy'},
+    'planning': {
+        'search',
+        'costmap',
+        'waypoints',
+        'instructions',
+        'parameter',
+        'resources',
+        'lazy',
+    },
     'visualization': {'search', 'costmap', 'instructions', 'planning'},
     'benchmark': {
         'search',
@@ -39,6 +47,7 @@ ROOMS = {
         'planning',
         'visualization',
         'resources',
+        'lazy',
     },
     'play': {
         'parameter',
@@ -117,7 +126,7 @@ def test_rooms_import_one_way(room, path):
     assert (rooms_of(path, PLANNER) & known) - {room, '__init__'} <= ROOMS[room]
 
 
-@pytest.mark.parametrize('name', ['parameter', 'resources'])
+@pytest.mark.parametrize('name', ['parameter', 'resources', 'lazy'])
 def test_the_modules_outside_of_the_rooms_import_none_of_them(name):
     path = SOURCE / PLANNER / PLANNER / f'{name}.py'
     assert rooms_of(path, PLANNER) == set()

@@ -30,7 +30,6 @@ from llm_astar_planner.cli.planning_options import (
     read_planning_options,
 )
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.place_goal import goal_cell
 from llm_astar_planner.instructions.place_names import find_place
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.parameter import ParameterError
@@ -41,6 +40,7 @@ from llm_astar_planner.planning.parameters import (
 )
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, check_request
+from llm_astar_planner.search.numba_start import start_numba
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
@@ -147,6 +147,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def compile_searches(planner: Planner, request: PlanRequest) -> None:
     """Compile what a request takes, so that its time is for planning; say so if it takes long."""
+    start_numba()
     with announced(lambda sentence: print(sentence, file=sys.stderr)):
         compile_for(planner.config, request, is_graded=False)
         compile_for(planner.config, request, WAYPOINTS)
@@ -231,6 +232,8 @@ def pair_of(arguments: argparse.Namespace, problem: ProblemMap) -> Sample:
 
 def place_point(name: str, places: Places, costmap: Costmap, problem: ProblemMap) -> Point:
     """Return the point of the map at which a place is gone to. Raises PlaceGoalError."""
+    from llm_astar_planner.instructions.place_goal import goal_cell  # noqa: PLC0415
+
     x, y = goal_cell(find_place(name, places), costmap)
     x_min, y_min = offset_of(problem)
     return x + x_min, y + y_min

@@ -18,7 +18,6 @@ from llm_astar_planner.cli.parameter_flags import (
     parameter_values,
     read_params_files,
 )
-from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpreter,
     RouteInstruction,
@@ -49,6 +48,9 @@ class PlanningOptions:
 
     def make_interpreter(self) -> Interpreter:
         """Return who understands instructions. Raises ParameterError, TranscriptError."""
+        # The grammar and the HTTP client take a fifth of a second to import.
+        from llm_astar_planner.instructions.chain import make_interpreter  # noqa: PLC0415
+
         return make_interpreter(asdict(self.settings))
 
     def route_instruction(self, places: Places) -> RouteInstruction | None:

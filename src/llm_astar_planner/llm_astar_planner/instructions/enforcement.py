@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from llm_astar_planner.costmap.raster import Cover, cover, open_border
 from llm_astar_planner.instructions.regions import (
@@ -45,6 +44,7 @@ from llm_astar_planner.instructions.specification import (
     Unknown,
     Visit,
 )
+from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search.layered import VisitProblem
 
 # What a cell of length in a forbidden cell costs more: so many cells of detour are made for it.

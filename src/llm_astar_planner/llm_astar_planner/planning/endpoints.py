@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.inflation import squared_cells
+from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles

@@ -19,7 +19,6 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
 from llm_astar_planner.planning.footprint_search import collides, fit_footprint
 from llm_astar_planner.planning.footprint_validator import footprint_problem
-from llm_astar_planner.planning.instruction import plan_with_instruction
 from llm_astar_planner.planning.path_validator import (
     CollisionChecker,
     path_problem,
@@ -129,6 +128,11 @@ class Planner:
             source = ViapointSource(request.viapoints, request.tolerance)
             request = replace(request, source=source)
         if request.instruction is not None:
+            # What instructions take is many modules, which other plans do not need.
+            from llm_astar_planner.planning.instruction import (  # noqa: PLC0415
+                plan_with_instruction,
+            )
+
             return iter([plan_with_instruction(self, request, request.instruction, stop)])
         return self.direct_plans(request, stop, anytime=anytime)
 

@@ -16,8 +16,6 @@ import numpy as np
 from cachetools import LRUCache, cached
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.result import Cell
@@ -173,6 +171,9 @@ def shortest_route(costmap: Costmap, start: Cell, goal: Cell) -> tuple[Corners, 
     The corners are free cells near wall ends, in order; there are none where start sees the goal,
     and where no path exists: the length is then infinite. Raises TooManyCornersError.
     """
+    from scipy.sparse import csr_matrix  # noqa: PLC0415 - takes a tenth of a second
+    from scipy.sparse.csgraph import dijkstra  # noqa: PLC0415
+
     graph = visibility_graph(costmap)
     endpoints = np.array([start, goal])
     if graph.sight.clear(endpoints[:1], endpoints[1:])[0]:

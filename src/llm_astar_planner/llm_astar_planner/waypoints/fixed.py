@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from llm_astar_planner.waypoints.llm.source import read_answer
+from llm_astar_planner.waypoints.answer import read_answer
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
-from llm_astar_planner.waypoints.llm.source import read_answer
+from llm_astar_planner.waypoints.answer import read_answer
 from llm_astar_planner.waypoints.prompts.map_description import Lattice
 from llm_astar_planner.waypoints.source import (
     SampleKey,

@@ -17,8 +17,8 @@ import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Point, Sample
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search.paper import SearchOptions, astar
 from llm_astar_planner.search.result import SearchStatus
 from llm_astar_planner.search.visibility import LineOfSightChecker

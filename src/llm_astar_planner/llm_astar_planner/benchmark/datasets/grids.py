@@ -11,9 +11,9 @@ from llm_astar_msgs_adapter.maps.barrier_map import Sample
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem, GridProblemError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.movingai import Scenario
-from scipy import ndimage
 
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.lazy import ndimage
 
 SCENARIOS, YAML, BARE_MAP = ('.scen',), ('.yaml', '.yml'), ('.map',)
 # Pairs drawn on a map that has none, unless a limit is given.

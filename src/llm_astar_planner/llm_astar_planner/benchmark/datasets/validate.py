@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample, load_barrier_maps
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from llm_astar_planner.benchmark.datasets.generate import detour, query_sentence
+from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search.visibility import LineOfSightChecker
 
 

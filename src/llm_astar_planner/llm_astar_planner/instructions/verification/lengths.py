@@ -7,7 +7,6 @@ from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from llm_astar_planner.instructions.outcome import ClauseOutcome
 from llm_astar_planner.instructions.specification import (
@@ -32,6 +31,7 @@ from llm_astar_planner.instructions.verification.measurement import (
     violated,
 )
 from llm_astar_planner.instructions.verification.polyline import Spans, total
+from llm_astar_planner.lazy import ndimage
 
 # A distance may be short by this share or by these metres, whichever is more.
 SHORT_SHARE = 0.02

@@ -14,12 +14,12 @@ from functools import cached_property
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.verification.area import EDGE, Area
 from llm_astar_planner.instructions.verification.walls import Walls
+from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search._kernels import reference as kernels
 
 # No reference search runs on a larger map: 12 s and 2 GB. Nothing is proven or allowed there.

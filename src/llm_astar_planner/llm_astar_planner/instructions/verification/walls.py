@@ -11,12 +11,12 @@ from itertools import pairwise
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.verification.area import EDGE, NOTHING, Area
 from llm_astar_planner.instructions.verification.polyline import Polyline, polyline
+from llm_astar_planner.lazy import ndimage
 
 # Cells. A path is looked at in pieces of this length, so that few cells are near each.
 PIECE = 48.0

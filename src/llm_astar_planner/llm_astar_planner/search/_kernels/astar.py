@@ -33,8 +33,10 @@ def ways_around(move: int, mask: int) -> dict[tuple[int, int], tuple[float, bool
     before = (-steps[move][0], -steps[move][1])
     free = {step for bit, step in enumerate(steps) if mask >> bit & 1} | {before}
     ways = {before: (0.0, False)}
-    for _ in range(len(free)):
-        for cell in list(ways):
+    known_before: dict[tuple[int, int], tuple[float, bool]] = {}
+    while ways != known_before:
+        known_before = dict(ways)
+        for cell in known_before:
             for step_x, step_y in steps:
                 x, y = cell[0] + step_x, cell[1] + step_y
                 corners = {(x, cell[1]), (cell[0], y)} if step_x and step_y else {(x, y)}
@@ -69,13 +71,30 @@ def canonical_successors(move: int, mask: int) -> int:
     return kept
 
 
+def turned(mask: int, turns: int) -> int:
+    """Return a mask of moves after 0 to 3 quarter turns to the left."""
+    straight, diagonal = (mask & 15) << turns, (mask >> 4) << turns
+    return (straight | straight >> 4) & 15 | ((diagonal | diagonal >> 4) & 15) << 4
+
+
+def successor_table() -> NDArray[np.uint8]:
+    """Return `canonical_successors` of all moves and masks, and a last row that keeps all moves.
+
+    Those of the moves +x and +x+y are computed, and the others turned from them.
+    """
+    table = np.zeros((9, 256), dtype=np.uint8)
+    table[8] = np.arange(256)
+    for first in (0, 4):
+        for mask in range(256):
+            kept = canonical_successors(first, mask)
+            for turns in range(4):
+                table[first + turns, turned(mask, turns)] = turned(kept, turns)
+    return table.ravel()
+
+
 # Indexed by move << 8 | legal moves; row 8 keeps all moves, for the start and graded costs.
 EVERY_MOVE = 8 << 8
-CANONICAL_SUCCESSORS = np.array(
-    [canonical_successors(move, mask) for move in range(8) for mask in range(256)]
-    + list(range(256)),
-    dtype=np.uint8,
-)
+CANONICAL_SUCCESSORS = successor_table()
 
 TAG_BITS = 12
 CLOSED = 8

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
+from llm_astar_planner.waypoints.answer import Answer, read_answer
 from llm_astar_planner.waypoints.llm.client import ChatClient
 from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_long
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
@@ -25,7 +26,6 @@ from llm_astar_planner.waypoints.prompts.map_description import (
     describe,
     describe_coarser,
 )
-from llm_astar_planner.waypoints.prompts.reply_parser import parse_reply
 from llm_astar_planner.waypoints.prompts.template import Template, ask_for_json, path_schema
 from llm_astar_planner.waypoints.source import (
     Message,
@@ -38,26 +38,6 @@ from llm_astar_planner.waypoints.transcript import SampleResolver
 
 # How much of an answer is quoted to the model when it is asked to correct it.
 MAX_QUOTED_CHARS = 4000
-
-
-class Answer(NamedTuple):
-    """The points a model wrote, in the coordinates of its prompt, or why there are none."""
-
-    waypoints: tuple[Waypoint, ...]
-    status: SourceStatus
-    detail: str
-
-
-def read_answer(text: str) -> Answer:
-    """Parse a model's text: OK with points, NO_WAYPOINTS for an empty list, else MALFORMED."""
-    points = parse_reply(text)
-    if points:
-        return Answer(points, SourceStatus.OK, '')
-    if points is not None:
-        return Answer((), SourceStatus.NO_WAYPOINTS, 'the model answered with an empty list')
-    if not text.strip():
-        return Answer((), SourceStatus.MALFORMED, 'the reply is empty')
-    return Answer((), SourceStatus.MALFORMED, 'no list of points in the reply')
 
 
 def answer_of(completion: Completion) -> Answer:

@@ -1,0 +1,22 @@
+"""Imports of large libraries that wait for their first use."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+
+class LazyModule:
+    """A module that is imported when an attribute of it is first asked for."""
+
+    def __init__(self, name: str) -> None:
+        """Take the full name of the module."""
+        self._name = name
+
+    def __getattr__(self, attribute: str) -> Any:  # noqa: ANN401 - of any module
+        """Return an attribute of the module. Raises ImportError, AttributeError."""
+        return getattr(importlib.import_module(self._name), attribute)
+
+
+# A fifth of a second; most plans need none of it.
+ndimage: Any = LazyModule('scipy.ndimage')

@@ -1,0 +1,67 @@
+"""Make a source that asks a language model at an endpoint, and the client that it asks with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+
+from llm_astar_planner.waypoints.cache import CachedSource
+from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceSettings
+from llm_astar_planner.waypoints.llm.client import ChatClient
+from llm_astar_planner.waypoints.llm.credentials import Endpoint
+from llm_astar_planner.waypoints.llm.protocol import Dialect
+from llm_astar_planner.waypoints.llm.resilience import CallBudget
+from llm_astar_planner.waypoints.llm.source import EndpointSource
+from llm_astar_planner.waypoints.prompts.template import load_template
+from llm_astar_planner.waypoints.source import WaypointSource
+from llm_astar_planner.waypoints.transcript import RecordingSource, TranscriptWriter
+
+# How many seconds a request that missed its deadline may go on, to answer the next query.
+LATE_S = 60.0
+
+
+def make_endpoint_source(
+    settings: SourceSettings, dataset: Sequence[BarrierMap] | None
+) -> WaypointSource:
+    """Make the source that asks a language model, with a cache and, if set, a recording."""
+    client = make_client(settings)
+    template = load_template(settings.prompt or DEFAULT_PROMPT)
+    source: WaypointSource = EndpointSource(
+        client,
+        template,
+        timeout_s=settings.timeout_s,
+        max_prompt_tokens=settings.max_prompt_tokens,
+        repair_rounds=settings.repair_rounds,
+        late_s=LATE_S,
+        dataset=dataset,
+    )
+    if settings.record:
+        source = RecordingSource(source, TranscriptWriter(settings.record), dataset)
+    return CachedSource(
+        source,
+        model=settings.model,
+        prompt=template.name,
+        size=settings.cache_size,
+        timeout_s=settings.timeout_s,
+    )
+
+
+def make_client(settings: SourceSettings) -> ChatClient:
+    """Make the client of the endpoint that settings name. Raises EndpointError."""
+    return ChatClient(
+        Endpoint(settings.base_url, settings.api_key_env),
+        settings.model,
+        Dialect(settings.max_output_tokens, settings.temperature, settings.response_format),
+        settings.max_retries,
+        CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
+        max_concurrent=settings.max_concurrent,
+    )
+
+
+def client_of(source: WaypointSource) -> ChatClient | None:
+    """Return the endpoint's client inside a source, for its state and counts, or None."""
+    inner: object = source
+    while isinstance(inner, (CachedSource, RecordingSource)):
+        inner = inner.inner
+    return inner.client if isinstance(inner, EndpointSource) else None

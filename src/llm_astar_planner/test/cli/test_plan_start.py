@@ -1,0 +1,39 @@
+"""`llm-astar plan` starts fast: it imports only what the plan takes."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = {'httpx', 'lark', 'matplotlib', 'rapidfuzz', 'scipy.linalg', 'scipy.ndimage', 'rclpy'}
+CODE = """
+import json, sys
+from llm_astar_planner.cli.main import main
+code = main(sys.argv[1:])
+print(json.dumps([code, sorted(sys.modules)]))
+"""
+
+
+def modules_after(*arguments):
+    process = subprocess.run(
+        [sys.executable, '-c', CODE, *arguments], capture_output=True, text=True, check=True
+    )
+    code, modules = json.loads(process.stdout.splitlines()[-1])
+    assert code == 0, process.stdout
+    return set(modules)
+
+
+def test_a_plain_plan_imports_none_of_the_large_libraries():
+    assert not modules_after('plan') & HEAVY
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'library'),
+    [
+        (['--instruction', 'avoid 12, 4 by 2 m'], 'lark'),
+        (['--source', 'oracle'], 'scipy.sparse.csgraph'),
+    ],
+)
+def test_what_a_plan_needs_is_imported(arguments, library):
+    assert library in modules_after('plan', *arguments)
