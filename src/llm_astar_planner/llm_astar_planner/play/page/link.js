@@ -1,0 +1,84 @@
+// The view as the fragment of the page's address, and back. A fragment is untrusted text.
+
+const MAX_FRAGMENT = 60_000;
+const MAX_WALLS = 40_000;
+const MAX_VIA = 100;
+const DEFAULTS = {
+  method: 'guided', source: 'embedded', heuristic: 'euclidean', weight: 2, max_suboptimality: 1.1,
+  robot_radius: 0, any_angle: false, corner_cutting: null, reply: '', instruction: '',
+};
+const NUMBERS = ['weight', 'max_suboptimality', 'robot_radius'];
+const TEXTS = ['method', 'source', 'heuristic', 'reply', 'instruction'];
+const SWITCHES = ['any_angle', 'corner_cutting'];
+
+/** Return the settings that a page begins with. */
+export const defaultSettings = () => ({ ...DEFAULTS });
+
+/** Return sorted cell indices as runs: gap and length in base 36, joined by dots. */
+export function encodeRuns(indices) {
+  const runs = [];
+  let end = 0;
+  for (let i = 0; i < indices.length;) {
+    let j = i + 1;
+    while (j < indices.length && indices[j] === indices[j - 1] + 1) j += 1;
+    runs.push((indices[i] - end).toString(36), (j - i).toString(36));
+    end = indices[j - 1] + 1;
+    i = j;
+  }
+  return runs.join('.');
+}
+
+/** Return the cell indices of runs that are below `size`, at most `limit` of them. */
+export function decodeRuns(encoded, size, limit) {
+  const indices = [];
+  const numbers = encoded.slice(0, MAX_FRAGMENT).split('.').map((item) => parseInt(item, 36));
+  let at = 0;
+  for (let i = 0; i + 1 < numbers.length; i += 2) {
+    if (!(numbers[i] >= 0 && numbers[i + 1] > 0)) break;
+    at += numbers[i];
+    for (let n = numbers[i + 1]; n > 0 && at < size && indices.length < limit; n -= 1) indices.push(at++);
+  }
+  return indices;
+}
+
+/** Return the fragment for a view, and whether the walls had to be left out. */
+export function toFragment(view) {
+  const query = new URLSearchParams();
+  query.set('map', view.map);
+  query.set('start', view.start.join(','));
+  query.set('goal', view.goal.join(','));
+  for (const [name, value] of Object.entries(view.settings)) {
+    if (value === DEFAULTS[name] || value === null) continue;
+    query.set(name, typeof value === 'boolean' ? String(Number(value)) : String(value));
+  }
+  if (view.via.length) query.set('via', view.via.map((cell) => cell.join(',')).join(';'));
+  const walls = encodeRuns(view.blocked);
+  const freed = encodeRuns(view.freed);
+  const fits = walls.length + freed.length <= MAX_WALLS;
+  if (fits && walls) query.set('walls', walls);
+  if (fits && freed) query.set('freed', freed);
+  return { fragment: query.toString().replaceAll('%2C', ',').replaceAll('%3B', ';'), fits };
+}
+
+/** Return the view of a fragment, null where it names no map; what cannot be read is left out. */
+export function fromFragment(fragment) {
+  const query = new URLSearchParams(fragment.replace(/^#/, '').slice(0, MAX_FRAGMENT));
+  if (!query.get('map')) return null;
+  const settings = defaultSettings();
+  for (const name of TEXTS) settings[name] = query.get(name) ?? settings[name];
+  for (const name of NUMBERS) {
+    const value = query.has(name) ? Number(query.get(name)) : NaN;
+    if (Number.isFinite(value)) settings[name] = value;
+  }
+  for (const name of SWITCHES) if (query.has(name)) settings[name] = query.get(name) === '1';
+  const via = (query.get('via') ?? '').split(';').slice(0, MAX_VIA).map(cellOf).filter(Boolean);
+  return {
+    map: query.get('map'), start: cellOf(query.get('start')), goal: cellOf(query.get('goal')),
+    settings, via, walls: query.get('walls') ?? '', freed: query.get('freed') ?? '',
+  };
+}
+
+function cellOf(value) {
+  const match = /^(\d{1,6}),(\d{1,6})$/.exec(value ?? '');
+  return match ? [Number(match[1]), Number(match[2])] : null;
+}

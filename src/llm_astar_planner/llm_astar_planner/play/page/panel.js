@@ -1,0 +1,143 @@
+// One map with one plan on a canvas.
+
+import { drawAxes, drawGrid, drawScaleBar } from './axes.js';
+import { int32s, points } from './codec.js';
+import { MapLayer, SearchLayer } from './layers.js';
+import { drawLabel, drawMarker } from './markers.js';
+import { statusShape } from './theme.js';
+
+const MARGIN = { left: 52, top: 6, right: 8, bottom: 40 };
+const NO_MARGIN = { left: 0, top: 0, right: 0, bottom: 0 };
+
+export class Panel {
+  /** Take a figure element, the shared viewport, and whether it has axes. */
+  constructor(figure, viewport, hasAxes) {
+    this.figure = figure;
+    this.canvas = figure.querySelector('canvas');
+    this.context = this.canvas.getContext('2d');
+    this.viewport = viewport;
+    this.hasAxes = hasAxes;
+    this.margin = hasAxes ? MARGIN : NO_MARGIN;
+    this.map = null;
+    this.plan = null;
+  }
+
+  setMap(map) {
+    this.map = map;
+    this.base = new MapLayer(map);
+    this.setPlan(null);
+  }
+
+  setPlan(plan) {
+    this.plan = plan;
+    this.path = points(plan?.any_angle ?? plan?.path);
+    const order = int32s(plan?.expanded?.order);
+    this.search = plan ? new SearchLayer(this.map, order, plan.order_is_known !== false) : null;
+  }
+
+  /** Fit the canvas to the width of its figure and to a height in pixels. */
+  resize(maxHeight) {
+    const { left, right, top, bottom } = this.margin;
+    const width = Math.max(60, this.canvas.parentElement.clientWidth);
+    const inner = ((width - left - right) * this.map.height) / this.map.width;
+    const height = Math.round(Math.max(90, Math.min(inner + top + bottom, maxHeight)));
+    const ratio = Math.min(3, devicePixelRatio || 1);
+    this.canvas.style.height = `${height}px`;
+    this.canvas.width = Math.round(width * ratio);
+    this.canvas.height = Math.round(height * ratio);
+    this.ratio = ratio;
+    this.box = { left, top, width: width - left - right, height: height - top - bottom };
+  }
+
+  get view() {
+    return this.viewport.fit(this.map, this.box);
+  }
+
+  /** Draw what was planned for the ends, up to a part (0 to 1) of this plan's expansions. */
+  draw(ends, part, palette) {
+    const { context, view, box } = this;
+    context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    context.save();
+    context.beginPath();
+    context.rect(box.left, box.top, box.width, box.height);
+    context.clip();
+    this.drawLayer(this.base, view);
+    if (this.search) {
+      this.search.show(part, palette);
+      this.drawLayer(this.search, view);
+    }
+    drawGrid(context, this.map, view, palette);
+    if (this.hasAxes) this.drawPlaces(view, palette);
+    if (part >= 1) this.drawPath(view, palette);
+    this.drawPoints(ends, view, palette);
+    if (this.hasAxes) drawScaleBar(context, this.map, view, box, palette);
+    context.restore();
+    if (this.hasAxes) drawAxes(context, this.map, view, box, palette);
+  }
+
+  drawLayer(layer, view) {
+    const [left, top] = view.toPixel([-0.5, this.map.height - 0.5]);
+    this.context.imageSmoothingEnabled = view.scale * this.ratio < 1;
+    this.context.imageSmoothingQuality = 'high';
+    this.context.drawImage(layer.canvas, left, top, this.map.width * view.scale, this.map.height * view.scale);
+  }
+
+  drawPath(view, palette) {
+    const { context, path } = this;
+    if (path.length < 2) return;
+    context.lineJoin = 'round';
+    context.lineCap = 'round';
+    for (const [width, colour] of [[6, palette.outline], [3, palette.path]]) {
+      context.beginPath();
+      for (const point of path) context.lineTo(...view.toPixel(point));
+      context.lineWidth = this.hasAxes ? width : 0.75 * width;
+      context.strokeStyle = colour;
+      context.stroke();
+    }
+  }
+
+  drawPlaces(view, palette) {
+    const { context } = this;
+    const taken = [];
+    for (const { name, polygon } of this.map.places) {
+      if (!polygon.length) continue;
+      context.beginPath();
+      for (const point of polygon) context.lineTo(...view.toPixel(point));
+      context.closePath();
+      context.strokeStyle = palette.place;
+      context.lineWidth = 1;
+      context.setLineDash([4, 4]);
+      context.stroke();
+      context.setLineDash([]);
+      this.drawName(name, view.toPixel(middleOf(polygon)), palette, taken);
+    }
+  }
+
+  /** Write a name where no other is. */
+  drawName(name, [x, y], palette, taken) {
+    const half = 3.6 * name.length;
+    if (taken.some((box) => Math.abs(box.x - x) < box.half + half && Math.abs(box.y - y) < 13)) return;
+    taken.push({ x, y, half });
+    drawLabel(this.context, name, [x, y], palette, { size: 12, colour: palette.place });
+  }
+
+  drawPoints(ends, view, palette) {
+    const { context } = this;
+    const size = this.hasAxes ? 1 : 0.7;
+    for (const point of points(this.plan?.waypoints?.map((item) => [item.x, item.y, item]), 500)) {
+      const { status, number } = point[2];
+      const at = view.toPixel(point);
+      drawMarker(context, statusShape(status), at, 7.5 * size, palette.waypoint[status] ?? '#7f7f7f', palette.edge, 1.2);
+      if (this.hasAxes) drawLabel(context, String(number).slice(0, 4), [at[0] + 12, at[1] - 9], palette, { size: 11 });
+    }
+    for (const via of ends.via) drawMarker(context, 'triangle', view.toPixel(via), 8 * size, palette.via, palette.edge);
+    if (ends.start) drawMarker(context, 'square', view.toPixel(ends.start), 9 * size, palette.start, palette.edge, 1.8);
+    if (ends.goal) drawMarker(context, 'diamond', view.toPixel(ends.goal), 10 * size, palette.goal, palette.edge, 1.8);
+  }
+}
+
+function middleOf(polygon) {
+  const [xs, ys] = [0, 1].map((axis) => polygon.map((point) => point[axis]));
+  return [xs, ys].map((values) => (Math.min(...values) + Math.max(...values)) / 2);
+}

@@ -1,0 +1,143 @@
+// What is shown in words and numbers: verdict, table, waypoints, clauses, command, report.
+
+import { number, shown, text } from './codec.js';
+import { drawMarker, markerIcon } from './markers.js';
+import { statusName, statusShape } from './theme.js';
+import { verdictOf } from './verdict.js';
+
+const $ = (id) => document.getElementById(id);
+const CLAUSE_TONES = { satisfied: 'good', violated: 'bad', impossible: 'bad', guessed: 'warn' };
+const MAX_ITEMS = 300;
+const MAX_FIELDS = 60;
+
+/** Return an element with text (never markup) and children. */
+export function element(tag, content = '', children = []) {
+  const made = document.createElement(tag);
+  made.textContent = text(content);
+  made.append(...children);
+  return made;
+}
+
+export function showVerdict({ tone, head, rest }) {
+  $('verdict').dataset.tone = tone;
+  $('verdict').replaceChildren(element('b', head), document.createTextNode(text(rest)));
+}
+
+/** Show all that is said about the plans of a reply. */
+export function showReply(reply, map, palette) {
+  const plans = reply.plans;
+  const chosen = plans.find((plan) => plan.role === 'chosen');
+  showVerdict(verdictOf(plans));
+  showFigures(plans, map);
+  showWaypoints(chosen?.waypoints ?? [], map, palette);
+  showInstruction(chosen?.instruction);
+  $('command-block').hidden = false;
+  $('command').textContent = text(reply.command ?? '', 80000);
+  $('command').parentElement.hidden = !reply.command;
+  $('command-note').textContent = reply.command ? '' : `There is no command: ${text(reply.command_note, 300)}.`;
+}
+
+const ROWS = [
+  ['Expansions', 'expansions', 0, true],
+  ['Length', 'length', 2, false],
+  ['Proven within', 'bound', 3, false],
+  ['Search (ms)', 'search_ms', 2, true],
+  ['Waypoints (ms)', 'source_ms', 1, false],
+  ['Turns', 'turns', 0, false],
+  ['Clearance (m)', 'clearance_m', 2, false],
+];
+
+function showFigures(plans, map) {
+  const head = element('thead', '', [element('tr', '', [element('td'), ...plans.map((plan) => {
+    const cell = element('th', text(plan.title, 80));
+    cell.scope = 'col';
+    return cell;
+  })])]);
+  $('figures').replaceChildren(head, element('tbody', '', ROWS.map((row) => figureRow(row, plans, map))));
+}
+
+function figureRow([title, key, digits, hasBar], plans, map) {
+  const isMetres = key === 'length' && map.isMetric;
+  const values = plans.map((plan) => (plan.found || key === 'expansions' ? number(plan.figures?.[isMetres ? 'length_m' : key]) : null));
+  const known = values.filter((value) => value !== null);
+  const [least, most] = [Math.min(...known), Math.max(...known)];
+  const unit = key === 'length' ? ` (${isMetres ? 'm' : 'cells'})` : '';
+  const header = element('th', title + unit);
+  header.scope = 'row';
+  const isRanked = ['expansions', 'length', 'search_ms'].includes(key) && least < most;
+  return element('tr', '', [header, ...values.map((value, i) => {
+    const shownValue = key === 'bound' && value !== null ? `${shown(value, digits)} × shortest` : shown(value, digits);
+    const cell = element('td', key === 'bound' && value === null && plans[i].found ? 'nothing proven' : shownValue);
+    cell.classList.toggle('best', isRanked && value === least && plans[i].found);
+    if (hasBar && value !== null) cell.append(bar(most ? value / most : 0));
+    return cell;
+  })]);
+}
+
+function bar(part) {
+  const made = element('div');
+  made.className = 'bar';
+  made.style.width = `${Math.max(1, 100 * part)}%`;
+  return made;
+}
+
+export function showWaypoints(waypoints, map, palette) {
+  $('waypoint-block').hidden = !waypoints.length;
+  $('waypoints').replaceChildren(...waypoints.slice(0, MAX_ITEMS).map((point) => {
+    const { status } = point;
+    const icon = markerIcon((context) => drawMarker(
+      context, statusShape(status), [10, 10], 7, palette.waypoint[status] ?? '#7f7f7f', palette.edge, 1));
+    const where = [point.x, point.y].map((value, axis) => shown(value + map.offset[axis], Number.isInteger(value) ? 0 : 1));
+    return element('li', '', [icon, element('span', `${text(point.number, 6)}. (${where.join(', ')}) ${statusName(status)}`)]);
+  }));
+}
+
+export function showInstruction(instruction) {
+  $('instruction-block').hidden = !instruction;
+  if (!instruction) return;
+  const clauses = Array.isArray(instruction.clauses) ? instruction.clauses : [];
+  $('sentence').textContent = `Read as: ${text(instruction.sentence, 1000)} (${text(instruction.status, 60)})`;
+  $('instruction-note').textContent = text(instruction.note, 1000);
+  $('clauses').replaceChildren(...clauses.slice(0, MAX_ITEMS).map((clause) => {
+    const status = element('span', text(clause.status, 30).toLowerCase());
+    status.className = `status ${CLAUSE_TONES[clause.status] ?? 'soft'}`;
+    const detail = element('span', text(clause.detail, 500));
+    detail.className = 'detail';
+    return element('li', '', [status, element('span', text(clause.clause, 500)), ...(clause.detail ? [detail] : [])]);
+  }));
+}
+
+/** Show the fields of a node's report. */
+export function showReport(report) {
+  const entries = Object.entries(report ?? {}).filter(([, value]) => typeof value !== 'object' && value !== '');
+  $('report-block').hidden = !entries.length;
+  $('report').replaceChildren(...entries.slice(0, MAX_FIELDS).flatMap(([name, value]) => [
+    element('dt', text(name, 60).replaceAll('_', ' ')),
+    element('dd', typeof value === 'number' && !Number.isInteger(value) ? shown(value, 3) : text(value, 400)),
+  ]));
+}
+
+/** Show the legend of what is on the map. */
+export function showLegend(palette, { closed, walls, via, waypoints }) {
+  const area = (colour) => (context) => {
+    context.fillStyle = colour;
+    context.strokeStyle = palette.axis;
+    context.lineWidth = 0.8;
+    context.fillRect(2, 4, 16, 12);
+    context.strokeRect(2, 4, 16, 12);
+  };
+  const mark = (shape, colour) => (context) => drawMarker(context, shape, [10, 10], 6.5, colour, palette.edge, 1);
+  const path = (context) => {
+    context.fillStyle = palette.path;
+    context.fillRect(1, 8.5, 18, 3);
+  };
+  const entries = [
+    ['start', mark('square', palette.start)], ['goal', mark('diamond', palette.goal)], ['path', path],
+    ['expanded', area(palette.expanded)], ['obstacle', area(palette.obstacle)],
+    ...(closed ? [['too close for the robot', area(palette.inflated)]] : []),
+    ...(walls ? [['drawn wall', area(palette.wall)], ['erased', area(palette.freed)]] : []),
+    ...(via ? [['via point', mark('triangle', palette.via)]] : []),
+    ...[...waypoints].map((status) => [`waypoint ${statusName(status)}`, mark(statusShape(status), palette.waypoint[status] ?? '#7f7f7f')]),
+  ];
+  $('legend').replaceChildren(...entries.map(([name, draw]) => element('li', '', [markerIcon(draw), element('span', name)])));
+}

@@ -1,0 +1,56 @@
+// Colours of the map: the server's, those of every picture of the project, fitted to dark schemes.
+
+const NAMES = {
+  accepted: 'accepted', out_of_order: 'out of order', unreachable: 'unreachable',
+  occupied: 'occupied', out_of_bounds: 'out of bounds',
+};
+// Should the server send none.
+const FALLBACK = {
+  free: '#ffffff', obstacle: '#262a33', unknown: '#e9ebef', inflated: '#a9aeb8',
+  expanded: '#fcd588', path: '#0050b5', start: '#56b4e9', goal: '#e0218a', via: '#f0e442',
+  waypoint: {
+    accepted: '#009e73', out_of_order: '#e69f00', unreachable: '#8e44ad', occupied: '#d55e00',
+    out_of_bounds: '#7f7f7f',
+  },
+};
+const SHAPES = {
+  accepted: 'star', out_of_order: 'plus', unreachable: 'down', occupied: 'cross', out_of_bounds: 'hexagon',
+};
+const DARK = {
+  free: '#232a35', obstacle: '#8d97a8', unknown: '#191e26', inflated: '#515c6d', expanded: '#83683a',
+  newest: '#f5b947', path: '#79bbff', outline: '#0d1117', edge: '#0d1117', grid: 'rgb(255 255 255 / 5%)',
+  wall: '#c7a6e8', freed: '#2f4a4a', place: '#a8bdd0', halo: '#151a21', axis: '#a2abb9',
+};
+const LIGHT = {
+  newest: '#f09a0a', outline: '#ffffff', edge: '#111111', grid: 'rgb(20 30 50 / 6%)',
+  wall: '#5c3d82', freed: '#dff1ea', place: '#4d6d82', halo: '#ffffff', axis: '#5b6270',
+};
+const HEX = /^#[0-9a-f]{6}$/i;
+
+/** Return the name of a waypoint's status in words. */
+export const statusName = (status) => NAMES[status] ?? 'unknown';
+
+/** Return the shape of a waypoint's marker. */
+export const statusShape = (status) => SHAPES[status] ?? 'hexagon';
+
+/** Return the colours for the present scheme; `sent` are the server's. */
+export function palette(sent, isDark) {
+  const colours = { ...FALLBACK, waypoint: { ...FALLBACK.waypoint } };
+  for (const name of Object.keys(FALLBACK)) if (HEX.test(sent?.[name])) colours[name] = sent[name];
+  for (const name of Object.keys(FALLBACK.waypoint)) {
+    if (HEX.test(sent?.waypoint?.[name])) colours.waypoint[name] = sent.waypoint[name];
+  }
+  return { ...colours, ...(isDark ? DARK : LIGHT) };
+}
+
+/** Return the red, green and blue of a colour. */
+export function rgb(hex) {
+  return [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
+}
+
+/** Watch the scheme of the system; calls back with whether it is dark. */
+export function watchScheme(callback) {
+  const query = matchMedia('(prefers-color-scheme: dark)');
+  query.addEventListener('change', () => callback(query.matches));
+  return query.matches;
+}
