@@ -7,8 +7,9 @@ ifndef PYTHON
 PYTHON := $(or $(shell python3 -c 'import sys; print(sys._base_executable)' 2>/dev/null),python3)
 endif
 VENV ?= .venv
-# A sourced ROS has set it.
-ROS_DISTRO ?= jazzy
+# A sourced ROS has set it; else that whose wheels are in .venv already.
+ROS_DISTRO ?= $(or $(patsubst $(VENV)/.dependencies-wheels-%,%,$(firstword \
+	$(wildcard $(VENV)/.dependencies-wheels-*))),jazzy)
 BIN := $(VENV)/bin
 PACKAGES := ./src/llm_astar_msgs_adapter ./src/llm_astar_planner
 SOURCES := $(shell find src config maps -type f \
@@ -31,7 +32,7 @@ ROS_REQUIREMENTS := 'ros-$(ROS_DISTRO)-rclpy[fastrtps]' ros-$(ROS_DISTRO)-common
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo bench train test soak lint clean check-python
+.PHONY: help install demo bench train test soak lint clean check-python check-venv
 
 help: ## Show what there is to make
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -61,7 +62,7 @@ lint: $(VENV)/.tools $(VENV)/.installed ## ruff and strict mypy
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-clean: ## Remove what was built
+clean: check-venv ## Remove what was built
 	rm -rf $(VENV) build install log out src/*/build src/*/*.egg-info
 
 check-python:
@@ -75,10 +76,18 @@ check-python:
 			"ROS, or name one: make ROS_DISTRO=jazzy" >&2; exit 1 ;; \
 	esac
 
+# Never remove a folder of somebody else's.
+check-venv:
+	@[ -z "$$(ls -A $(VENV) 2>/dev/null)" ] || [ -e $(VENV)/.made-by-make ] || \
+		[ -n "$(wildcard $(VENV)/.dependencies-*)" ] || { \
+		echo "error: $(VENV) is not an environment that this Makefile made; remove it, or name" \
+			"another: make VENV=.venv-llm-astar" >&2; exit 1; }
+
 # Named after the world it is for: a shell with ROS sourced, or without, makes its own anew.
-$(VENV)/.dependencies-$(WORLD): $(SETUPS) Makefile | check-python
+$(VENV)/.dependencies-$(WORLD): $(SETUPS) Makefile | check-python check-venv
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV_OPTIONS) $(VENV)
+	@touch $(VENV)/.made-by-make
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check wheel 'setuptools<80' \
 		$(ROS_REQUIREMENTS)
 	@touch $@

@@ -9,7 +9,6 @@ import time
 
 import rclpy
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_planner.nodes import MODULES
 from llm_astar_planner.nodes.common.spin import spin
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient
 from llm_astar_planner.resources import find_file
@@ -30,7 +29,7 @@ PATIENCE = 60.0
 def process(name, *arguments, namespace='', files=(DEMO, REPLAY)):
     """Run a node as a process of its own; give it back, and end it as Ctrl-C would."""
     remap = ['-r', f'__ns:={namespace}'] if namespace else []
-    command = [sys.executable, '-m', f'llm_astar_planner.nodes.{MODULES[name]}']
+    command = [sys.executable, '-m', 'llm_astar_planner.nodes', name]
     parameters = [word for file in files for word in ('--params-file', file)]
     options = ['--ros-args', *parameters, *remap, *arguments]
     node = subprocess.Popen(

@@ -124,7 +124,7 @@ def make_answers(*words):
     ],
 )
 def test_each_distribution_has_an_environment_of_its_own(words, world):
-    done = make_answers('world', 'HAS_ROS=', *words)
+    done = make_answers('world', 'HAS_ROS=', 'VENV=nowhere', *words)
     distribution = world.partition('-')[2]
     assert done.stdout.split()[0] == world
     if world.startswith('wheels'):
@@ -146,6 +146,24 @@ def test_distributions_that_are_not_supported_are_named(words, code, said):
     assert done.returncode == code
     assert said in done.stderr
     assert bool(done.stderr) == bool(said)
+
+
+def test_make_keeps_the_distribution_that_its_environment_has(tmp_path):
+    (tmp_path / '.dependencies-wheels-kilted').touch()
+    done = make_answers('world', 'HAS_ROS=', f'VENV={tmp_path}')
+    assert done.stdout.startswith('wheels-kilted ')
+    done = make_answers('world', 'HAS_ROS=', f'VENV={tmp_path}', 'ROS_DISTRO=jazzy')
+    assert done.stdout.startswith('wheels-jazzy ')
+
+
+@pytest.mark.parametrize('target', ['install', 'demo', 'clean'])
+def test_make_never_removes_an_environment_that_it_did_not_make(target, tmp_path):
+    theirs = tmp_path / 'pyvenv.cfg'
+    theirs.touch()
+    done = make_answers(target, f'VENV={tmp_path}')
+    assert done.returncode == 2
+    assert 'is not an environment that this Makefile made' in done.stderr
+    assert theirs.exists()
 
 
 @needs_install

@@ -9,12 +9,7 @@ from setuptools import find_packages, setup
 NAME = 'llm_astar_planner'
 PAPER = 'https://arxiv.org/abs/2407.02511'
 PUBLISHED_CODE = 'https://github.com/SilinMeng0510/llm-astar'
-NODES = {
-    'map_node': 'nodes.map_node',
-    'llm_client_node': 'nodes.llm_client_node',
-    'planner_node': 'nodes.planner.planner_node',
-    'benchmark_node': 'nodes.benchmark_node',
-}
+NODES = ('map_node', 'llm_client_node', 'planner_node', 'benchmark_node')
 
 data_files = [
     ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
@@ -106,8 +101,8 @@ setup(
     },
     entry_points={
         'console_scripts': [
-            'llm-astar = llm_astar_planner.cli.main:main',
-            *(f'{node} = {NAME}.{module}:main' for node, module in NODES.items()),
+            f'llm-astar = {NAME}.cli.__main__:main',
+            *(f'{node} = {NAME}.nodes.__main__:{node}' for node in NODES),
         ]
     },
     zip_safe=False,

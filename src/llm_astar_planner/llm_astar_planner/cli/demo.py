@@ -8,21 +8,17 @@ embedded learned model, which is not an LLM and needs no key and no network.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import os
-import signal
-import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 
+from llm_astar_planner.cli.node_processes import running_nodes
 from llm_astar_planner.cli.parameter_flags import add_parameter_flags, given_values
-from llm_astar_planner.nodes import MODULES
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import COSTMAP
 from llm_astar_planner.resources import find_file
@@ -30,7 +26,6 @@ from llm_astar_planner.resources import find_file
 NODES = ('map_node', 'llm_client_node', 'planner_node')
 # ROS domains 101 to 230, so that the demo never joins a robot's graph.
 FIRST_DOMAIN, DOMAINS = 101, 130
-STOP_SECONDS = 10.0
 RADIUS = tuple(item for item in COSTMAP if item.name == 'robot_radius')
 
 
@@ -59,15 +54,18 @@ def run(arguments: argparse.Namespace) -> int:
     settings = {'map_file': map_file, **given_values(arguments, RADIUS)}
     os.environ['ROS_DOMAIN_ID'] = str(FIRST_DOMAIN + os.getpid() % DOMAINS)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    from llm_astar_planner.nodes.tools.demo_client import call_and_draw  # noqa: PLC0415
-
     # The paper's rules are for its own maps; other maps get a robot's.
-    params_file = 'planner.yaml' if arguments.map else 'demo.yaml'
+    params_file = find_file('planner.yaml' if arguments.map else 'demo.yaml', 'config')
+    overrides = [part for name, value in settings.items() for part in ('-p', f'{name}:={value}')]
+    options = ['--ros-args', '--params-file', str(params_file), *overrides]
     with (
         tempfile.TemporaryFile('w+') as log,
-        running_graph(params_file, settings, None if arguments.verbose else log),
+        running_nodes(dict.fromkeys(NODES, options), None if arguments.verbose else log),
     ):
         print(f'started {", ".join(NODES)} on domain {os.environ["ROS_DOMAIN_ID"]}', flush=True)
+        # It takes a second, in which the nodes start too.
+        from llm_astar_planner.nodes.tools.demo_client import call_and_draw  # noqa: PLC0415
+
         has_path = call_and_draw(endpoints, Path(arguments.png))
         if not has_path:
             log.seek(0)
@@ -88,34 +86,3 @@ def choose_endpoints(arguments: argparse.Namespace) -> tuple[str, tuple[Pose2D, 
     if start is None or goal is None:
         raise ParameterError('--start and --goal go together, and --map needs both')
     return str(map_file), (Pose2D(*start), Pose2D(*goal))
-
-
-@contextlib.contextmanager
-def running_graph(
-    params_file: str, settings: Mapping[str, object], log: IO[str] | None
-) -> Iterator[None]:
-    """Start the nodes with a file of config/ and more settings; stop them with SIGTERM."""
-    overrides = [part for name, value in settings.items() for part in ('-p', f'{name}:={value}')]
-    options = ['--ros-args', '--params-file', str(find_file(params_file, 'config')), *overrides]
-    nodes = [
-        subprocess.Popen(  # noqa: S603 - our own modules, no shell
-            [sys.executable, '-m', f'llm_astar_planner.nodes.{MODULES[name]}', *options],
-            stdout=log,
-            stderr=subprocess.STDOUT if log else None,
-        )
-        for name in NODES
-    ]
-    try:
-        yield
-    finally:
-        for node in nodes:
-            node.terminate()
-        for name, node in zip(NODES, nodes):
-            try:
-                code = node.wait(STOP_SECONDS)
-            except subprocess.TimeoutExpired:
-                node.kill()
-                code = node.wait()
-            # A node that has no signal handler yet is ended by the signal itself.
-            if code not in (0, -signal.SIGTERM):
-                sys.stderr.write(f'{name} ended with exit code {code}\n')

@@ -6,6 +6,7 @@ import argparse
 import importlib
 import os
 import re
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -22,6 +23,7 @@ COMMANDS = {
     'play': 'plan in the browser: drag start and goal, draw walls, watch the search',
     'places': 'check, list and draw the named places of a map',
     'mcp': 'serve route planning to agents over MCP',
+    'run': 'run map, waypoint client and planner as nodes until Ctrl-C',
     'call': 'ask a running planner for a plan, or what an instruction means',
     'watch': 'print the plans of a running planner as they are made',
     'demo': 'start the graph, ask for a plan, draw it, stop the graph',
@@ -51,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     argv = sys.argv[1:] if argv is None else list(argv)
     try:
         arguments = parse(argv)
-        return int(arguments.run(arguments))
+        return run_interruptibly(arguments)
     except BrokenPipeError:
         # The reader, such as `head`, has closed the pipe; Python must not write to it at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -66,6 +68,29 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         sys.stderr.write('llm-astar: interrupted\n')
         return 130
+
+
+def run_interruptibly(arguments: argparse.Namespace) -> int:
+    """Run a parsed command; raise KeyboardInterrupt for whatever Ctrl-C makes of it.
+
+    A second Ctrl-C, during the cleanup, just ends the process.
+    """
+    interrupts: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        interrupts.append(number)
+        signal.signal(number, signal.SIG_DFL)
+        raise KeyboardInterrupt
+
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # as `__main__` leaves it
+        signal.signal(signal.SIGINT, interrupt)
+    try:
+        return int(arguments.run(arguments))
+    except Exception:
+        # An interrupted import may fail in any way.
+        if interrupts:
+            raise KeyboardInterrupt from None
+        raise
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:

@@ -6,6 +6,7 @@ It writes the same results as `llm-astar bench`, plus the round-trip time of eve
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -15,7 +16,6 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-import rclpy
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
@@ -23,7 +23,6 @@ from llm_astar_msgs_adapter.messages.writing import grid_to_message
 from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from llm_astar_planner.benchmark.datasets.grids import is_grid_dataset
@@ -51,7 +50,7 @@ from llm_astar_planner.benchmark.results import (
 )
 from llm_astar_planner.benchmark.runner.config import open_folder, progress
 from llm_astar_planner.nodes.common.qos import LATCHED
-from llm_astar_planner.nodes.common.spin import leave
+from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS
@@ -137,10 +136,12 @@ def plan_samples(
 ) -> int:
     """Plan the samples; every row is written as soon as it arrives."""
     # Python must get Ctrl-C, so that the planner's parameters are restored.
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node('benchmark_node')
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        with PlannerClient(node, arguments.planner) as caller:
+        with (
+            joined('benchmark_node', args=args) as node,
+            PlannerClient(node, arguments.planner) as caller,
+        ):
             caller.wait_for_planner()
             with LiveRun(caller, arguments.planner, arguments.client) as run:
                 variants = run.variants(arguments.methods)
@@ -154,9 +155,6 @@ def plan_samples(
         return report_error(
             'interrupted: the rows so far are kept; continue with --resume', INTERRUPTED
         )
-    finally:
-        leave(node)
-        rclpy.try_shutdown()
     return OK
 
 

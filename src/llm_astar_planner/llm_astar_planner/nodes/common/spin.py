@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import faulthandler
 import gc
 import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import rclpy
 from llm_astar_msgs_adapter.errors import LlmAstarError
@@ -16,10 +18,18 @@ from rclpy.context import Context
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 # What a user can correct at start: printed as one line, never as a traceback.
 USER_ERRORS = (LlmAstarError, InvalidParameterTypeException, InvalidParameterValueException)
 
+
+class ArgumentError(LlmAstarError, ValueError):
+    """A command line that a node does not understand."""
+
+
+ENDING = (signal.SIGINT, signal.SIGTERM)
 # A signal that arrives between two steps interrupts neither, so no step waits for longer.
 LONGEST_WAIT = 0.5
 # How long a thread that writes a long path may delay a cancel request, in seconds.
@@ -104,6 +114,40 @@ def leave(node: Node) -> None:
         faulthandler.cancel_dump_traceback_later()
 
 
+@contextlib.contextmanager
+def joined(name: str, namespace: str | None = None, **init_options: Any) -> Iterator[Node]:  # noqa: ANN401 - rclpy.init's
+    """Join the graph with a node of a command, and leave it in the end, after Ctrl-C too."""
+    with contextlib.ExitStack() as undo:
+        with deferred_signals():
+            rclpy.init(signal_handler_options=SignalHandlerOptions.NO, **init_options)
+            undo.callback(rclpy.try_shutdown)
+            node = rclpy.create_node(
+                name, namespace=namespace, start_parameter_services=False, enable_rosout=False
+            )
+            undo.callback(leave, node)
+        yield node
+
+
+@contextlib.contextmanager
+def deferred_signals() -> Iterator[None]:
+    """Keep SIGINT and SIGTERM until the block ends: half a node aborts the process at exit."""
+    if threading.current_thread() is not threading.main_thread():  # which alone gets them
+        yield
+        return
+    arrived: list[int] = []
+    before = [
+        (number, signal.signal(number, lambda number, _: arrived.append(number)))
+        for number in ENDING
+    ]
+    try:
+        yield
+    finally:
+        for number, handler in before:
+            signal.signal(number, handler)
+    for number in arrived[:1]:
+        signal.raise_signal(number)
+
+
 def run_node(
     make_node: Callable[[], Node],
     args: Sequence[str] | None = None,
@@ -113,6 +157,7 @@ def run_node(
     executor: Executor | None = None
     try:
         rclpy.init(args=args)
+        check_arguments(args)
         # Before the node, which takes its time: an executor made after a signal fails.
         executor = make_executor()
         node = make_node()
@@ -124,18 +169,41 @@ def run_node(
             leave(node)
     except KeyboardInterrupt:
         pass
-    except UnknownROSArgsError as error:
-        return fail(f'unknown ROS arguments: {error}')
-    except (*USER_ERRORS, RCLError) as error:
-        # rcl describes files and arguments that it cannot read in several lines.
-        return fail(' '.join(str(error).split()))
+    except Exception as error:
+        # What a signal interrupted may fail in any way.
+        if executor is not None and not rclpy.ok():
+            return 0
+        message = user_message(error)
+        if message is None:
+            raise
+        return fail(message)
     finally:
         # A second Ctrl-C must not interrupt the exit that the first one started.
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in ENDING:
             signal.signal(number, signal.SIG_IGN)
         rclpy.try_shutdown()
         end_threads(executor)
     return 0
+
+
+def check_arguments(args: Sequence[str] | None) -> None:
+    """Raise ArgumentError for the first argument that is not for ROS."""
+    unknown = remove_ros_args(args)[1:]
+    if unknown:
+        raise ArgumentError(
+            f'{unknown[0]!r} is not an option of this node; parameters are given as '
+            '--ros-args -p NAME:=VALUE, and --help lists them'
+        )
+
+
+def user_message(error: Exception) -> str | None:
+    """Return an error that a user can correct in one line, None for another."""
+    if isinstance(error, UnknownROSArgsError):
+        return f'unknown ROS arguments: {error}'
+    if isinstance(error, (*USER_ERRORS, RCLError)):
+        # rcl describes files and arguments that it cannot read in several lines.
+        return ' '.join(str(error).split())
+    return None
 
 
 def end_threads(executor: Executor | None) -> None:

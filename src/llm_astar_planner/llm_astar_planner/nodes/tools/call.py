@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import rclpy
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
@@ -16,7 +15,6 @@ from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.report import PlanReport
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 
 from llm_astar_planner.instructions.interpretation import Understanding
@@ -24,7 +22,7 @@ from llm_astar_planner.instructions.messages import Question, QuestionError, par
 from llm_astar_planner.instructions.place_names import PlaceGoalError, find_place
 from llm_astar_planner.nodes.common.names import check_names
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS
-from llm_astar_planner.nodes.common.spin import leave
+from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
 
 
@@ -117,22 +115,9 @@ class PlannerCaller:
 @contextlib.contextmanager
 def calling(namespace: str, planner: str, seconds: float) -> Iterator[PlannerCaller]:
     """Join the graph in `namespace` to call `planner`. Raises NodeNameError."""
-    namespace = check_names(namespace, planner)
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = rclpy.create_node(
-            'llm_astar_call',
-            namespace=namespace,
-            start_parameter_services=False,
-            enable_rosout=False,
-        )
+    with joined('llm_astar_call', check_names(namespace, planner)) as node:
         client = PlannerClient(node, planner)
         caller = PlannerCaller(client, planner, seconds)
-        try:
-            with client:
-                caller.wait_for_planner()
-                yield caller
-        finally:
-            leave(node)
-    finally:
-        rclpy.try_shutdown()
+        with client:
+            caller.wait_for_planner()
+            yield caller

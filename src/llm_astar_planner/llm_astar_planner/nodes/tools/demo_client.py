@@ -8,17 +8,15 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import rclpy
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, path_from_message, stamp_of
 from llm_astar_msgs_adapter.messages.markers import expanded_from_message
 from llm_astar_msgs_adapter.messages.report import PlanReport
 from nav_msgs.msg import GridCells, OccupancyGrid
 from nav_msgs.msg import Path as PathMessage
-from rclpy.signals import SignalHandlerOptions
 
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
-from llm_astar_planner.nodes.common.spin import leave
+from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools.planner_client import (
     DISCOVERY_SECONDS,
     PlannerClient,
@@ -33,17 +31,12 @@ ATTEMPTS = 10
 
 def call_and_draw(endpoints: tuple[Pose2D, Pose2D], picture: Path) -> bool:
     """Ask for a plan from start to goal, print and draw it; return whether there is a path."""
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node('demo_caller')
     try:
-        with PlannerClient(node) as client:
+        with joined('demo_caller') as node, PlannerClient(node) as client:
             return run_demo(client, *endpoints, picture)
     except PlannerClientError as error:
         sys.stderr.write(f'llm-astar: error: {error}\n')
         return False
-    finally:
-        leave(node)
-        rclpy.try_shutdown()
 
 
 def run_demo(client: PlannerClient, start: Pose2D, goal: Pose2D, picture: Path) -> bool:

@@ -9,7 +9,6 @@ from dataclasses import asdict
 from enum import Enum
 from typing import Any, NamedTuple
 
-import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.messages.fields import status_values
@@ -21,11 +20,10 @@ from llm_astar_msgs_adapter.messages.report import (
     report_from_message,
 )
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 from llm_astar_planner.nodes.common.names import check_names
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
-from llm_astar_planner.nodes.common.spin import SpinThread, leave
+from llm_astar_planner.nodes.common.spin import SpinThread, joined
 
 # Events kept for a reader that is busy; more are dropped, as on the topics themselves.
 MAX_WAITING = 1000
@@ -135,15 +133,7 @@ class Monitor:
 @contextlib.contextmanager
 def monitoring(namespace: str, planner: str, client: str) -> Iterator[Monitor]:
     """Join the graph in `namespace` and monitor it. Raises NodeNameError."""
-    namespace = check_names(namespace, planner, client)
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = rclpy.create_node(
-            'llm_astar_watch',
-            namespace=namespace,
-            start_parameter_services=False,
-            enable_rosout=False,
-        )
+    with joined('llm_astar_watch', check_names(namespace, planner, client)) as node:
         monitor = Monitor(node, planner, client)
         thread = SpinThread(node)
         thread.start()
@@ -151,6 +141,3 @@ def monitoring(namespace: str, planner: str, client: str) -> Iterator[Monitor]:
             yield monitor
         finally:
             thread.close()
-            leave(node)
-    finally:
-        rclpy.try_shutdown()

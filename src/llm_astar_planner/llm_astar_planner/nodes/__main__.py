@@ -1,0 +1,52 @@
+"""Start a node: `planner_node`, or `python -m llm_astar_planner.nodes planner_node`.
+
+What takes long is imported last: before that, Ctrl-C ends the process without a traceback,
+`--help` needs no rclpy, and a missing rclpy is one line.
+"""
+
+import signal
+import sys
+from collections.abc import Sequence
+from functools import partial
+
+PARAMETER_NODES = ('map_node', 'llm_client_node', 'planner_node')
+ADVICE = 'source ROS 2, or install its wheels with `make install`; `llm-astar doctor` says more'
+
+
+def main(name: str, argv: Sequence[str] | None = None) -> int:
+    """Run a node with arguments, without a program's name before them; return its exit code."""
+    # Until the node joins the graph there is nothing to clean up.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    argv = sys.argv[1:] if argv is None else list(argv)
+    try:
+        return start(name, argv)
+    except ImportError as error:
+        sys.stderr.write(f'{name}: error: {error}; {ADVICE}\n')
+        return 1
+
+
+def start(name: str, argv: Sequence[str]) -> int:
+    """Print the help, or import the node and run it. Raises ImportError where that fails."""
+    from importlib import import_module  # noqa: PLC0415
+
+    from llm_astar_planner.nodes import MODULES  # noqa: PLC0415
+    from llm_astar_planner.nodes.common.child import follow_parent  # noqa: PLC0415
+
+    follow_parent()
+    own = argv[: argv.index('--ros-args')] if '--ros-args' in argv else argv
+    if name in PARAMETER_NODES and {'-h', '--help'} & set(own):
+        from llm_astar_planner.nodes.common.usage import usage  # noqa: PLC0415
+
+        sys.stdout.write(usage(name))
+        return 0
+    module = import_module(f'llm_astar_planner.nodes.{MODULES[name]}')
+    return int(module.main([name, *argv]))
+
+
+map_node = partial(main, 'map_node')
+llm_client_node = partial(main, 'llm_client_node')
+planner_node = partial(main, 'planner_node')
+benchmark_node = partial(main, 'benchmark_node')
+
+if __name__ == '__main__':
+    raise SystemExit(main(sys.argv[1], sys.argv[2:]))

@@ -1,0 +1,186 @@
+"""Nodes and commands as processes: how they start without ROS, and that signals end them well."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from llm_astar_planner.cli.main import main
+from llm_astar_planner.nodes.__main__ import PARAMETER_NODES, start
+from llm_astar_planner.nodes.common.spin import ArgumentError, check_arguments
+from llm_astar_planner.planning.parameters import NODES, SET_BY_PLANNER
+
+NODE = 'from llm_astar_planner.nodes.__main__ import main; run = lambda: main({name!r}, [])'
+COMMAND = """
+import sys; sys.argv[1:] = {words!r}
+from llm_astar_planner.cli.__main__ import main as run
+"""
+PROGRAMS = {
+    **{name: NODE.format(name=name) for name in (*PARAMETER_NODES, 'benchmark_node')},
+    'plan': COMMAND.format(words=['plan']),
+    'call': COMMAND.format(words=['call', '--start', '1', '1', '--goal', '2', '2']),
+}
+PATIENCE = 60.0
+
+
+def python(code, **options):
+    return subprocess.Popen(
+        [sys.executable, '-c', code], text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        **options,
+    )  # fmt: skip
+
+
+def llm_astar(*words):
+    return subprocess.Popen(
+        [sys.executable, '-m', 'llm_astar_planner.cli', *words],
+        text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize('name', PARAMETER_NODES)
+def test_the_help_of_a_node_lists_its_parameters_and_starts_nothing(name, capsys):
+    assert start(name, ['--help']) == 0
+    said = capsys.readouterr().out
+    assert said.startswith(f'usage: {name}')
+    hidden = SET_BY_PLANNER if name == 'llm_client_node' else ()
+    for parameter in NODES[name]:
+        assert (f'  {parameter.name} (' in said) is (parameter.name not in hidden)
+    assert 'docs/reference.md' in said
+
+
+def test_a_help_among_the_ros_arguments_is_not_for_the_node(monkeypatch):
+    """As ROS would say itself: `--ros-args --help` is unknown to it."""
+    started = []
+    monkeypatch.setattr('llm_astar_planner.nodes.map_node.main', started.append)
+    with pytest.raises(TypeError):  # the stand-in returns None
+        start('map_node', ['--ros-args', '--help'])
+    assert started == [['map_node', '--ros-args', '--help']]
+
+
+def test_an_argument_that_is_not_for_ros_is_refused():
+    check_arguments(['map_node', '--ros-args', '-p', 'map_id:=1'])
+    with pytest.raises(ArgumentError, match="'--map' is not an option of this node"):
+        check_arguments(['map_node', '--map', 'x', '--ros-args', '-p', 'map_id:=1'])
+
+
+def test_nodes_without_rclpy_say_so_in_one_line():
+    without = 'import sys; sys.modules["rclpy"] = None\n'
+    nodes = {
+        name: python(f'{without}{PROGRAMS[name]}\nsys.exit(run())')
+        for name in (*PARAMETER_NODES, 'benchmark_node')
+    }
+    for name, node in nodes.items():
+        said, _ = node.communicate(timeout=PATIENCE)
+        assert node.returncode == 1
+        assert said.startswith(f'{name}: error: ')
+        assert 'rclpy' in said
+        assert '`llm-astar doctor`' in said
+        assert said.count('\n') == 1
+
+
+def interrupted(name, seconds):
+    """Start a program, send SIGINT after some seconds, and return it."""
+    process = python(f'{PROGRAMS[name]}\nprint("started", flush=True)\nraise SystemExit(run())')
+    assert process.stdout.readline() == 'started\n'
+    time.sleep(seconds)
+    process.send_signal(signal.SIGINT)
+    return process
+
+
+def assert_ended_well(process, what):
+    said, _ = process.communicate(timeout=PATIENCE)
+    assert process.returncode in (0, 130, -signal.SIGINT), f'{what}: {said}'
+    for word in ('Traceback', 'Exception', 'error'):
+        assert word not in said, f'{what}: {said}'
+
+
+def test_ctrl_c_at_any_moment_of_the_start_ends_nodes_and_commands_without_a_traceback():
+    for name in PROGRAMS:
+        seconds = time.time_ns() % 1000 / 1000  # another one in each run
+        assert_ended_well(interrupted(name, seconds), f'{name} after {seconds:.3f} s')
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('name', PROGRAMS)
+def test_ctrl_c_at_many_moments_of_the_first_three_seconds(name):
+    for number in range(60):
+        assert_ended_well(interrupted(name, number * 0.05), f'{name} after {number * 0.05} s')
+
+
+def children_of(process):
+    """Return the process ids of the nodes that a command has started."""
+    path = Path(f'/proc/{process.pid}/task/{process.pid}/children')
+    return [int(word) for word in path.read_text().split()]
+
+
+def is_running(pid):
+    with contextlib.suppress(OSError):
+        return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
+    return False
+
+
+def assert_all_end(pids):
+    assert len(pids) == 3
+    deadline = time.monotonic() + PATIENCE
+    while any(map(is_running, pids)):
+        assert time.monotonic() < deadline, 'the nodes run on'
+        time.sleep(0.02)
+
+
+@pytest.mark.parametrize(
+    ('number', 'code'),
+    [
+        (signal.SIGKILL, -signal.SIGKILL),
+        (signal.SIGTERM, 128 + signal.SIGTERM),
+        (signal.SIGINT, 130),
+    ],
+)
+def test_a_demo_that_is_ended_leaves_no_node_behind(number, code, tmp_path):
+    demo = llm_astar('demo', '--png', str(tmp_path / 'demo.png'))
+    assert demo.stdout.readline().startswith('started map_node')
+    nodes = children_of(demo)
+    demo.send_signal(number)
+    assert demo.wait(PATIENCE) == code
+    assert_all_end(nodes)
+    assert 'Traceback' not in demo.stdout.read()
+    demo.stdout.close()
+
+
+def test_run_keeps_the_nodes_of_a_graph_until_it_is_interrupted():
+    graph = llm_astar('run', '--namespace', f'run_{os.getpid()}', '--log-level', 'error')
+    assert graph.stdout.readline().startswith('running map_node, llm_client_node, planner_node')
+    nodes = children_of(graph)
+    graph.send_signal(signal.SIGINT)
+    said, _ = graph.communicate(timeout=PATIENCE)
+    assert said == 'llm-astar: interrupted\n'
+    assert graph.returncode == 130
+    assert_all_end(nodes)
+
+
+def test_run_ends_with_its_planner_or_its_map():
+    # The node refuses it: it is a map, of another kind.
+    graph = llm_astar('run', '--map', 'demo.json', '--map-id', '99', '--log-level', 'error')
+    said, _ = graph.communicate(timeout=PATIENCE)
+    assert graph.returncode == 1
+    assert 'map_node has ended; stopping the others' in said
+    assert 'Traceback' not in said
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (('-p', 'robot_radus:=1.0'), 'did you mean robot_radius?'),
+        (('-p', 'robot_radius=1.0'), 'NAME:=VALUE is expected'),
+        (('--map', 'nowhere.yaml'), "'nowhere.yaml' is not a file"),
+        (('--params-file', 'nowhere.yaml'), "'nowhere.yaml' is not a file"),
+    ],
+)
+def test_run_refuses_what_no_node_understands_before_it_starts_any(words, said, capsys):
+    assert main(['run', *words]) == 2
+    message = capsys.readouterr().err
+    assert said in message
+    assert message.startswith('llm-astar: error: ')
