@@ -1,16 +1,18 @@
-"""The web application behind the page: what it serves, and to whom."""
+"""The web application behind the page: its routes, and the limits on what they take."""
 
 from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-import numpy as np
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
+from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Mount, Route
@@ -18,26 +20,32 @@ from starlette.staticfiles import StaticFiles
 
 from llm_astar_planner.play.encoding import map_json, options_json, reply_json
 from llm_astar_planner.play.errors import PlayError
+from llm_astar_planner.play.guard import Guard
 from llm_astar_planner.play.maps import Maps
 from llm_astar_planner.play.planning import PlanningService
-from llm_astar_planner.play.request import read_request
+from llm_astar_planner.play.request import PlayRequest, read_request
+from llm_astar_planner.play.worker import Worker
+from llm_astar_planner.search.stop import StopFlag
 
 PAGE = Path(__file__).parent / 'page'
 MAX_BODY = 2**20
+# Seconds in which a body has to arrive.
+BODY_S = 10.0
+# Characters of a sentence about foreign text.
+MAX_SENTENCE = 400
 
 
 class PlayApp:
     """The page's routes on some maps."""
 
-    def __init__(self, maps: Maps, hosts: Iterable[str] = ()) -> None:
-        """Serve these maps to requests that name one of the hosts."""
+    def __init__(self, maps: Maps) -> None:
+        """Serve these maps."""
         self._maps = maps
-        self._hosts = frozenset(hosts)
         self._service = PlanningService()
-        self._threads = ThreadPoolExecutor(max_workers=1, thread_name_prefix='plan')
+        self._worker = Worker()
 
-    def asgi(self) -> Starlette:
-        """Return the application."""
+    def asgi(self, host: str = '127.0.0.1') -> Starlette:
+        """Return the application, for a server at an address."""
         return Starlette(
             routes=[
                 Route('/', self.index),
@@ -46,8 +54,16 @@ class PlayApp:
                 Route('/api/plan', self.plan, methods=['POST']),
                 Mount('/page', StaticFiles(directory=PAGE)),
             ],
-            exception_handlers={PlayError: refuse},
+            middleware=[Middleware(Guard, host=host)],
+            exception_handlers={LlmAstarError: refuse, HTTPException: refuse_route},
+            lifespan=self.lifespan,
         )
+
+    @asynccontextmanager
+    async def lifespan(self, _app: Starlette) -> AsyncIterator[None]:
+        """Stop at the end what is running."""
+        yield
+        self._worker.close()
 
     async def index(self, _request: Request) -> Response:
         """Send the page."""
@@ -62,34 +78,80 @@ class PlayApp:
         return JSONResponse(map_json(self._maps.get(request.query_params.get('id', ''))))
 
     async def plan(self, request: Request) -> Response:
-        """Plan, and send the plans."""
-        body = await read_body(request)
-        asked = read_request(body, self._maps)
-        stop = np.zeros(1, dtype=np.uint8)
+        """Plan, and send the plans; stop when the page has asked anew or is gone."""
+        asked = read_request(await read_body(request), self._maps)
+        gone = asyncio.create_task(wait_until_gone(request))
+        try:
+            reply = await self._worker.run(lambda stop: self.work(asked, stop), gone)
+        finally:
+            gone.cancel()
+        return Response(reply, media_type='application/json')
 
-        def work() -> dict[str, Any]:
-            planner = self._service.planner_for(asked)
-            return reply_json(asked, planner, self._service.plan(asked, stop))
-
-        loop = asyncio.get_running_loop()
-        return JSONResponse(await loop.run_in_executor(self._threads, work))
+    def work(self, asked: PlayRequest, stop: StopFlag) -> bytes:
+        """Return the answer to a request, as JSON."""
+        planner, plans = self._service.plan(asked, stop)
+        return json.dumps(reply_json(asked, planner, plans), allow_nan=False).encode()
 
 
 async def read_body(request: Request) -> object:
     """Return the JSON value in the body of a request. Raises PlayError."""
-    body = b''
+    declared = request.headers.get('content-length', '0')
+    if not declared.isdecimal() or int(declared[:20]) > MAX_BODY:
+        raise too_long()
+    try:
+        body = await asyncio.wait_for(received(request), BODY_S)
+    except asyncio.TimeoutError:
+        raise PlayError(f'the body did not arrive within {BODY_S:g} s', status=408) from None
+    try:
+        return json.loads(body, parse_constant=refuse_constant)
+    except RecursionError:
+        raise PlayError(
+            'the body is nested too deeply for a plan; send less', status=400
+        ) from None
+    except ValueError as error:
+        raise PlayError(f'the body is not JSON: {error}', status=400) from None
+
+
+async def received(request: Request) -> bytes:
+    """Return a body of at most MAX_BODY bytes. Raises PlayError."""
+    body = bytearray()
     async for chunk in request.stream():
         body += chunk
         if len(body) > MAX_BODY:
-            raise PlayError(f'the body is over {MAX_BODY} bytes; send less', status=413)
-    try:
-        return json.loads(body)
-    except (ValueError, RecursionError):
-        raise PlayError('the body is not JSON', status=400) from None
+            raise too_long()
+    return bytes(body)
+
+
+def too_long() -> PlayError:
+    """Return the error for a body that is too long."""
+    return PlayError(f'the body is over {MAX_BODY} bytes; edit fewer walls', status=413)
+
+
+def refuse_constant(name: str) -> NoReturn:
+    """Raise ValueError for NaN and infinities, which JSON does not have."""
+    raise ValueError(f'{name} is not a number')
+
+
+async def wait_until_gone(request: Request) -> None:
+    """Return when the client has closed the connection."""
+    while (await request.receive())['type'] != 'http.disconnect':
+        pass
+
+
+def error_response(sentence: str, field: str, status: int) -> Response:
+    """Return the JSON of an error."""
+    return JSONResponse({'error': sentence[:MAX_SENTENCE], 'field': field}, status)
 
 
 async def refuse(_request: Request, error: Exception) -> Response:
-    """Send why a request is not served."""
-    status = error.status if isinstance(error, PlayError) else 400
-    field = error.field if isinstance(error, PlayError) else ''
-    return JSONResponse({'error': str(error), 'field': field}, status)
+    """Say why a request is not served."""
+    if isinstance(error, PlayError):
+        return error_response(str(error), error.field, error.status)
+    return error_response(str(error), '', 422)
+
+
+async def refuse_route(request: Request, error: Exception) -> Response:
+    """Say that there is no such page, or no such method."""
+    status = error.status_code if isinstance(error, HTTPException) else 404
+    words: dict[int, Any] = {404: 'there is no such page', 405: f'{request.method} is not allowed'}
+    return error_response(words.get(status, str(error)), '', status)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from dataclasses import dataclass, replace
-from threading import Lock
 
 import numpy as np
 from cachetools import LRUCache
@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.interpretation import Interpreter, RouteInstruction
+from llm_astar_planner.planning.compile import compile_for, compile_instruction_kernels
+from llm_astar_planner.planning.kernel_compiler import WAYPOINTS, announced
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.play.request import REPLY, PlayRequest
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
+from llm_astar_planner.search.stop import StopFlag
 from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
@@ -25,8 +28,8 @@ from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 # Seconds that one plan may take, and that an instruction may take to be understood.
 TIME_LIMIT_S = 10.0
 INTERPRETATION_S = 5.0
-# Planners kept, each with the landmarks of its map.
-MAX_PLANNERS = 8
+# Cells of the maps whose planners are kept, each with the landmarks of its map.
+MAX_KEPT_CELLS = 8_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +48,32 @@ class PlayedPlan:
 
 
 class PlanningService:
-    """Plans what the page asks for. Thread-safe; it keeps the planners of the last maps."""
+    """Plans what the page asks for, on one thread; it keeps the planners of the last maps."""
 
     def __init__(self) -> None:
         """Start without planners."""
-        self._planners: LRUCache[tuple[object, ...], Planner] = LRUCache(MAX_PLANNERS)
-        self._lock = Lock()
+        self._planners: LRUCache[tuple[object, ...], Planner] = LRUCache(
+            MAX_KEPT_CELLS, getsizeof=lambda planner: planner.grid_map.cells.size
+        )
+        self._compiled: set[tuple[object, ...]] = set()
         self._interpreter: Interpreter = make_interpreter({})
+
+    def compile(self, planner: Planner, request: PlanRequest) -> None:
+        """Compile what such requests take, so that the times of plans are for planning.
+
+        Says so where it takes long.
+        """
+        is_graded = planner.costmap.grid_graph.cell_surcharge.size > 0
+        rules = planner.config.has_radius, planner.config.corner_cutting, is_graded
+        kind = *rules, request.method, request.any_angle, request.instruction is not None
+        if kind in self._compiled:
+            return
+        self._compiled.add(kind)
+        with announced(lambda sentence: sys.stderr.write(f'{sentence}\n')):
+            compile_for(planner.config, request, is_graded=is_graded)
+            compile_for(planner.config, request, WAYPOINTS, is_graded=is_graded)
+            if request.instruction is not None:
+                compile_instruction_kernels()
 
     def planner_for(self, request: PlayRequest) -> Planner:
         """Return a prepared planner for the map, the rules and the walls of a request."""
@@ -59,28 +81,23 @@ class PlanningService:
         walls = hashlib.sha256(request.walls.blocked.tobytes() + b'|')
         walls.update(request.walls.freed.tobytes())
         key = request.play_map.id, config, walls.digest()
-        with self._lock:
-            planner = self._planners.get(key)
+        planner = self._planners.get(key)
         if planner is None:
             barriers = None if request.walls.are_edited else request.play_map.barriers
             grid_map = request.walls.apply(request.play_map.grid_map)
             planner = Planner(grid_map, config, barriers).prepare()
-            with self._lock:
-                self._planners[key] = planner
+            self._planners[key] = planner
         return planner
 
-    def plan(self, request: PlayRequest, stop: NDArray[np.uint8]) -> list[PlayedPlan]:
-        """Return the chosen plan and those to compare it with, until `stop[0]` is raised."""
+    def plan(self, request: PlayRequest, stop: StopFlag) -> tuple[Planner, list[PlayedPlan]]:
+        """Return the planner, the chosen plan and those to compare it with, until stopped."""
         planner = self.planner_for(request)
-        chosen = self.plan_request(request)
-        plans = [played('chosen', planner, chosen, stop)]
-        if chosen.source is not None and not request.via:
-            alone = replace(chosen, source=None)
-            plans.append(played('no_waypoints', planner, alone, stop))
-        if chosen.method != 'astar' or chosen.instruction is not None:
-            astar = replace(chosen, method='astar', source=None, instruction=None, any_angle=False)
-            plans.append(played('astar', planner, astar, stop))
-        return plans
+        requests = compared(self.plan_request(request))
+        plans = []
+        for role, wanted in requests.items():
+            self.compile(planner, wanted)
+            plans.append(played(role, planner, wanted, stop))
+        return planner, plans
 
     def plan_request(self, request: PlayRequest) -> PlanRequest:
         """Return the request for the chosen plan."""
@@ -105,9 +122,23 @@ class PlanningService:
         return RouteInstruction(read, places, request.values['instruction_policy'])
 
 
-def played(
-    role: str, planner: Planner, request: PlanRequest, stop: NDArray[np.uint8]
-) -> PlayedPlan:
+def compared(chosen: PlanRequest) -> dict[str, PlanRequest]:
+    """Return by role the chosen request, and others to compare it with where they differ.
+
+    `no_waypoints` is the same without a source. `astar` is the paper's A*, which knows nothing of
+    waypoints, instructions or angles; via points and the rules of the costmap stay.
+    """
+    requests = {'chosen': chosen}
+    if chosen.source is not None and not chosen.via:
+        requests['no_waypoints'] = replace(chosen, source=None)
+    if chosen.method != 'astar' or chosen.instruction is not None:
+        requests['astar'] = replace(
+            chosen, method='astar', source=None, instruction=None, any_angle=False
+        )
+    return requests
+
+
+def played(role: str, planner: Planner, request: PlanRequest, stop: StopFlag) -> PlayedPlan:
     """Plan, and say what the plan shows."""
     plan = planner.plan(request, stop)
     order = np.flatnonzero(plan.expanded).astype(np.int32)
