@@ -54,8 +54,8 @@ train: install ## Train the embedded waypoint model from nothing or go on: out/t
 test: lint ## Install, lint, and run every test
 	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest $(PYTEST_ARGS)
 
-soak: $(VENV)/.tools $(VENV)/.installed ## 100,000 calls while maps change and the client dies
-	$(BIN)/python -m pytest -s -m slow test/test_soak.py
+soak: $(VENV)/.tools $(VENV)/.installed ## 100,000 calls under failures; 100,000 damaged files of each kind
+	$(BIN)/python -m pytest -s -m slow test/test_soak.py test/test_fuzz.py
 
 lint: $(VENV)/.tools $(VENV)/.installed ## ruff and strict mypy
 	$(BIN)/ruff check .

@@ -15,5 +15,9 @@ class LlmAstarError(Exception):
 
 def short_repr(value: object) -> str:
     """Return the repr of a value for a message, cut off where it is long."""
-    text = repr(value)
-    return text if len(text) <= SHOWN else text[: SHOWN - 3] + '...'
+    return shortened(repr(value))
+
+
+def shortened(text: str, most: int = SHOWN) -> str:
+    """Return a text for a message, cut off where it has more than `most` characters."""
+    return text if len(text) <= most else text[: most - 3] + '...'

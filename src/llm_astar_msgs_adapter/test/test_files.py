@@ -1,10 +1,18 @@
 """Files of other people: what is not a regular file, or too large, or made to take all time."""
 
+import contextlib
 import os
+import time
 
 import pytest
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_msgs_adapter.files import read_bytes, read_json, read_text, read_yaml
+from llm_astar_msgs_adapter.files import (
+    MAX_YAML_BYTES,
+    read_bytes,
+    read_json,
+    read_text,
+    read_yaml,
+)
 
 
 class RefusedError(LlmAstarError):
@@ -45,6 +53,8 @@ def test_only_regular_files_of_a_bounded_size_are_read(read, tmp_path):
         (read_yaml, b'a: 2000-13-01', 'month must be in 1..12'),
         (read_yaml, b'a: !!python/object:os.system x', 'could not determine a constructor'),
         (read_yaml, b'? [a]\n: b', 'unhashable'),
+        (read_yaml, b'a: ' + b'1:' * 20_000 + b'1', 'line 1: over 4096 characters'),
+        (read_yaml, b'- 1\n' * 200_000, 'over 100000 values'),
     ],
 )
 def test_contents_that_cannot_be_used_are_named(read, text, words, tmp_path):
@@ -57,3 +67,14 @@ def test_the_line_ends_of_every_system_are_read(tmp_path):
     path = tmp_path / 'file'
     path.write_bytes(b'a\r\nb\rc\n')
     assert read_text(path, RefusedError) == 'a\nb\nc\n'
+
+
+@pytest.mark.parametrize('unit', ['- {a: [1, 2]}\n', '- 1:1:1\n', f'- {"1:" * 2000}1\n'])
+def test_yaml_of_the_largest_size_takes_seconds_and_little_memory(unit, tmp_path):
+    path = tmp_path / 'file'
+    path.write_text(unit * (MAX_YAML_BYTES // len(unit)))
+    begin = time.thread_time()
+    with contextlib.suppress(RefusedError):
+        read_yaml(path, RefusedError)
+    # One of the 490,000 values took 14 s.
+    assert time.thread_time() - begin < 10

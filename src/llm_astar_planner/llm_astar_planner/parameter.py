@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, TypeVar
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 
 Scalar = bool | int | float | str
 _T = TypeVar('_T', bool, int, float, str)
@@ -66,7 +66,7 @@ class Parameter:
     def problem(self, value: Any) -> str | None:  # noqa: ANN401 - values come from files
         """Say why the parameter cannot have a value of its type; None where it can."""
         if self.choices and value not in self.choices:
-            return f'{self.name}: {value!r} is not one of {self.limits}'
+            return f'{self.name}: {short_repr(value)} is not one of {self.limits}'
         if self.between is not None and not (self.zero and value == 0):
             # Written so that NaN is refused. rclpy's own check lets slight excesses pass.
             is_inside = self.between[0] <= value <= self.between[1]
@@ -83,7 +83,9 @@ class Parameter:
         if kind is float and type(value) is int:
             value = float(value)
         if type(value) is not kind:
-            raise ParameterError(f'{self.name}: {kind.__name__} is expected, not {value!r}')
+            raise ParameterError(
+                f'{self.name}: {kind.__name__} is expected, not {short_repr(value)}'
+            )
         problem = self.problem(value)
         if problem:
             raise ParameterError(problem)

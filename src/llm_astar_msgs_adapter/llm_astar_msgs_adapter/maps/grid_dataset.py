@@ -12,10 +12,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
 from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
-from llm_astar_msgs_adapter.maps.grid_map import ORIGIN, GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.maps.grid_map import MAX_CELLS, ORIGIN, GridMap, GridMapError, Pose2D
 
 
 class GridProblemError(LlmAstarError, ValueError):
@@ -89,8 +90,7 @@ def is_grid_problem(entry: object) -> bool:
 def parse_grid_problem(entry: dict[str, Any], where: str = 'grid problem') -> GridProblem:
     """Read what `to_json` wrote. Raises GridProblemError that begins with `where`."""
     try:
-        data = zlib.decompress(base64.b64decode(entry['cells'], validate=True))
-        cells = np.frombuffer(data, dtype=np.int8).reshape(entry['height'], entry['width'])
+        cells = unpack_cells(entry['cells'], (entry['height'], entry['width']))
         origin = Pose2D(*entry.get('origin', ORIGIN))
         return GridProblem(
             int(entry['id']),
@@ -105,5 +105,18 @@ def parse_grid_problem(entry: dict[str, Any], where: str = 'grid problem') -> Gr
         raise GridProblemError(f'{where}: {error.args[0]}: is missing') from None
     except (binascii.Error, zlib.error) as error:
         raise GridProblemError(f'{where}: cells: {error}') from None
-    except (GridMapError, TypeError, ValueError) as error:
-        raise GridProblemError(f'{where}: {error}') from None
+    except (GridMapError, TypeError, ValueError, OverflowError, AttributeError) as error:
+        raise GridProblemError(f'{where}: {shortened(str(error))}') from None
+
+
+def unpack_cells(text: str, shape: tuple[int, int]) -> NDArray[np.int8]:
+    """Return the cells [height, width] of a text that `to_json` made of them.
+
+    Takes no more memory than cells of this shape. Raises zlib.error, ValueError or TypeError.
+    """
+    height, width = shape
+    if not 0 < height * width <= MAX_CELLS:
+        raise ValueError(f'height, width: {height * width} cells are not 1 to {MAX_CELLS}')
+    packed = base64.b64decode(text, validate=True)
+    data = zlib.decompressobj().decompress(packed, height * width + 1)
+    return np.frombuffer(data, dtype=np.int8).reshape(height, width)

@@ -14,7 +14,9 @@ The bottom row of the image is row 0 of the map.
 from __future__ import annotations
 
 import math
+import struct
 import warnings
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -39,6 +41,11 @@ from llm_astar_msgs_adapter.maps.grid_map import (
 
 MODES = ('trinary', 'scale', 'raw')
 FORMATS = ('PPM', 'PNG', 'BMP', 'JPEG')
+# What Pillow raises for damaged images, besides UnidentifiedImageError.
+IMAGE_ERRORS = (
+    OSError, SyntaxError, ValueError, TypeError, LookupError, ArithmeticError, EOFError,
+    struct.error, zlib.error, Image.DecompressionBombError,
+)  # fmt: skip
 # Pixels that are converted at a time: about 20 MB.
 STRIP_PIXELS = 2**19
 
@@ -135,7 +142,9 @@ def read_image(image: Path, path: Path, shades: Shades) -> NDArray[np.int8]:
     except UnidentifiedImageError:
         known = ', '.join(FORMATS)
         raise MapServerError(f'{path}: image: {image} is not an image of {known}') from None
-    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+    except MapServerError:
+        raise
+    except IMAGE_ERRORS as error:
         reason = getattr(error, 'strerror', None) or error
         raise MapServerError(f'{path}: image: {image}: {reason}') from None
 

@@ -5,19 +5,24 @@ Coordinates are those of the files: x to the right, y down, row 0 is the first l
 
 from __future__ import annotations
 
-from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
-from llm_astar_msgs_adapter.files import read_text
+from llm_astar_msgs_adapter.files import read_bytes, read_text
 from llm_astar_msgs_adapter.maps.grid_map import FREE, MAX_CELLS, OCCUPIED, GridMap
 
 PASSABLE = b'.GS'
+# What each character says of its cell.
+MEANINGS = np.full(256, OCCUPIED, dtype=np.int8)
+MEANINGS[list(PASSABLE)] = FREE
 # A character a cell, and room for the header and the line ends.
 MAX_FILE_BYTES = 2 * MAX_CELLS
+# Characters of a line of the header; numbers have few.
+MAX_LINE = 200
 HEADER = ('type', 'height', 'width', 'map')
 
 
@@ -47,27 +52,43 @@ def load_map(path: str | Path, *, resolution: float = 1.0, frame_id: str = 'map'
     Raises MovingAiError that names the file and the field.
     """
     path = Path(path)
-    lines = read_text(path, MovingAiError, 'ascii', 'replace', MAX_FILE_BYTES).splitlines()
-    header = {}
-    for name, line in zip_longest(HEADER, lines[:4], fillvalue=''):
+    contents = read_bytes(path, MovingAiError, MAX_FILE_BYTES)
+    header, end = {}, 0
+    for name in HEADER:
+        begin, end = end, contents.find(b'\n', end) + 1 or len(contents)
+        line = contents[begin : min(end, begin + MAX_LINE)].decode('ascii', 'replace')
         words = line.split()
         if not words or words[0] != name:
-            raise MovingAiError(f'{path}: {name}: is missing; the line is {short_repr(line)}')
+            shown = short_repr(line.strip())
+            raise MovingAiError(f'{path}: {name}: is missing; the line is {shown}')
         header[name] = words[1] if len(words) > 1 else ''
     height = parse_integer(header['height'], f'{path}: height', minimum=1)
     width = parse_integer(header['width'], f'{path}: width', minimum=1)
     if height * width > MAX_CELLS:
         raise MovingAiError(f'{path}: height, width: over {MAX_CELLS} cells')
-    rows = lines[4 : 4 + height]
+    return GridMap(read_rows(contents, end, (height, width), path), resolution, frame_id=frame_id)
+
+
+def read_rows(contents: bytes, begin: int, shape: tuple[int, int], path: Path) -> NDArray[np.int8]:
+    """Return the cells [height, width] of the lines that begin at a byte. Raises MovingAiError.
+
+    Takes two bytes a cell besides `contents`: rows as Python texts would take 50 for each row.
+    """
+    height, width = shape
+    line_end = b'\r\n' if contents[begin - 2 : begin] == b'\r\n' else b'\n'
+    marks = np.frombuffer(contents, dtype=np.uint8)[begin:]
+    if not contents.endswith(b'\n'):
+        marks = np.concatenate((marks, np.frombuffer(line_end, dtype=np.uint8)))
+    stride = width + len(line_end)
+    rows = marks[: len(marks) // stride * stride].reshape(-1, stride)[:height]
+    wrong = (rows[:, -1] != ord('\n')) | (rows[:, :width] == ord('\n')).any(axis=1)
+    if wrong.any():
+        y = int(wrong.argmax())
+        row = contents[begin + y * stride :].split(b'\n', 1)[0].rstrip(b'\r')
+        raise MovingAiError(f'{path}: map: row {y} has {len(row)} cells, not {width}')
     if len(rows) < height:
         raise MovingAiError(f'{path}: map: {len(rows)} rows of {height}')
-    for y, row in enumerate(rows):
-        if len(row) != width:
-            raise MovingAiError(f'{path}: map: row {y} has {len(row)} cells, not {width}')
-    marks = np.frombuffer(''.join(rows).encode('ascii', 'replace'), dtype=np.uint8)
-    is_free = np.isin(marks, np.frombuffer(PASSABLE, dtype=np.uint8)).reshape(height, width)
-    cells = np.where(is_free, np.int8(FREE), np.int8(OCCUPIED))
-    return GridMap(cells, resolution, frame_id=frame_id)
+    return MEANINGS[rows[:, :width]]
 
 
 def load_scenarios(path: str | Path) -> list[Scenario]:

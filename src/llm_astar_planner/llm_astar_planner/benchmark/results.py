@@ -20,10 +20,11 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from itertools import pairwise
 from pathlib import Path
+from types import NoneType
 from typing import Any, NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.files import read_json, read_text
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.maps.places_file import load_places
@@ -54,6 +55,19 @@ FINAL_STATUSES = frozenset(status.value for status in (
 MAPS_FILE = 'maps.json'
 # The places that instructions of the run name, if there were any.
 PLACES_FILE = 'places.geojson'
+
+# What the fields of metadata.json are, where they are there.
+METADATA_TYPES: dict[str, tuple[type, ...]] = {
+    'version': (str,), 'parameters': (dict,), 'dataset': (dict,), 'machine': (dict,),
+    'seconds': (int, float), 'bags': (list,), 'left_out': (list,), 'notes': (list,),
+}  # fmt: skip
+PARAMETER_TYPES: dict[str, tuple[type, ...]] = {
+    'seed': (int,), 'rules': (dict, NoneType), 'price': (list, NoneType), 'heuristic': (str,),
+    'weight': (int, float), 'time_limit': (int, float), 'tolerance': (int, float),
+    'start_tolerance': (int, float), 'max_suboptimality': (int, float, NoneType),
+    'paper_corners': (bool,),
+}  # fmt: skip
+DATASET_TYPES: dict[str, tuple[type, ...]] = {'file': (str,), 'sha256': (str,)}
 
 # The turning points of a path through a maze exceed csv's default limit of 131072 characters.
 csv.field_size_limit(2**31 - 1)
@@ -287,14 +301,28 @@ class ResultsFolder:
         for name in ('version', 'parameters', 'dataset', 'machine'):
             if name not in metadata:
                 raise ResultsError(f'{path}: {name} is missing')
+        check_types(metadata, METADATA_TYPES, str(path))
         parameters = metadata['parameters']
-        if not isinstance(parameters, dict):
-            raise ResultsError(f'{path}: parameters: a JSON object is expected')
+        check_types(parameters, PARAMETER_TYPES, f'{path}: parameters')
+        check_types(metadata['dataset'], DATASET_TYPES, f'{path}: dataset')
         if rules := parameters.get('rules'):
             parameters['rules'] = OLD_RULES | {
                 RULE_ALIASES.get(name, name): value for name, value in rules.items()
             }
         return metadata
+
+
+def check_types(
+    fields: Mapping[str, Any], types: Mapping[str, tuple[type, ...]], where: str
+) -> None:
+    """Raise ResultsError, which begins with `where`, for a field of another type."""
+    for name, kinds in types.items():
+        value = fields.get(name, '')
+        if name in fields and (
+            not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds)
+        ):
+            expected = ' or '.join('null' if kind is NoneType else kind.__name__ for kind in kinds)
+            raise ResultsError(f'{where}: {name}: {expected} is expected, not {short_repr(value)}')
 
 
 def describe_run(

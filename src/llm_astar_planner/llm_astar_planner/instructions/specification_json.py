@@ -10,6 +10,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from llm_astar_msgs_adapter.errors import short_repr
+
 from llm_astar_planner.instructions.specification import (
     CLAUSES,
     COMPASS,
@@ -132,16 +134,20 @@ def clause_from_json(value: object, where: str) -> Clause:
     fields = as_mapping(value, where)
     kind = 'visit' if fields.get('kind') == 'via' else fields.get('kind')
     if not isinstance(kind, str) or kind not in CLAUSES:
-        raise SpecificationError(f'{where}: kind: {kind!r} is not one of {", ".join(CLAUSES)}')
+        raise SpecificationError(
+            f'{where}: kind: {short_repr(kind)} is not one of {", ".join(CLAUSES)}'
+        )
     where = f'{where} ({kind})'
     if kind == 'unknown':
         return Unknown(text=as_text(fields.get('text'), f'{where}: text'))
     strength = fields.get('strength', MUST)
     if strength not in STRENGTHS:
-        raise SpecificationError(f'{where}: strength: {strength!r} is neither must nor should')
+        raise SpecificationError(
+            f'{where}: strength: {short_repr(strength)} is neither must nor should'
+        )
     guessed = fields.get('guessed', False)
     if not isinstance(guessed, bool):
-        raise SpecificationError(f'{where}: guessed: {guessed!r} is not true or false')
+        raise SpecificationError(f'{where}: guessed: {short_repr(guessed)} is not true or false')
 
     def region(name: str) -> Region:
         return region_from_json(fields.get(name), f'{where}: {name}')
@@ -219,7 +225,9 @@ def box_from_json(value: object, where: str) -> Box:
         for side, limit in zip(value, limits)
     )
     if not (x0 < x1 and y0 < y1):
-        raise SpecificationError(f'{where}: {value} is empty; give [x0, y0, x1, y1] in order')
+        raise SpecificationError(
+            f'{where}: {short_repr(value)} is empty; give [x0, y0, x1, y1] in order'
+        )
     return Box(x0, y0, x1, y1)
 
 
@@ -240,7 +248,9 @@ def as_text(value: object, where: str) -> str:
 def as_choice(value: object, where: str, choices: Sequence[str]) -> str:
     """Return one of some texts. Raises SpecificationError otherwise."""
     if not isinstance(value, str) or value not in choices:
-        raise SpecificationError(f'{where}: {value!r} is not one of {", ".join(choices)}')
+        raise SpecificationError(
+            f'{where}: {short_repr(value)} is not one of {", ".join(choices)}'
+        )
     return value
 
 
@@ -248,7 +258,9 @@ def as_number(value: object, where: str, least: float, most: float) -> float:
     """Return a number within limits. Raises SpecificationError otherwise."""
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if not is_number or not least <= value <= most:  # type: ignore[operator]
-        raise SpecificationError(f'{where}: {value!r} is not a number from {least:g} to {most:g}')
+        raise SpecificationError(
+            f'{where}: {short_repr(value)} is not a number from {least:g} to {most:g}'
+        )
     return float(value)  # type: ignore[arg-type]
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.files import read_yaml
 
 from llm_astar_planner.parameter import ParameterError, Scalar
@@ -55,7 +56,14 @@ def read_sections(path: str | Path) -> list[tuple[str, Mapping[str, Any]]]:
         raise ParameterError(
             f'{path}: a ROS parameter file is expected: planner_node: ros__parameters: ...'
         )
-    return sorted(_sections(content), key=lambda section: section[0] not in WILDCARDS)
+    sections = list(_sections(content))
+    for node, parameters in sections:
+        for name in parameters:
+            if not isinstance(name, str):
+                raise ParameterError(
+                    f'{path}: {node}: {short_repr(name)} is not the name of a parameter'
+                )
+    return sorted(sections, key=lambda section: section[0] not in WILDCARDS)
 
 
 def _sections(content: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:

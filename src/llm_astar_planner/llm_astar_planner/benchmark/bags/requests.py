@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.bags.files import JUMP
 from llm_astar_msgs_adapter.bags.reading import Bag, BagMessage
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.files import read_text
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
@@ -284,6 +284,8 @@ def read_json(text: str, path: Path) -> Iterable[Mapping[str, Any]]:
     """Yield the entries of a JSON list with the columns of a CSV one. Raises RequestListError."""
     try:
         entries = json.loads(text)
+    except RecursionError:
+        raise RequestListError(f'{path}: not JSON: is nested too deeply') from None
     except ValueError as error:
         raise RequestListError(f'{path}: not JSON: {error}') from None
     if not isinstance(entries, list):
@@ -305,8 +307,8 @@ def read_number(value: Any, where: str) -> float:  # noqa: ANN401 - as the file 
     """Return a finite number. Raises RequestListError, which begins with `where`."""
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         number = math.nan
     if isinstance(value, bool) or not math.isfinite(number):
-        raise RequestListError(f'{where}: a number is expected, not {value!r}')
+        raise RequestListError(f'{where}: a number is expected, not {short_repr(value)}')
     return number

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
 from llm_astar_planner.benchmark.analysis.statistics import Interval, Spread
@@ -36,7 +37,13 @@ from llm_astar_planner.benchmark.report.figures import (
 from llm_astar_planner.benchmark.report.html import html_report
 from llm_astar_planner.benchmark.report.markdown import markdown_report
 from llm_astar_planner.benchmark.report.sentences import headline, sentence
-from llm_astar_planner.benchmark.results import PAPER_ASTAR, ResultsFolder, Row, parse_points
+from llm_astar_planner.benchmark.results import (
+    PAPER_ASTAR,
+    ResultsError,
+    ResultsFolder,
+    Row,
+    parse_points,
+)
 from llm_astar_planner.benchmark.runner.engine import SearchSettings, plan_again
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.waypoint_filter import target_list
@@ -204,7 +211,10 @@ def search_settings(metadata: Mapping[str, Any]) -> SearchSettings:
     )  # fmt: skip
     parameters = metadata['parameters']
     rules = parameters.get('rules')
+    try:
+        costmap = None if rules is None else CostmapConfig(**rules)
+    except (TypeError, LlmAstarError) as error:
+        raise ResultsError(f'metadata.json: parameters: rules: {shortened(str(error))}') from None
     return SearchSettings(
-        **{name: parameters[name] for name in names if name in parameters},
-        costmap=None if rules is None else CostmapConfig(**rules),
+        **{name: parameters[name] for name in names if name in parameters}, costmap=costmap
     )

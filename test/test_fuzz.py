@@ -1,0 +1,39 @@
+"""Damaged files and texts: every reader reads them or says in one error what is wrong with them.
+
+`make soak` reads 100,000 mutations for each reader.
+"""
+
+import os
+
+import pytest
+from fuzz_readers import READERS
+from fuzzing import MOST_BYTES, run_outside
+
+# The time of the whole module counts as that of its first test.
+pytestmark = pytest.mark.timeout(900)
+MUTATIONS = 300
+SOAK_MUTATIONS = int(os.environ.get('FUZZ_MUTATIONS', '100000'))
+
+
+@pytest.fixture(scope='module')
+def results():
+    return run_outside(MUTATIONS, READERS)
+
+
+@pytest.mark.parametrize('name', READERS)
+def test_a_damaged_file_is_read_or_refused_in_one_error(results, name):
+    check(results[name], MUTATIONS)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(36_000)
+@pytest.mark.parametrize('name', READERS)
+def test_a_hundred_thousand_damaged_files(name):
+    check(run_outside(SOAK_MUTATIONS, [name])[name], SOAK_MUTATIONS)
+
+
+def check(found, count):
+    assert 'died' not in found, (found['died'], found['said'])
+    assert found['failures'] == []
+    assert found['count'] == count
+    assert found['megabytes'] * 1e6 <= MOST_BYTES
