@@ -16,6 +16,7 @@ from llm_astar_planner.planning.compile import compile_for, compile_instruction_
 from llm_astar_planner.planning.kernel_compiler import WAYPOINTS, announced
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.retrace import retrace
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.play.request import REPLY, PlayRequest
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
@@ -139,10 +140,11 @@ def compared(chosen: PlanRequest) -> dict[str, PlanRequest]:
 
 
 def played(role: str, planner: Planner, request: PlanRequest, stop: StopFlag) -> PlayedPlan:
-    """Plan, and say what the plan shows."""
+    """Plan, and find out in which order the cells were expanded."""
     plan = planner.plan(request, stop)
-    order = np.flatnonzero(plan.expanded).astype(np.int32)
-    return PlayedPlan(role, title_of(request), plan, order, order_is_known=False)
+    traced = None if stop[0] else retrace(planner, request, plan)
+    order = np.flatnonzero(plan.expanded).astype(np.int32) if traced is None else traced.order
+    return PlayedPlan(role, title_of(request), plan, order, order_is_known=traced is not None)
 
 
 def title_of(request: PlanRequest) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from llm_astar_planner.play import app as play_app
 from llm_astar_planner.play.worker import Worker
+from llm_astar_planner.search.methods import METHODS
 
 DEMO = {'map': 'demo.json:0', 'start': [39, 18], 'goal': [7, 19]}
 
@@ -71,6 +72,21 @@ def test_a_plan_stands_beside_those_without_waypoints_and_of_astar(page):
     assert chosen['figures']['bound'] >= 1.0
     assert astar['figures']['bound'] is None
     assert astar['figures']['length'] <= chosen['figures']['length'] + 1e-9
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_the_cells_come_in_the_order_in_which_the_search_expanded_them(page, method):
+    demo = page.get('/api/map', params={'id': 'demo.json:0'}).json()
+    for entry in plan(page, method=method, source='embedded')['plans']:
+        numbers = base64.b64decode(entry['expanded']['order'])
+        rows, columns = np.divmod(np.frombuffer(numbers, dtype='<i4'), demo['width'])
+        assert entry['order_is_known']
+        assert [columns[0], rows[0]] == DEMO['start']
+        assert 0 < len(set(zip(rows, columns))) == len(rows) <= entry['figures']['expansions']
+        # Each cell was reached from one that was expanded before.
+        for count in range(1, len(rows)):
+            steps = np.abs([rows[:count] - rows[count], columns[:count] - columns[count]])
+            assert steps.max(axis=0).min() == 1
 
 
 def test_a_reply_typed_as_a_model_would_is_used_instead_of_the_source(page):
