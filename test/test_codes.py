@@ -9,6 +9,7 @@ from builtin_interfaces.msg import Time
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.messages.report import PlanReport, report_from_message
 from llm_astar_msgs_adapter.messages.writing import report_to_message
+from llm_astar_planner.cli.coordinates import Coordinates
 from llm_astar_planner.cli.plan_output import plan_to_json, plan_to_text
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning.planner import Planner
@@ -26,6 +27,7 @@ CELLS[5, 25] = 0
 CELLS[15, 5] = -1
 GRID = GridMap(CELLS, 0.1)
 OPEN, BODY = CostmapConfig(), CostmapConfig(robot_radius=0.25, allow_unknown=False)
+METRES = Coordinates(GRID, (0, 0), metres=True)
 START, GOAL = (3, 3), (15, 15)
 CODE = ResultCode
 
@@ -41,10 +43,20 @@ CAUSES = [
     (OPEN, {'start_tolerance': math.inf}, CODE.INVALID_PLANNER, 'start_tolerance: inf'),
     (OPEN, {'time_limit': math.nan}, CODE.INVALID_PLANNER, 'time_limit'),
     (OPEN, {'via': ((5, 5),) * (MAX_VIA + 1)}, CODE.INVALID_PLANNER, f'over the {MAX_VIA}'),
-    (OPEN, {'start': (-1, 3)}, CODE.START_OUTSIDE_MAP, 'start cell (-1, 3) is outside'),
+    (
+        OPEN,
+        {'start': (-1, 3)},
+        CODE.START_OUTSIDE_MAP,
+        'start cell (-1, 3) at (-0.05, 0.35) m is outside',
+    ),
     (OPEN, {'start': (40, 3)}, CODE.START_OUTSIDE_MAP, '40 x 20'),
     (OPEN, {'start': (40, 3), 'start_tolerance': 1.0}, CODE.START_OUTSIDE_MAP, '40 x 20'),
-    (OPEN, {'goal': (3, 20)}, CODE.GOAL_OUTSIDE_MAP, 'goal cell (3, 20) is outside'),
+    (
+        OPEN,
+        {'goal': (3, 20)},
+        CODE.GOAL_OUTSIDE_MAP,
+        'goal cell (3, 20) at (0.35, 2.05) m is outside',
+    ),
     (OPEN, {'goal': (3, 30), 'tolerance': 0.5}, CODE.GOAL_OUTSIDE_MAP, 'within 0.5 m'),
     (OPEN, {'start': (30, 3)}, CODE.START_OCCUPIED, 'occupancy 100'),
     (BODY, {'start': (29, 3)}, CODE.START_OCCUPIED, "robot's radius, 0.25 m"),
@@ -53,14 +65,14 @@ CAUSES = [
     (BODY, {'goal': (28, 15)}, CODE.GOAL_OCCUPIED, "robot's radius"),
     (BODY, {'goal': (5, 15)}, CODE.GOAL_OCCUPIED, 'unknown'),
     (OPEN, {'goal': (24, 5), 'tolerance': 0.1}, CODE.GOAL_OCCUPIED, 'within 0.1 m'),
-    (OPEN, {'goal': (35, 3)}, CODE.NO_VALID_PATH, 'cut the goal off'),
+    (OPEN, {'goal': (35, 3)}, CODE.NO_VALID_PATH, 'off from the start cell (3, 3)'),
     (OPEN, {'goal': (35, 3), 'tolerance': 0.2}, CODE.NO_VALID_PATH, 'within 0.2 m'),
     (OPEN, {'via': ((5, 5), (50, 5))}, CODE.GOAL_OUTSIDE_MAP, 'via 2 cell (50, 5)'),
     (OPEN, {'via': ((24, 5),)}, CODE.GOAL_OCCUPIED, 'via 1 cell (24, 5)'),
-    (OPEN, {'via': ((5, 5), (25, 5))}, CODE.NO_VALID_PATH, 'via 2, cell (25, 5)'),
+    (OPEN, {'via': ((5, 5), (25, 5))}, CODE.NO_VALID_PATH, 'cut the via 2 cell (25, 5)'),
     (OPEN, {'time_limit': 0.0}, CODE.TIMEOUT, 'out of time'),
     (OPEN, {'time_limit': -1.0, 'method': 'astar'}, CODE.TIMEOUT, 'out of time'),
-    (OPEN, {'time_limit': 0.0, 'via': ((5, 5),)}, CODE.TIMEOUT, 'from the start to via 1'),
+    (OPEN, {'time_limit': 0.0, 'via': ((5, 5),)}, CODE.TIMEOUT, 'm to via 1 cell (5, 5)'),
 ]
 
 
@@ -84,7 +96,8 @@ def assert_reported(plan, code, words):
     shown = json.loads(json.dumps(plan_to_json(plan, (0, 0))))
     assert (shown['code'], shown['code_name'], shown['path']) == (int(code), code.name, [])
     assert words in shown['message']
-    assert plan_to_text(plan, (0, 0)).startswith(f'{code.name} ({int(code)}): ')
+    first = plan_to_text(plan, METRES).split('\n')[0]
+    assert first == f'no path: {plan.message} [{code.name} {int(code)}]' == back.summary
 
 
 @pytest.mark.parametrize(('rules', 'fields', 'code', 'words'), CAUSES, ids=names)
@@ -131,7 +144,7 @@ def test_a_report_is_read_back_from_its_message_unchanged():
     assert shown['goal'] == [plan.goal[0] + 10, plan.goal[1] + 20]
     for name in ('start_shift', 'goal_shift', 'unknown_length', 'clearance', 'turns'):
         assert shown[name] == getattr(plan, name)
-    assert plan.warnings[0] in plan_to_text(plan, (0, 0))
+    assert plan.warnings[0] in plan_to_text(plan, METRES)
 
 
 def test_a_plan_on_a_map_without_obstacles_has_no_clearance():

@@ -17,8 +17,8 @@ def test_the_demo_plans_draws_and_stops(tmp_path):
     done = demo('--png', str(picture))
     assert done.returncode == 0, done.stderr
     assert done.stderr == ''
-    assert 'answer     NONE' in done.stdout
-    assert 'guided by  embedded:learned waypoint model' in done.stdout
+    assert '\npath found: ' in done.stdout
+    assert 'accepted, from embedded: learned waypoint model' in done.stdout
     assert 'not an LLM' in done.stdout
     # A* expands 721 cells here, and LLM-A* without waypoints 439.
     assert int(re.search(r'(\d+) expansions', done.stdout)[1]) < 200

@@ -142,10 +142,11 @@ def test_the_log_has_what_a_plan_warns_of_and_no_cancel_as_a_warning():
     moved = replace(plan, code=ResultCode.NONE, message='a path', warnings=('0.20 m off',))
     publisher.publish_report(moved, None, None, STAMP)
     publisher._thread.shutdown()
-    said = 'NONE: a path; guided by none; 0.20 m off'
+    why = 'canceled: why [TIMEOUT 207]'
+    said = 'path found: a path; 0.20 m off'
     node.get_logger().info.assert_called_once_with(said)
-    node.get_logger().debug.assert_called_once_with('TIMEOUT: canceled: why')
-    node.get_logger().warning.assert_called_once_with('TIMEOUT: canceled: why')
+    node.get_logger().debug.assert_called_once_with(f'no path: {why}')
+    node.get_logger().warning.assert_called_once_with(f'no path: {why}')
     node.get_logger().error.assert_not_called()
 
 

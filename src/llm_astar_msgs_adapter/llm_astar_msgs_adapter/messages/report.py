@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, TypeVar
 
@@ -80,8 +81,30 @@ class PlanReport:
 
     @property
     def summary(self) -> str:
-        """One line for a person."""
-        return replace_lone_surrogates(f'{self.code_name}: {self.message}')
+        """One line for a person; the code is named only where there is no path."""
+        text = f'path found: {self.message}'
+        if self.code:
+            text = f'no path: {self.message} [{self.code_name} {self.code}]'
+        return replace_lone_surrogates(text)
+
+    @property
+    def waypoint_summary(self) -> str:
+        """What became of the waypoints, for a person: whether any were asked for, came, helped."""
+        detail = f': {self.source_detail}' if self.source_detail else ''
+        if self.source_status == 'NONE':
+            text = f'none asked{detail}'
+        elif self.source_status == 'NO_WAYPOINTS':
+            text = f'none: {self.source} suggests none{detail}'
+        elif self.source_status != 'OK':
+            text = f'none from {self.source}{detail} [{self.source_status}]'
+        else:
+            statuses = Counter(status.replace('_', ' ') for *_, status in self.waypoints)
+            counts = ', '.join(f'{count} {status}' for status, count in statuses.items())
+            helped = self.guided_by != 'none'
+            text = self.guided_by.replace(':', ': ', 1) if helped else self.source
+            text = f'{counts or "none"}, from {text}'
+            text += '' if helped else '; the path was found without them'
+        return replace_lone_surrogates(text)
 
 
 @dataclass(frozen=True)

@@ -98,13 +98,14 @@ def interpretation_line(answer: dict[str, Any]) -> str:
 def print_plan(plan: CalledPlan) -> None:
     """Print a plan for a person."""
     report = plan.report
-    print(f'answer      {report.summary}')
-    if report.length is not None:
-        print(f'path        {report.length:.2f} m, {len(plan.points)} poses')
-    print(f'guided by   {report.guided_by} (source {report.source}, {report.source_status})')
-    print(f'time        {1000 * plan.seconds:.1f} ms round trip')
+    print(report.summary)
     for warning in report.warnings:
         print(f'warning     {warning}')
+    if report.length is not None:
+        print(f'length      {report.length:.2f} m, {len(plan.points)} poses')
+    print(f'expansions  {report.operation}, {report.storage} states stored')
+    print(f'waypoints   {report.waypoint_summary}')
+    print(f'time        {1000 * plan.seconds:.1f} ms round trip')
     outcome = report.instruction_report
     if outcome:
         print(f'instruction {interpretation_line(outcome["interpretation"])}')

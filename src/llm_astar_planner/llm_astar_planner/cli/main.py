@@ -9,6 +9,7 @@ import re
 import signal
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
 
@@ -48,11 +49,21 @@ exit codes: 0 done, 1 no plan or something missing, 2 bad usage or input, 3 some
 """
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, as all others of the command are."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise ParameterError instead of printing all options and ending the process."""
+        message = message.replace('invalid float value', 'not a number')
+        message = message.replace('invalid int value', 'not a whole number')
+        raise ParameterError(f'{message}; `{self.prog} --help` lists the options')
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command of `llm-astar`; return its exit code."""
     argv = sys.argv[1:] if argv is None else list(argv)
     try:
-        arguments = parse(argv)
+        arguments = parse(argv or ['--help'])
         return run_interruptibly(arguments)
     except BrokenPipeError:
         # The reader, such as `head`, has closed the pipe; Python must not write to it at exit.
@@ -96,12 +107,11 @@ def run_interruptibly(arguments: argparse.Namespace) -> int:
 def parse(argv: Sequence[str]) -> argparse.Namespace:
     """Return the parsed options of the command that `argv` begins with.
 
-    Raises ParameterError for a command or an option that does not exist; argparse itself ends the
-    process for other mistakes.
+    Raises ParameterError for what cannot be parsed.
     """
     if argv and argv[0] in REMOVED:
         raise ParameterError(f'{argv[0]} is no longer a command; {REMOVED[argv[0]]}')
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog='llm-astar',
         description='LLM-A*: plan with the waypoints of a language model, and measure what they '
         'add.',

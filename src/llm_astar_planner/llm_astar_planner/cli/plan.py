@@ -8,13 +8,18 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import Any
 
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point, Sample
+from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
 from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
+from llm_astar_planner.cli.coordinates import (
+    Coordinates,
+    add_unit_options,
+    coordinates_of,
+)
 from llm_astar_planner.cli.map_files import (
     add_map_options,
     add_places_option,
@@ -23,6 +28,7 @@ from llm_astar_planner.cli.map_files import (
     open_places,
     warn_of_places,
 )
+from llm_astar_planner.cli.pictures import add_picture_option
 from llm_astar_planner.cli.plan_output import plan_to_json, plan_to_text
 from llm_astar_planner.cli.planning_options import (
     PlanningOptions,
@@ -39,8 +45,10 @@ from llm_astar_planner.planning.parameters import (
     request_fields,
 )
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import Plan, PlanRequest, check_request
+from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode, check_request
+from llm_astar_planner.planning.waypoint_filter import guiding_points
 from llm_astar_planner.search.numba_start import start_numba
+from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
@@ -50,15 +58,19 @@ EPILOG = """\
 examples:
   llm-astar plan
   llm-astar plan --map demo.json --map-id 0 --pair 1 --method astar --png out/astar.png
-  llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --robot-radius 0.2
+  llm-astar plan --map depot.yaml --start 7.5 7.5 --goal 22.5 10 --robot-radius 0.2
   llm-astar plan --start 5 5 --goal 20 20 --via 30 8 --tolerance 1.5
-  llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --params-file robot.yaml
+  llm-astar plan --map depot.yaml --start 150 150 --goal 450 200 --cells
+  llm-astar plan --map depot.yaml --start 7.5 7.5 --goal 22.5 10 --params-file robot.yaml
   llm-astar plan --map house.yaml --from kitchen --to study --instruction "avoid the hall"
   llm-astar plan --reply "Generated Path: [[31, 10], [27, 9], [12, 9]]" --json
   llm-astar plan --source endpoint --base-url http://localhost:11434/v1 --model qwen2.5:7b
   llm-astar plan --query "design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids
     horizontal barriers centered at [[10, 0, 25], [15, 30, 50]] and vertical barriers at
     [[25, 10, 22]]."
+
+exit codes: 0 a path, 1 no path, 2 bad usage or input, 3 a path but, with --require-waypoints, no
+usable waypoint
 """
 
 
@@ -74,13 +86,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='N',
         help='start-goal pair of the map, unless start and goal are given (default: 0)',
     )
-    cell: dict[str, Any] = {'type': int, 'nargs': 2, 'metavar': ('X', 'Y')}
+    point: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
     first, last = (where.add_mutually_exclusive_group() for _ in range(2))
-    first.add_argument('--start', **cell, help='a cell, not metres')
+    first.add_argument(
+        '--start', **point, help='start here: in metres on a robot map, else a cell'
+    )
     first.add_argument(
         '--from', dest='start_place', metavar='NAME', help='start at a place instead'
     )
-    last.add_argument('--goal', **cell, help='a cell')
+    last.add_argument('--goal', **point, help='go here, in the same unit')
     last.add_argument(
         '--to',
         dest='goal_place',
@@ -95,22 +109,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     where.add_argument(
         '--via',
-        type=int,
-        nargs=2,
+        **point,
         action='append',
         default=[],
-        metavar=('X', 'Y'),
-        help='a cell to pass on the way; repeat it for more, in order',
+        help='pass here on the way, in the same unit; repeat it for more, in order',
     )
+    add_unit_options(where)
     guide = add_planning_options(parser)
-    guide.add_argument('--reply', metavar='TEXT', help="a model's reply, used instead of a source")
+    guide.add_argument(
+        '--reply',
+        metavar='TEXT',
+        help="a model's reply, with its waypoints in cells, used instead of a source",
+    )
+    guide.add_argument(
+        '--require-waypoints',
+        action='store_true',
+        help='exit with 3 if no waypoint came that the search could use',
+    )
     output = parser.add_argument_group('output')
-    output.add_argument('--png', metavar='FILE', help='draw the plan')
-    output.add_argument('--json', action='store_true', help='print one JSON object')
+    add_picture_option(output, 'draw the plan')
+    output.add_argument(
+        '--json', action='store_true', help='print one JSON object, with its points in cells'
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Plan, print, draw; return 0 if there is a path, else 1.
+    """Plan, print, draw; return the exit code.
 
     Raises ParameterError, and what reading a map or a source raises, on bad input.
     """
@@ -120,29 +144,52 @@ def run(arguments: argparse.Namespace) -> int:
     map_file = arguments.map if arguments.query is None else None
     places = open_places(options.values['places_file'], map_file)
     warn_of_places(places, planner.grid_map)
-    start, goal = choose_endpoints(arguments, problem, places, planner.costmap)
-    offset = offset_of(problem)
+    coordinates = coordinates_of(arguments, problem, planner.grid_map)
+    start, goal = choose_endpoints(arguments, problem, places, planner.costmap, coordinates)
     request = PlanRequest(
-        problem.to_cell(start),
-        problem.to_cell(goal),
-        source=waypoint_source(arguments, options, maps, offset),
+        start,
+        goal,
+        source=waypoint_source(arguments, options, maps, coordinates.offset),
         sample=sample_key_of(problem, start, goal),
-        via=tuple(problem.to_cell((x, y)) for x, y in arguments.via),
+        via=tuple(coordinates.to_cell('--via', point) for point in arguments.via),
         instruction=options.route_instruction(places),
         **request_fields(options.values),
     )
     check_request(request)
     compile_searches(planner, request)
     plan = planner.prepare().plan(request)
-    if arguments.json:
-        print(json.dumps(plan_to_json(plan, offset)))
-    else:
-        print('\n'.join([*place_lines(arguments, start, goal), plan_to_text(plan, offset)]))
+    show(plan, arguments, coordinates)
     if arguments.png:
-        draw(plan, Route(planner.costmap, plan.start, plan.goal, places), offset, arguments.png)
+        route = Route(planner.costmap, plan.start, plan.goal, places)
+        draw(plan, route, coordinates.offset, arguments.png)
         if not arguments.json:
             print(f'picture    {arguments.png}')
-    return 0 if plan.code == 0 else 1
+    return exit_code(plan, arguments)
+
+
+def show(plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates) -> None:
+    """Print a plan; write a hint where metres lie off a map on which they would be cells."""
+    if arguments.json:
+        print(json.dumps(plan_to_json(plan, coordinates.offset)))
+    else:
+        names = (arguments.start_place or '', arguments.goal_place or '')
+        print(plan_to_text(plan, coordinates, *names))
+    if plan.code in (ResultCode.START_OUTSIDE_MAP, ResultCode.GOAL_OUTSIDE_MAP):
+        points = [*filter(None, (arguments.start, arguments.goal)), *arguments.via]
+        if coordinates.metres and all(map(coordinates.could_be_cell, points)):
+            sys.stderr.write(
+                'llm-astar: hint: coordinates are metres on this map; add --cells to give cells\n'
+            )
+
+
+def exit_code(plan: Plan, arguments: argparse.Namespace) -> int:
+    """Return 0 for a path, 1 for none, 3 where waypoints were required and none could be used."""
+    if plan.code:
+        return 1
+    if arguments.require_waypoints and not guiding_points(plan.checked_waypoints):
+        sys.stderr.write('llm-astar: --require-waypoints: no waypoint came that can be used\n')
+        return 3
+    return 0
 
 
 def compile_searches(planner: Planner, request: PlanRequest) -> None:
@@ -178,14 +225,6 @@ def draw(plan: Plan, route: Route, offset: Point, path: str) -> None:
     save_picture(picture_of(plan, grid_map, plan.start, plan.goal, offset, route=route), path)
 
 
-def place_lines(arguments: argparse.Namespace, start: Point, goal: Point) -> Iterator[str]:
-    """Yield which cells the named places became."""
-    named = (('from', arguments.start_place, start), ('to', arguments.goal_place, goal))
-    for option, name, (x, y) in named:
-        if name is not None:
-            yield f'{option:<10} {name}, at cell {x}, {y}'
-
-
 def choose_problem(
     arguments: argparse.Namespace,
 ) -> tuple[list[ProblemMap], ProblemMap]:
@@ -197,28 +236,36 @@ def choose_problem(
 
 
 def choose_endpoints(
-    arguments: argparse.Namespace, problem: ProblemMap, places: Places, costmap: Costmap
-) -> tuple[Point, Point]:
-    """Return start and goal: of places, of coordinates, else of the map's pair.
+    arguments: argparse.Namespace,
+    problem: ProblemMap,
+    places: Places,
+    costmap: Costmap,
+    coordinates: Coordinates,
+) -> tuple[Cell, Cell]:
+    """Return the cells of start and goal: of places, of coordinates, else of the map's pair.
 
-    Raises ParameterError for options that do not go together, PlaceGoalError for a place that
-    does not exist or that nobody can stand in.
+    Raises ParameterError for options that do not go together and for coordinates in the wrong
+    unit, PlaceGoalError for a place that does not exist or that nobody can stand in.
     """
-    start, goal = (
-        point if name is None else place_point(name, places, costmap, problem)
-        for name, point in (
-            (arguments.start_place, arguments.start),
-            (arguments.goal_place, arguments.goal),
-        )
-    )
-    if (start is None) != (goal is None) and arguments.goal_place is None:
-        raise ParameterError(
-            '--start and --goal, or --from and --to, go together; leave them out to take --pair'
-        )
-    if start is None:
+
+    def cell_of(place: str | None, point: Sequence[float] | None, option: str) -> Cell | None:
+        if place is not None:
+            from llm_astar_planner.instructions.place_goal import goal_cell  # noqa: PLC0415
+
+            return goal_cell(find_place(place, places), costmap)
+        return None if point is None else coordinates.to_cell(option, point)
+
+    start = cell_of(arguments.start_place, arguments.start, '--start')
+    goal = cell_of(arguments.goal_place, arguments.goal, '--goal')
+    if start is None or goal is None:
+        if start is not None or arguments.goal is not None:
+            raise ParameterError(
+                '--start and --goal, or --from and --to, go together; leave them out to take '
+                '--pair'
+            )
         sample = pair_of(arguments, problem)
-        start, goal = sample.start, goal or sample.goal
-    return (start[0], start[1]), (goal[0], goal[1])
+        start, goal = problem.to_cell(sample.start), goal or problem.to_cell(sample.goal)
+    return start, goal
 
 
 def pair_of(arguments: argparse.Namespace, problem: ProblemMap) -> Sample:
@@ -230,25 +277,9 @@ def pair_of(arguments: argparse.Namespace, problem: ProblemMap) -> Sample:
     return sample
 
 
-def place_point(name: str, places: Places, costmap: Costmap, problem: ProblemMap) -> Point:
-    """Return the point of the map at which a place is gone to. Raises PlaceGoalError."""
-    from llm_astar_planner.instructions.place_goal import goal_cell  # noqa: PLC0415
-
-    x, y = goal_cell(find_place(name, places), costmap)
-    x_min, y_min = offset_of(problem)
-    return x + x_min, y + y_min
-
-
-def offset_of(problem: ProblemMap) -> Point:
-    """Return the map coordinates of cell (0, 0)."""
-    if isinstance(problem, BarrierMap):
-        return problem.range_x[0], problem.range_y[0]
-    return 0, 0
-
-
-def sample_key_of(problem: ProblemMap, start: Point, goal: Point) -> SampleKey | None:
-    """Return the key of the map's sample with this start and goal, None if it has none."""
+def sample_key_of(problem: ProblemMap, start: Cell, goal: Cell) -> SampleKey | None:
+    """Return the key of the map's sample between two cells, None if it has none."""
     for pair, sample in enumerate(problem.samples):
-        if (sample.start, sample.goal) == (start, goal):
+        if (problem.to_cell(sample.start), problem.to_cell(sample.goal)) == (start, goal):
             return SampleKey(problem.id, pair)
     return None

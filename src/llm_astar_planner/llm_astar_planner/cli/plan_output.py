@@ -8,8 +8,10 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import Point
 
+from llm_astar_planner.cli.coordinates import Coordinates
 from llm_astar_planner.instructions.outcome import InstructionOutcome
 from llm_astar_planner.instructions.specification import Unknown
+from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.types import Plan
 
 
@@ -33,41 +35,48 @@ def plan_to_json(plan: Plan, offset: Point) -> dict[str, Any]:
     }
 
 
-def plan_to_text(plan: Plan, offset: Point) -> str:
-    """Return a plan as a few lines for a person."""
-    lines = [f'{plan.code.name} ({int(plan.code)}): {plan.message}']
-    lines += [f'warning    {warning}' for warning in plan.warnings]
-    asked = f'{plan.source}, {plan.source_status.value}'
-    lines.append(f'guided by  {plan.guided_by} (source {asked})')
+def plan_to_text(plan: Plan, coordinates: Coordinates, start: str = '', goal: str = '') -> str:
+    """Return a plan as lines for a person: what came out, from where to where, and how.
+
+    `start` and `goal` are the names of places, '' for points.
+    """
+    report = plan_report(plan, coordinates.grid_map)
+    lines = [report.summary, *(f'warning    {warning}' for warning in plan.warnings)]
+    via = [(f'via {number}', cell, '') for number, cell in enumerate(plan.via, start=1)]
+    for name, cell, place in (('start', plan.start, start), *via, ('goal', plan.goal, goal)):
+        at = f', {place}' if place else ''
+        lines.append(f'{name:<10} {coordinates.describe(*cell)}{at}')
+    lines.append(f'waypoints  {report.waypoint_summary}')
     for number, point in enumerate(plan.checked_waypoints, start=1):
-        place = f'[{point.x + offset[0]:g}, {point.y + offset[1]:g}]'
-        lines.append(f'waypoint {number} {place} {point.status.value.replace("_", " ")}')
+        status = point.status.value.replace('_', ' ')
+        lines.append(f'waypoint {number} {coordinates.describe(point.x, point.y)}: {status}')
     if plan.instruction is not None:
         lines += instruction_lines(plan.instruction)
     if plan.code == 0:
-        lines += path_lines(plan)
+        lines += path_lines(plan, coordinates)
     milliseconds = (1000 * plan.seconds_source, 1000 * plan.seconds_search)
-    lines.append('time       {:.2f} ms in source, {:.2f} ms in search'.format(*milliseconds))
+    lines.append('time       {:.2f} ms for waypoints, {:.2f} ms to search'.format(*milliseconds))
     return '\n'.join(lines)
 
 
-def path_lines(plan: Plan) -> list[str]:
+def path_lines(plan: Plan, coordinates: Coordinates) -> list[str]:
     """Return the lines that only a plan with a path has."""
     turns = f'{plan.turns} turn{"" if plan.turns == 1 else "s"}'
+    length = coordinates.describe_length(plan.length)
     lines = [
-        f'expansions {plan.expansions}',
-        f'storage    {plan.storage}',
-        f'length     {plan.length:.3f} cells over {len(plan.path)} points, {turns}',
+        f'length     {length}, {len(plan.path)} points, {turns}',
+        f'expansions {plan.expansions}, {plan.storage} states stored',
     ]
     if math.isfinite(plan.clearance):
-        lines.append(f'clearance  {plan.clearance:.2f} m')
+        clearance = coordinates.describe_distance(plan.clearance)
+        lines.append(f'clearance  {clearance} to the nearest obstacle')
     if plan.unknown_length:
-        lines.append(f'unknown    {plan.unknown_length:.2f} m through unknown cells')
+        unknown = coordinates.describe_distance(plan.unknown_length)
+        lines.append(f'unknown    {unknown} through unknown cells')
     if plan.any_angle is not None:
         segments = len(plan.any_angle.points) - 1
-        lines.append(
-            f'any angle  {plan.any_angle.length:.3f} cells in {segments} straight segments'
-        )
+        length = coordinates.describe_length(plan.any_angle.length)
+        lines.append(f'any angle  {length}, in {segments} straight segments')
     return lines
 
 

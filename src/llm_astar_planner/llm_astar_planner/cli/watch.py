@@ -13,9 +13,10 @@ import signal
 import sys
 import threading
 import time
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
+
+from llm_astar_msgs_adapter.messages.report import PlanReport
 
 from llm_astar_planner.parameter import ParameterError
 
@@ -143,19 +144,18 @@ def clause_lines(event: MonitorEvent) -> Iterator[tuple[int, str]]:
 def plan_words(event: MonitorEvent) -> list[str]:
     """Return the words of a plan's line; empty ones are left out."""
     plan = event.values
-    statuses = Counter(status.replace('_', ' ') for *_, status in plan['waypoints'])
+    report = PlanReport(**plan)
     return [
-        f'{plan["code_name"]:<8}',
-        f'{plan["method"] or "-"} by {plan["guided_by"]}',
-        f'{plan["operation"]} expansions',
-        '' if plan['length'] is None else f'{plan["length"]:.2f} m',
-        '' if plan['ratio'] is None else f'bound {plan["ratio"]:.3f}',
-        f'search {1000 * plan["seconds_search"]:.1f} ms',
-        f'source {1000 * plan["seconds_source"]:.1f} ms {plan["source_status"]}',
-        ', '.join(f'{count} {status}' for status, count in statuses.items()),
+        report.summary if report.code else 'path found',
+        '' if report.length is None else f'{report.length:.2f} m',
+        f'{report.operation} expansions',
+        '' if report.ratio is None else f'proven within {report.ratio:.3f} of the shortest',
+        f'method {report.method}' if report.method else '',
+        f'waypoints {report.waypoint_summary}',
+        f'{1000 * report.seconds_search:.1f} ms to search',
+        f'{1000 * report.seconds_source:.1f} ms for waypoints' if report.seconds_source else '',
         instruction_words(plan),
-        *(f'! {warning}' for warning in plan['warnings']),
-        plan['message'] if plan['code'] else '',
+        *(f'! {warning}' for warning in report.warnings),
     ]
 
 

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
-from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
+from llm_astar_msgs_adapter.maps.grid_map import FREE, ORIGIN, GridMap
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap._kernels import changes as kernels
@@ -139,6 +139,20 @@ class Costmap:
     def line_of_sight(self) -> LineOfSightChecker:
         """Tells which straight lines between cells meet no blocked cell."""
         return LineOfSightChecker(self.blocked)
+
+    def describe_cell(self, cell: Cell) -> str:
+        """Name a cell (x, y), on the map or off it, for a person, with its centre in metres.
+
+        Barrier maps, where it has the coordinates of the map's file, and maps without a
+        resolution and origin of their own have no metres.
+        """
+        x, y = cell
+        if self.barrier_map is not None:
+            return f'cell ({x + self.barrier_map.range_x[0]}, {y + self.barrier_map.range_y[0]})'
+        if (self.grid_map.resolution, self.grid_map.origin) == (1.0, ORIGIN):
+            return f'cell ({x}, {y})'
+        ((east, north),) = self.grid_map.grid_to_world([cell]).tolist()
+        return f'cell ({x}, {y}) at ({round(east, 3):g}, {round(north, 3):g}) m'
 
     def describe_blocked(self, cell: Cell) -> str:
         """Say why a cell (x, y) of the map is blocked."""

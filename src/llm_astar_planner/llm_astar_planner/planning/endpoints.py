@@ -40,11 +40,11 @@ def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
     """Return the cells to plan between. Raises PlanningFailure if start, goal or via cannot be."""
     start = resolve_start(costmap, request)
     component = int(costmap.components[start[1], start[0]])
-    goal = resolve_goal(costmap, request.goal, request.tolerance, component)
+    goal = resolve_goal(costmap, request, request.goal, component)
     via = request.via
     if via:
         via = tuple(
-            resolve_goal(costmap, cell, request.tolerance, component, f'via {number}')
+            resolve_goal(costmap, request, cell, component, f'via {number}')
             for number, cell in enumerate(via, start=1)
         )
     if (start, goal, via) == (request.start, request.goal, request.via):
@@ -54,13 +54,14 @@ def resolve_endpoints(costmap: Costmap, request: PlanRequest) -> Endpoints:
     goal_shift = math.dist(request.goal, goal) * resolution
     warnings = []
     if start != request.start:
-        message = f'the start cell {request.start} is not free; the path begins at {start}'
-        warnings.append(f'{message}, {start_shift:.2f} m off')
+        message = blocked_message(costmap, 'start', request.start)
+        begin = costmap.describe_cell(start)
+        warnings.append(f'{message}; the path begins at {begin}, {start_shift:.2f} m off')
     if via != request.via:
-        warnings.append(moved_via(costmap, request.via, via))
+        warnings.append(moved_via(costmap, request, via))
     if goal != request.goal:
-        failure = goal_failure(costmap, request.goal)
-        warnings.append(f'{failure}; the path ends at {goal}, {goal_shift:.2f} m off')
+        failure, end = goal_failure(costmap, request, request.goal), costmap.describe_cell(goal)
+        warnings.append(f'{failure}; the path ends at {end}, {goal_shift:.2f} m off')
     return Endpoints(start, goal, via, start_shift, goal_shift, tuple(warnings))
 
 
@@ -82,16 +83,16 @@ def resolve_start(costmap: Costmap, request: PlanRequest) -> Cell:
 
 
 def resolve_goal(
-    costmap: Costmap, goal: Cell, tolerance: float, component: int, name: str = 'goal'
+    costmap: Costmap, request: PlanRequest, goal: Cell, component: int, name: str = 'goal'
 ) -> Cell:
-    """Return a goal or via point, or the nearest cell of a component within `tolerance` metres.
+    """Return a goal or via point, or the nearest cell of a component within the tolerance.
 
     Raises PlanningFailure, naming it, if there is none.
     """
     x, y = goal
     if costmap.grid_map.contains(goal) and costmap.components[y, x] == component:
         return goal
-    failure = goal_failure(costmap, goal, name)
+    failure, tolerance = goal_failure(costmap, request, goal, name), request.tolerance
     if tolerance == 0.0:
         raise failure
     reach = squared_cells(tolerance, costmap.grid_map.resolution)
@@ -102,7 +103,9 @@ def resolve_goal(
     return found
 
 
-def goal_failure(costmap: Costmap, goal: Cell, name: str = 'goal') -> PlanningFailure:
+def goal_failure(
+    costmap: Costmap, request: PlanRequest, goal: Cell, name: str = 'goal'
+) -> PlanningFailure:
     """Return what is wrong with a goal or via point that the start does not reach."""
     if not costmap.grid_map.contains(goal):
         message = outside_message(costmap, name, goal)
@@ -110,19 +113,21 @@ def goal_failure(costmap: Costmap, goal: Cell, name: str = 'goal') -> PlanningFa
     if costmap.blocked[goal[1], goal[0]]:
         message = blocked_message(costmap, name, goal)
         return PlanningFailure(ResultCode.GOAL_OCCUPIED, message)
-    what = 'the goal' if name == 'goal' else f'{name}, cell {goal},'
-    message = f'obstacles cut {what} off from the start'
+    end, begin = costmap.describe_cell(goal), costmap.describe_cell(request.start)
+    message = f'obstacles cut the {name} {end} off from the start {begin}'
     return PlanningFailure(ResultCode.NO_VALID_PATH, message)
 
 
-def moved_via(costmap: Costmap, requested: tuple[Cell, ...], used: tuple[Cell, ...]) -> str:
+def moved_via(costmap: Costmap, request: PlanRequest, used: tuple[Cell, ...]) -> str:
     """Say which via point the path passes at another cell, and how many more."""
+    requested = request.via
     moved = [number for number, pair in enumerate(zip(requested, used)) if pair[0] != pair[1]]
     first = moved[0]
     shift = math.dist(requested[first], used[first]) * costmap.grid_map.resolution
-    failure = goal_failure(costmap, requested[first], f'via {first + 1}')
+    failure = goal_failure(costmap, request, requested[first], f'via {first + 1}')
+    place = costmap.describe_cell(used[first])
     more = f'; so are {len(moved) - 1} more via points' if len(moved) > 1 else ''
-    return f'{failure}; it is moved to {used[first]}, {shift:.2f} m off{more}'
+    return f'{failure}; it is moved to {place}, {shift:.2f} m off{more}'
 
 
 def nearest_labelled(
@@ -210,10 +215,13 @@ def window_around(shape: tuple[int, ...], centre: Cell, reach: int) -> tuple[sli
 
 def outside_message(costmap: Costmap, name: str, cell: Cell) -> str:
     """Say that an endpoint or via point is off the map."""
-    size = f'{costmap.grid_map.width} x {costmap.grid_map.height}'
-    return f'the {name} cell {cell} is outside the map of {size} cells'
+    width, height = costmap.grid_map.width, costmap.grid_map.height
+    first, last = (costmap.describe_cell(end) for end in ((0, 0), (width - 1, height - 1)))
+    place = f'{name} {costmap.describe_cell(cell)}'
+    return f'the {place} is outside the map of {width} x {height} cells, from {first} to {last}'
 
 
 def blocked_message(costmap: Costmap, name: str, cell: Cell) -> str:
     """Say why an endpoint or via point is blocked."""
-    return f'the {name} cell {cell} is not free ({costmap.describe_blocked(cell)})'
+    reason = costmap.describe_blocked(cell)
+    return f'the {name} {costmap.describe_cell(cell)} is not free ({reason})'

@@ -150,9 +150,7 @@ class InstructedSearch:
         if len(segment.result.path):
             return segment
         if segment.result.status is SearchStatus.STOPPED:
-            reason = 'cancelled' if self.stop[0] else 'out of time'
-            message = f'{reason} after {self.expansions} expansions, short of the goal'
-            raise PlanningFailure(ResultCode.TIMEOUT, message)
+            raise segment.failure(self.expansions)
         return None
 
     def note(self) -> str:

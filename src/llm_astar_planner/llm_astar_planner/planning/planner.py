@@ -40,7 +40,7 @@ from llm_astar_planner.planning.waypoint_filter import mark_out_of_order
 from llm_astar_planner.search.any_angle import AnyAnglePath, interpolate, string_pull
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
-from llm_astar_planner.search.methods import GUIDED
+from llm_astar_planner.search.methods import GUIDED, WAYPOINT_METHODS
 from llm_astar_planner.search.result import (
     BoundedResult,
     Cell,
@@ -49,6 +49,7 @@ from llm_astar_planner.search.result import (
     empty_path,
 )
 from llm_astar_planner.search.stop import no_stop
+from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 
 # The part of the time for the search where a path at any angle is asked for: it takes time too.
 SEARCH_SHARE = 0.9
@@ -310,6 +311,7 @@ class Planner:
                     fields['warnings'] = (*endpoints.warnings, NOT_SHORTENED)
         # Where there are via points, no source is asked.
         first = segments[0] if segments else None
+        reply = first.reply if first else NOT_ASKED
         if first and first.checked_waypoints:
             path = empty_path() if result is None else result.path
             fields['checked_waypoints'] = mark_out_of_order(first.checked_waypoints, path)
@@ -321,7 +323,7 @@ class Planner:
             start=endpoints.start,
             goal=endpoints.goal,
             source='none' if request.source is None else request.source.name,
-            reply=first.reply if first else NOT_ASKED,
+            reply=not_asked(request) if reply.status is SourceStatus.NONE else reply,
             seconds_source=seconds_source,
             seconds_search=seconds_search,
             start_shift=endpoints.start_shift,
@@ -379,26 +381,40 @@ def check_found(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> Non
     is_stopped = result.status is SearchStatus.STOPPED
     if result.status is SearchStatus.FOUND or (is_stopped and len(result.path)):
         return
-    code, message = ResultCode.NO_VALID_PATH, 'every reachable cell was searched'
-    if is_stopped:
-        expansions = sum(segment.result.expansions for segment in segments)
-        reason = 'cancelled' if segments[-1].stop[0] else 'out of time'
-        code = ResultCode.TIMEOUT
-        message = f'{reason} after {expansions} expansions, short of the goal'
-    if request.via:
-        via = [f'via {number}' for number in range(1, len(request.via) + 1)]
-        names = ['the start', *via, 'the goal']
-        message += f', from {names[len(segments) - 1]} to {names[len(segments)]}'
-    raise PlanningFailure(code, message)
+    via = [f'via {number}' for number in range(1, len(request.via) + 1)]
+    names = ['the start', *via, 'the goal']
+    expansions = sum(segment.result.expansions for segment in segments)
+    raise segments[-1].failure(expansions, *names[len(segments) - 1 : len(segments) + 1])
+
+
+def not_asked(request: PlanRequest) -> WaypointReply:
+    """Return the reply of a source that was not asked, which says why if there is one."""
+    if request.source is None:
+        return NOT_ASKED
+    reason = ''
+    if request.method not in WAYPOINT_METHODS:
+        reason = f'{request.method} uses no waypoints'
+    elif request.via:
+        reason = 'the via points take their place'
+    elif request.start == request.goal:
+        reason = 'the start is the goal'
+    elif request.instruction is not None:
+        reason = 'the instruction decides the route'
+    return replace(NOT_ASKED, detail=reason)
 
 
 def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
     """Say in one sentence what was found."""
     if result is None:
         return ''
-    message = f'{result.length:.2f} cells in {result.expansions} expansions'
+    message, resolution = f'{result.length:.2f} cells', first.costmap.grid_map.resolution
+    if resolution != 1.0:
+        message = f'{resolution * result.length:.2f} m ({message})'
+    message += f', {result.expansions} expansions'
     if isinstance(result, BoundedResult):
-        message += f', proven within {result.suboptimality_bound:.4f} of the shortest'
+        is_priced = not math.isclose(result.cost, result.length, rel_tol=1e-6)
+        least = 'cheapest' if is_priced else 'shortest'
+        message += f', proven within {result.suboptimality_bound:.4f} of the {least}'
     if first.checked_waypoints:
         used, count = len(first.guiding_waypoints), len(first.checked_waypoints)
         message += f', {used} of {count} waypoints used'
@@ -406,6 +422,9 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
         message += ', searched by heading for the footprint'
     if result.status is SearchStatus.STOPPED:
         message += '; stopped before more could be proven'
-    if first.reply.detail:
-        message += f'; {first.reply.detail}'
+    reply, source = first.reply, first.request.source
+    if source is not None and reply.status.is_failure:
+        message += f'; no waypoints from {source.name}: {reply.detail} [{reply.status.value}]'
+    elif reply.detail:
+        message += f'; {reply.detail}'
     return message

@@ -11,7 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.planning.types import NOT_ASKED, PlanRequest
+from llm_astar_planner.planning.types import (
+    NOT_ASKED,
+    PlanningFailure,
+    PlanRequest,
+    ResultCode,
+)
 from llm_astar_planner.planning.waypoint_filter import (
     GUIDING,
     KEPT_BY_PAPER,
@@ -116,6 +121,20 @@ class SegmentPlanner:
             want_expanded=self.request.want_expanded,
         )
         self.seconds_search = time.monotonic() - begin
+
+    def failure(
+        self, expansions: int, start: str = 'the start', goal: str = 'the goal'
+    ) -> PlanningFailure:
+        """Return why there is no path after so many expansions; `start` and `goal` are names."""
+        code, message = ResultCode.NO_VALID_PATH, 'every reachable cell was searched'
+        if self.result.status is SearchStatus.STOPPED:
+            code, message = ResultCode.TIMEOUT, f'cancelled after {expansions} expansions'
+            if not self.stop[0]:
+                limit = f'the limit is {self.request.time_limit:g} s, max_planning_time'
+                message = f'out of time after {expansions} expansions ({limit})'
+        start += f' {self.costmap.describe_cell(self.request.start)}'
+        goal += f' {self.costmap.describe_cell(self.request.goal)}'
+        return PlanningFailure(code, f'{message}, from {start} to {goal}')
 
     def take(self, found: BoundedResult, seconds: float) -> None:
         """Take the path of a search by heading, which took so many seconds, instead of its own.

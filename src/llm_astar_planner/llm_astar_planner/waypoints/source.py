@@ -49,6 +49,11 @@ class SourceStatus(str, Enum):
     ERROR = 'ERROR'
     LATE = 'LATE'  # the search finished before the answer came
 
+    @property
+    def is_failure(self) -> bool:
+        """Whether a source was asked and could not answer."""
+        return self.value not in ('OK', 'NONE', 'NO_WAYPOINTS', 'LATE')
+
 
 @dataclass(frozen=True)
 class WaypointQuery:

@@ -11,6 +11,7 @@ from llm_astar_planner.planning.parameters import PLANNER, SOURCE
 from llm_astar_planner.resources import find_file
 from PIL import Image
 
+HOUSE = ('--map', 'instructions/house.yaml', '--start', '2', '2', '--goal', '9', '6')
 KEYS = {
     'code',
     'code_name',
@@ -98,7 +99,7 @@ def test_a_closed_pipe_is_not_an_error():
     command = f'{sys.executable} -m llm_astar_planner.cli.main plan --any-angle | head -c 1'
     done = subprocess.run(command, shell=True, capture_output=True, text=True)  # noqa: S602
     assert done.stderr == ''
-    assert done.stdout == 'N'
+    assert done.stdout == 'p'
 
 
 def test_no_plan_is_exit_code_1_and_still_json(capsys):
@@ -130,7 +131,7 @@ def room(tmp_path):
 
 
 def test_a_robots_body_is_kept_off_the_walls_of_a_map_server_map(capsys, room):
-    where = ['plan', '--map', room, '--start', '5', '20', '--goal', '55', '20']
+    where = ['plan', '--map', room, '--cells', '--start', '5', '20', '--goal', '55', '20']
     point = run_json(capsys, *where)[1]
     body = run_json(capsys, *where, '--robot-radius', '0.2')[1]
     wary = run_json(capsys, *where, '--robot-radius', '0.2', '--inflation-radius', '0.5')[1]
@@ -142,7 +143,7 @@ def test_a_robots_body_is_kept_off_the_walls_of_a_map_server_map(capsys, room):
 
 
 def test_shifts_by_tolerances_and_via_cells_are_reported(capsys, room):
-    where = ['plan', '--map', room, '--start', '30', '35', '--goal', '66', '20']
+    where = ['plan', '--map', room, '--cells', '--start', '30', '35', '--goal', '66', '20']
     code, refused = run_json(capsys, *where, '--tolerance', '0')
     assert (code, refused['code_name']) == (1, 'GOAL_OUTSIDE_MAP')
     where += ['--robot-radius', '0.2', '--tolerance', '0.5']
@@ -154,19 +155,100 @@ def test_shifts_by_tolerances_and_via_cells_are_reported(capsys, room):
     assert plan['path'].index([10, 9]) < plan['path'].index([50, 33])
     assert len(plan['warnings']) == 1
     text = run(capsys, *where)[1]
-    assert 'warning    the goal cell (66, 20) is outside the map' in text
-    assert 'clearance  0.' in text
+    assert 'warning    the goal cell (66, 20) at (2.325, -0.975) m is outside the map' in text
+    assert 'clearance  4.47 cells to the nearest obstacle' in text
     escape = ['--start', '28', '20', '--goal', '10', '20', '--start-tolerance', '0.3']
-    plan = run_json(capsys, 'plan', '--map', room, '--robot-radius', '0.2', *escape)[1]
+    words = ('plan', '--map', room, '--cells', '--robot-radius', '0.2')
+    plan = run_json(capsys, *words, *escape)[1]
     assert plan['start'] == plan['path'][0] == [25, 20]
     assert plan['start_shift'] == pytest.approx(0.15)
+
+
+def test_points_are_metres_on_a_robots_map_and_cells_elsewhere(capsys, room):
+    metres = ('--start', '-0.7', '-1', '--goal', '1.77', '-0.98')
+    where = ['plan', '--map', room, '--source', 'none']
+    plan = run_json(capsys, *where, *metres, '--via', '0.5', '-0.3')[1]
+    assert (plan['start'], plan['goal']) == ([6, 20], [55, 20])
+    assert [30, 34] in plan['path']
+    cells = run_json(
+        capsys, *where, '--cells', '--start', '6', '20', '--goal', '55', '20', '--via', '30', '34'
+    )[1]
+    assert cells['path'] == plan['path']
+    lines = run(capsys, *where, *metres)[1].splitlines()
+    assert lines[0].startswith('path found: ')
+    assert ' m (' in lines[0]
+    assert lines[1:3] == [
+        'start      (-0.675, -0.975) m, cell (6, 20)',
+        'goal       (1.775, -0.975) m, cell (55, 20)',
+    ]
+    here = ('plan', '--source', 'none', '--metres', '--start', '38.6', '18.4', '--goal', '7', '19')
+    assert run_json(capsys, *here)[1]['start'] == [39, 18]
+
+
+def test_a_point_in_the_wrong_unit_is_told_which_is_the_right_one(capsys, room):
+    code, _, err = run(capsys, 'plan', '--start', '5.5', '5', '--goal', '20', '21')
+    assert code == 2
+    assert err.startswith('llm-astar: error: --start 5.5 5: coordinates are cells on this map')
+    assert '--metres' in err
+    where = ('plan', '--map', room, '--start', '5', '20', '--goal', '55', '20')
+    code, out, err = run(capsys, *where)
+    assert code == 1
+    assert 'no path: the start cell (120, 440) at (5.025, 20.025) m is outside' in out
+    assert out.splitlines()[0].endswith(' [START_OUTSIDE_MAP 203]')
+    assert (
+        err == 'llm-astar: hint: coordinates are metres on this map; add --cells to give cells\n'
+    )
+    assert run(capsys, *where[:3], '--start', '5.5', '2', '--goal', '1', '1')[2] == ''
+
+
+def test_waypoints_that_are_required_and_do_not_come_are_exit_code_3(capsys):
+    words = ('plan', '--require-waypoints')
+    nobody = ('--source', 'endpoint', '--base-url', 'http://127.0.0.1:9/v1', '--max-retries', '0')
+    code, out, err = run(capsys, *words, *nobody, '--model', 'x')
+    assert code == 3
+    first = out.splitlines()[0]
+    assert first.startswith('path found: ')
+    assert '; no waypoints from endpoint: 127.0.0.1 is unreachable' in first
+    assert first.endswith('[UNREACHABLE]')
+    assert err == 'llm-astar: --require-waypoints: no waypoint came that can be used\n'
+    assert run(capsys, *words, '--reply', '[[0, 0], [60, 5]]')[0] == 3
+    assert run(capsys, *words, '--reply', '[[31, 10], [27, 9]]')[0] == 0
+    assert run(capsys, *words, '--start', '0', '0', '--goal', '5', '5')[0] == 1
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'words'),
+    [
+        (['--source', 'none'], 'none asked'),
+        (['--no-use-waypoints'], 'none asked'),
+        (['--method', 'astar'], 'none asked: astar uses no waypoints'),
+        (['--via', '30', '8'], 'none asked: the via points take their place'),
+        (['--reply', '[]'], 'none: reply suggests none: the model answered with an empty list'),
+        (['--reply', 'x'], 'none from reply: no list of points in the reply [MALFORMED]'),
+        (['--reply', '[[31, 10], [0, 0]]'], '1 accepted, 1 occupied, from reply'),
+        (
+            [*HOUSE, '--reply', '[[50, 27], [71, 50]]'],
+            '2 accepted, from reply; the path was found without them',
+        ),
+    ],
+)
+def test_one_line_says_what_became_of_the_waypoints(capsys, arguments, words):
+    lines = run(capsys, 'plan', *arguments)[1].splitlines()
+    assert [line for line in lines if line.startswith('waypoints ')] == [f'waypoints  {words}']
 
 
 def test_a_person_reads_the_plan(capsys):
     code, out, _ = run(capsys, 'plan', '--reply', 'no idea')
     assert code == 0
-    assert 'guided by  none (source reply, MALFORMED)' in out
-    assert 'no list of points' in out
+    first, *lines = out.splitlines()
+    assert first.startswith('path found: 43.38 cells, 38 expansions, proven within 1.0000 of the')
+    assert first.endswith('; no waypoints from reply: no list of points in the reply [MALFORMED]')
+    assert lines[:3] == [
+        'start      cell (39, 18)',
+        'goal       cell (7, 19)',
+        'waypoints  none from reply: no list of points in the reply [MALFORMED]',
+    ]
+    assert 'NONE' not in out
 
 
 def test_the_picture_is_drawn_where_asked(capsys, tmp_path):
@@ -187,7 +269,8 @@ def test_the_picture_has_the_obstacles_of_the_rules(capsys, tmp_path):
         'image: x.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\nmode: scale\n'
         'occupied_thresh: 0.9\nfree_thresh: 0.1\n'
     )
-    words = ('--map', str(tmp_path / 'x.yaml'), '--start', '1', '1', '--goal', '18', '1')
+    ends = ('--cells', '--start', '1', '1', '--goal', '18', '1')
+    words = ('--map', str(tmp_path / 'x.yaml'), *ends)
     shares = []
     for threshold in ('40', '90'):
         picture = tmp_path / f'{threshold}.png'
@@ -302,7 +385,7 @@ def test_plan_needs_no_ros():
     )
     done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert 'NONE (0)' in done.stdout
+    assert done.stdout.startswith('path found: ')
 
 
 def test_flags_override_a_parameter_file_and_the_nodes_defaults_hold_for_the_rest(

@@ -59,7 +59,10 @@ def test_start_and_goal_may_be_places(capsys, room):
 def test_the_cells_of_places_are_said(capsys, room):
     assert main(['plan', '--map', room, '--from', 'west room', '--to', 'lab']) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[:2] == ['from       west room, at cell 19, 29', 'to         lab, at cell 79, 29']
+    assert [line.partition(' m, ')[2] for line in lines[1:3]] == [
+        'cell (19, 29), west room',
+        'cell (79, 29), lab',
+    ]
 
 
 def test_a_goal_without_a_start_begins_at_the_pair(capsys, room):

@@ -46,14 +46,17 @@ def test_an_occupied_goal_becomes_the_nearest_cell_the_start_reaches():
     assert plan.goal_shift == pytest.approx(0.3)
     (warning,) = plan.warnings
     assert 'occupancy 100' in warning
-    assert '(17, 8), 0.30 m off' in warning
+    assert 'cell (17, 8) at (1.75, 0.85) m, 0.30 m off' in warning
 
 
 def test_a_goal_that_is_cut_off_is_approached():
     plan = planner(shelf()).plan(PlanRequest((2, 2), (13, 8), tolerance=0.4))
     assert plan.code is ResultCode.NONE
     assert plan.goal_shift == pytest.approx(0.4)
-    assert 'cut the goal off' in plan.warnings[0]
+    words = (
+        'obstacles cut the goal cell (13, 8) at (1.35, 0.85) m off from the start cell (2, 2) at'
+    )
+    assert words in plan.warnings[0]
 
 
 def test_a_goal_off_the_map_is_approached_as_well():
@@ -94,7 +97,7 @@ def test_a_start_in_inflation_is_moved_to_the_nearest_free_cell():
     assert plan.start == (5, 14)
     assert plan.path[0].tolist() == [5, 14]
     assert plan.start_shift == pytest.approx(0.2)
-    assert 'start cell (5, 12) is not free' in plan.warnings[0]
+    assert 'start cell (5, 12) at (0.55, 1.25) m is not free' in plan.warnings[0]
     refused = inflated.plan(PlanRequest((5, 12), (25, 18)))
     assert refused.code is ResultCode.START_OCCUPIED
     assert "the robot's radius, 0.3 m" in refused.message

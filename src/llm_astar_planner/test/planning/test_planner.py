@@ -127,7 +127,7 @@ FAILURES = [
         Planner(walled(gap=False)),
         PlanRequest((1, 1), (7, 7)),
         ResultCode.NO_VALID_PATH,
-        'cut the goal off',
+        'cut the goal cell (7, 7) off from the start cell (1, 1)',
     ),
 ]
 

@@ -61,8 +61,8 @@ def test_an_unreachable_via_cell_is_moved_within_the_tolerance():
     assert plan.via == (free, (27, 20), (27, 20))
     assert via_problem(plan.path, plan.via) is None
     (warning,) = plan.warnings
-    assert warning.startswith('the via 2 cell (30, 20) is not free')
-    assert 'moved to (27, 20), 0.15 m off; so are 1 more' in warning
+    assert warning.startswith('the via 2 cell (30, 20) at (1.525, 1.025) m is not free')
+    assert 'moved to cell (27, 20) at (1.375, 1.025) m, 0.15 m off; so are 1 more' in warning
     near = PLANNER.plan(PlanRequest(START, GOAL, tolerance=0.1, via=(free, blocked)))
     assert near.code is ResultCode.GOAL_OCCUPIED
     assert 'via 2' in near.message
@@ -126,4 +126,4 @@ def test_a_cancel_ends_every_segment():
     thread.join(60.0)
     assert plans[0].code is ResultCode.TIMEOUT
     assert plans[0].message.startswith('cancelled')
-    assert 'from the start to via 1' in plans[0].message
+    assert 'from the start cell (1, 1) to via 1 cell (2400, 1200)' in plans[0].message

@@ -202,8 +202,8 @@ class PlanPublisher:
         elif report.code:
             logger.warning(report.summary)
         else:
-            guide = f'guided by {report.guided_by}'
-            logger.info('; '.join([report.summary, guide, *plan.warnings]))
+            guide = [] if report.guided_by == 'none' else [f'guided by {report.guided_by}']
+            logger.info('; '.join([report.summary, *guide, *plan.warnings]))
 
     def publish_views(
         self, plan: Plan, grid_map: GridMap, stamp: Time, write: Callable[[ArrayLike], Path]

@@ -72,19 +72,22 @@ def run_demo(client: PlannerClient, start: Pose2D, goal: Pose2D, picture: Path) 
 def print_plan(
     endpoints: tuple[Pose2D, Pose2D], report: PlanReport, poses: int, seconds: float
 ) -> None:
-    """Print what was asked and what the planner reported."""
-    start, goal = (f'({place.x:g}, {place.y:g})' for place in endpoints)
-    print(f'asked      planner_node/get_plan from {start} to {goal}')
-    print(f'answer     {report.summary}')
-    print(f'guided by  {report.guided_by} (source {report.source}, {report.source_status})')
+    """Print what the planner reported, what was asked, and how long it took."""
+    print(report.summary)
+    for warning in report.warnings:
+        print(f'warning    {warning}')
+    print('asked      planner_node/get_plan, as another stack would')
+    for name, place in zip(('start', 'goal'), endpoints):
+        print(f'{name:<10} ({place.x:g}, {place.y:g}) m')
+    print(f'waypoints  {report.waypoint_summary}')
     for number, (x, y, status) in enumerate(report.waypoints, start=1):
-        print(f'waypoint {number} ({x:g}, {y:g}) {status.replace("_", " ")}')
+        print(f'waypoint {number} ({x:g}, {y:g}) m: {status.replace("_", " ")}')
     if report.length is not None:
-        print(f'path       {report.length:.2f} m, {poses} poses')
+        print(f'length     {report.length:.2f} m, {poses} poses')
     print(f'expansions {report.operation}, {report.storage} states stored')
     print(
         f'time       {1000 * seconds:.1f} ms round trip, {1000 * report.seconds_source:.1f} ms of '
-        f'it for waypoints, {1000 * report.seconds_search:.2f} ms for the search'
+        f'it for waypoints, {1000 * report.seconds_search:.2f} ms to search'
     )
 
 
