@@ -2,55 +2,65 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from textwrap import fill
 
-import matplotlib as mpl
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from matplotlib.patheffects import Normal, Stroke
+from matplotlib.transforms import Affine2D, offset_copy
+from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
+from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.result import Cell
+from llm_astar_planner.visualization import raster, style
 from llm_astar_planner.visualization.instructions import (
-    INSTRUCTED_PATH,
     InstructedPath,
     add_instruction_legend,
     draw_instruction,
 )
+from llm_astar_planner.visualization.labels import Labels
 from llm_astar_planner.visualization.places import draw_places, write_names
+from llm_astar_planner.visualization.style import Mark
 
-# Colour and marker by waypoint status; the shapes differ too, for readers who see few colours.
-STATUS_MARKERS = {
-    'accepted': ('#2ca02c', '*'),
-    'out_of_order': ('#ff9f0e', 'P'),
-    'unreachable': ('#9467bd', 'X'),
-    'occupied': ('#d62728', 'X'),
-    'out_of_bounds': ('#7f7f7f', 'X'),
-}
+# Inches and dots: 1280 pixels, of which a README shows 880, with text that is read there.
+WIDTH, MIN_WIDTH, MAX_MAP_HEIGHT, DPI = 8.0, 5.0, 7.0, 160
+# What surrounds the map: title, labels of the axes, legend.
+FRAME_WIDTH, FRAME_HEIGHT = 0.9, 1.55
+# An expanded cell is drawn at least so many pixels wide.
+MIN_PIXELS = 5.0
 # Of a title in its font.
-CHARACTERS_PER_INCH = 10
+CHARACTERS_PER_INCH = 11
+SIZE = 10.0
 # Outlines of the robot drawn along one path.
 MAX_OUTLINES = 100
-EXPANDED, UNKNOWN, OBSTACLE, PATH = '#bcd7f0', '#e8e4da', '#222222', '#d62728'
+# The order of a legend; what is not here comes first.
+LEGEND = ('path', 'footprint', 'expanded', 'inflated zone', 'obstacle', 'unknown')
+CASING = [Stroke(linewidth=4.4, foreground=style.PATH_OUTLINE), Normal()]
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
     """What to draw, in grid coordinates: `path` [n, 2], `expanded` bool [height, width].
 
-    `waypoints` are (x, y, status). `offset` is the map coordinate of cell (0, 0), for the axes.
-    `places` are drawn with their names, `instructed` says what became of an instruction, and the
-    `footprint` is drawn along the path.
+    `waypoints` are (x, y, status). `offset` is the map coordinate of cell (0, 0), for the axes of
+    a map whose cells are one metre; those of other maps are in metres. `places` are drawn with
+    their names, `instructed` says what became of an instruction, the `footprint` is drawn along
+    the path, and `inflated`, bool [height, width], is what the robot's body closes.
     """
 
     grid_map: GridMap
@@ -64,10 +74,44 @@ class Picture:
     places: Places = NO_PLACES
     instructed: InstructedPath | None = None
     footprint: Footprint | None = None
+    inflated: NDArray[np.bool_] | None = None
+    via: Sequence[Cell] = ()
+
+    @property
+    def in_metres(self) -> bool:
+        """Whether the axes are in metres: on the maps of robots."""
+        return self.grid_map.resolution != 1.0
+
+    def on_axes(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return points [n, 2] in grid coordinates in the coordinates of the axes."""
+        cells = np.asarray(points, dtype=float).reshape(-1, 2)
+        return self.grid_map.grid_to_world(cells) if self.in_metres else cells + self.offset
 
     def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points [n, 2] in metres of the map's frame in the coordinates of the axes."""
+        if self.in_metres:
+            return points
         return self.grid_map.world_to_grid(points) + self.offset
+
+    @cached_property
+    def codes(self) -> NDArray[np.uint8]:
+        """What each cell shows; see `raster`."""
+        return raster.cell_codes(self.grid_map, self.expanded, self.inflated)
+
+    @cached_property
+    def window(self) -> raster.Window:
+        """The part of the map that is drawn: all that is known of it, or where something is."""
+        guides = [(x, y) for x, y, _ in self.waypoints if self.is_on_map(x, y)]
+        points = np.array([self.start, self.goal, *self.via, *guides], dtype=float)
+        if self.instructed is not None or len(self.places):
+            height, width = self.codes.shape
+            points = np.array([(0, 0), (width - 1, height - 1)], dtype=float)
+        return raster.choose_window(self.codes, np.concatenate([points, self.path]))
+
+    def is_on_map(self, x: float, y: float) -> bool:
+        """Tell whether a point in grid coordinates is on the map."""
+        height, width = self.grid_map.cells.shape
+        return bool(-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5)
 
 
 def picture_of(
@@ -78,23 +122,29 @@ def picture_of(
     offset: Cell = (0, 0),
     *,
     route: Route | None = None,
+    costmap: Costmap | None = None,
 ) -> Picture:
-    """Return the picture of a plan, with places and instruction if its route is given."""
+    """Return the picture of a plan, with places and instruction if its route is given.
+
+    The zone that the robot's body closes is drawn if the costmap, or the route, is given.
+    """
     waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
-    if plan.code == 0:
-        outcome = f'{plan.expansions} expansions, length {plan.length:.2f} cells'
-        title = f'{describe_guidance(plan.method, plan.guided_by)}: {outcome}'
-    else:
-        title = f'{plan.method}: {plan.code.name}, {plan.message}'
+    guidance = describe_guidance(plan.method, plan.guided_by)
+    if waypoints and plan.guided_by == 'none':
+        guidance = f'{plan.method}, waypoints not used'
+    outcome = describe_outcome(plan, grid_map.resolution)
     places = NO_PLACES if route is None else route.places
     path, instructed = plan.path, None
+    if plan.any_angle is not None and len(path):
+        # The path that leaves the planner, on which the instruction is verified too.
+        path = plan.any_angle.points
     if route is not None and plan.instruction is not None and len(path):
-        # The path that leaves the planner is the one that the instruction is verified on.
-        path = path if plan.any_angle is None else plan.any_angle.points
         instructed = InstructedPath(plan.instruction, route, grid_map.grid_to_world(path))
+    costmap = route.costmap if costmap is None and route is not None else costmap
+    inflated = None if costmap is None else costmap.blocked & ~grid_map.blocked()
     return Picture(
-        grid_map, start, goal, path, plan.expanded, waypoints, title, offset, places, instructed,
-        plan.footprint,
+        grid_map, start, goal, path, plan.expanded, waypoints, f'{guidance}: {outcome}', offset,
+        places, instructed, plan.footprint, inflated, plan.via,
     )  # fmt: skip
 
 
@@ -107,8 +157,20 @@ def drawable_map(grid_map: GridMap, costmap: CostmapConfig | None) -> GridMap:
 
 def describe_guidance(method: str, guided_by: str) -> str:
     """Name the method of a plan and the source whose waypoints it followed, for a title."""
-    guide = 'no waypoints' if guided_by == 'none' else f'guided by {guided_by}'
+    guide = 'no waypoints' if guided_by == 'none' else f'waypoints by {guided_by}'
     return f'{method}, {guide}'
+
+
+def describe_outcome(plan: Plan, resolution: float) -> str:
+    """Return length and expansions of a plan, for a title, or why there is no path."""
+    if plan.code:
+        return f'no path: {plan.message} [{plan.code.name} {int(plan.code)}]'
+    length = plan.length if plan.any_angle is None else plan.any_angle.length
+    text = f'{length:.2f} cells' if resolution == 1.0 else f'{length * resolution:.2f} m'
+    text += f', {plan.expansions:,} expansions'
+    if math.isfinite(plan.suboptimality_bound):
+        text += f', proven within {plan.suboptimality_bound:.4f} of the shortest'
+    return text
 
 
 def save_picture(picture: Picture, path: str | Path) -> None:
@@ -116,16 +178,21 @@ def save_picture(picture: Picture, path: str | Path) -> None:
 
     Raises OSError where the file cannot be written, ValueError for an unknown ending.
     """
-    aspect = picture.grid_map.width / picture.grid_map.height
-    figure = Figure(figsize=(min(14.0, max(7.0, 5.2 * aspect)), 6.0), layout='constrained')
+    figure = Figure(figsize=figure_size(picture.window), layout='constrained')
     axes = figure.add_subplot()
     draw(axes, picture)
-    figure.legend(loc='outside lower center', ncols=6, frameon=False)
+    add_legend(figure, [axes])
     if picture.instructed is not None:
         add_instruction_legend(figure, picture.instructed)
-    ends = np.array([picture.start, picture.goal]) + picture.offset
-    write_names(axes, picture.places, picture.project, ends)
+    write_labels(axes, picture)
     write_figure(figure, path)
+
+
+def figure_size(window: raster.Window) -> tuple[float, float]:
+    """Return the size in inches of the picture of a part of a map."""
+    aspect = window.height / window.width
+    height = min((WIDTH - FRAME_WIDTH) * aspect, MAX_MAP_HEIGHT)
+    return max(MIN_WIDTH, min(WIDTH, height / aspect + FRAME_WIDTH)), height + FRAME_HEIGHT
 
 
 def write_figure(figure: Figure, path: str | Path) -> None:
@@ -133,49 +200,78 @@ def write_figure(figure: Figure, path: str | Path) -> None:
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     # Without a format matplotlib adds an ending to a name that has none.
-    figure.savefig(path, dpi=120, format=path.suffix[1:] or 'png')
+    figure.savefig(
+        path, dpi=DPI, format=path.suffix[1:] or 'png', bbox_inches='tight', pad_inches=0.08
+    )
 
 
 def draw(axes: Axes, picture: Picture) -> None:
-    """Draw on axes in map coordinates, with cell centres at whole numbers."""
+    """Draw on axes in map coordinates, in metres or with cell centres at whole numbers."""
     draw_cells(axes, picture)
     draw_places(axes, picture.places, picture.project)
     if len(picture.path):
-        x, y = (picture.path + picture.offset).T
-        # Red is what violates an instruction.
-        colour = PATH if picture.instructed is None else INSTRUCTED_PATH
-        axes.plot(x, y, color=colour, linewidth=2, label='path')
+        x, y = picture.on_axes(picture.path).T
+        axes.plot(x, y, color=style.PATH, linewidth=2.4, path_effects=CASING, label='path')
     if picture.footprint is not None and len(picture.path) > 1:
         draw_footprints(axes, picture, picture.footprint)
     if picture.instructed is not None:
         draw_instruction(axes, picture.instructed, picture.project)
-    labelled = set()
-    for number, (x, y, status) in enumerate(picture.waypoints, start=1):
-        label = None if status in labelled else f'waypoint, {status.replace("_", " ")}'
-        labelled.add(status)
-        mark_point(axes, picture, (x, y), STATUS_MARKERS[status], label, size=14)
-        position = (x + picture.offset[0], y + picture.offset[1])
-        axes.annotate(str(number), position, (7, 7), textcoords='offset points', zorder=5)
-    mark_point(axes, picture, picture.start, ('#1f77b4', 's'), 'start', size=9)
-    mark_point(axes, picture, picture.goal, ('#17becf', 'D'), 'goal', size=9)
+    for mark, points in marks_of(picture):
+        x, y = picture.on_axes(points).T
+        axes.plot(
+            x, y, mark.marker, color=mark.colour, label=mark.name, zorder=4.8, clip_on=False,
+            markersize=14 if mark.marker == '*' else 9, markeredgecolor=style.MARK_EDGE,
+        )  # fmt: skip
     inches = axes.figure.bbox.width / axes.figure.dpi
-    axes.set_title(wrap_title(picture.title, inches), parse_math=False)
+    axes.set_title(wrap_title(picture.title, inches), parse_math=False, fontsize=SIZE)
+
+
+def marks_of(picture: Picture) -> list[tuple[Mark, list[tuple[float, float]]]]:
+    """Return what is marked on a picture: each mark with its points in grid coordinates."""
+    marks: list[tuple[Mark, list[tuple[float, float]]]] = [
+        (style.START, [picture.start]),
+        (style.GOAL, [picture.goal]),
+    ]
+    if picture.via:
+        marks.append((style.VIA, [*picture.via]))
+    for status, mark in style.WAYPOINTS.items():
+        points = [(x, y) for x, y, found in picture.waypoints if found == status]
+        if shown := [point for point in points if picture.is_on_map(*point)]:
+            marks.append((mark, shown))
+    return marks
+
+
+def write_labels(axes: Axes, picture: Picture) -> None:
+    """Write the numbers of waypoints and via points and the names of places, clear of the marks.
+
+    Call it last: the axes must have their final limits and size.
+    """
+    labels = Labels(axes, picture.on_axes(picture.path))
+    labels.take(np.concatenate([picture.on_axes(points) for _, points in marks_of(picture)]))
+    for number, (x, y, _) in enumerate(picture.waypoints, start=1):
+        if picture.is_on_map(x, y):
+            labels.add_number(str(number), *picture.on_axes([(x, y)])[0])
+    for number, point in enumerate(picture.via, start=1):
+        labels.add_number(f'via {number}', *picture.on_axes([point])[0])
+    write_names(labels, picture.places, picture.project)
 
 
 def draw_footprints(axes: Axes, picture: Picture, footprint: Footprint) -> None:
     """Draw the robot's outline along the path, about its own size apart."""
     resolution = picture.grid_map.resolution
-    path = picture.path + np.array(picture.offset)
+    path = picture.path
     steps = np.diff(path, axis=0, append=2 * path[-1:] - path[-2:-1])
     apart = max(1.0, 1.5 * footprint.circumscribed_radius / resolution, len(path) / MAX_OUTLINES)
     outlines = []
     for index in np.arange(0.0, len(path), apart).astype(int):
         cos, sin = steps[index] / max(np.hypot(*steps[index]), 1.0)
         turned = footprint.array / resolution @ np.array([[cos, sin], [-sin, cos]])
-        outlines.append(turned + path[index])
-    axes.add_collection(
-        PolyCollection(outlines, facecolors='none', edgecolors=PATH, linewidths=0.6)
-    )
+        outlines.append(picture.on_axes(turned + path[index]))
+    drawn = PolyCollection(
+        outlines, facecolors='none', edgecolors=style.FOOTPRINT, linewidths=0.9, zorder=2.9,
+        label='footprint',
+    )  # fmt: skip
+    axes.add_collection(drawn)
 
 
 def wrap_title(title: str, inches: float) -> str:
@@ -186,37 +282,75 @@ def wrap_title(title: str, inches: float) -> str:
 
 
 def draw_cells(axes: Axes, picture: Picture) -> None:
-    """Draw obstacles, unknown cells and expanded cells."""
-    grid_map = picture.grid_map
-    image = np.ones((grid_map.height, grid_map.width, 3))
-    image[grid_map.cells < 0] = mpl.colors.to_rgb(UNKNOWN)
-    image[picture.expanded] = mpl.colors.to_rgb(EXPANDED)
-    image[grid_map.blocked()] = mpl.colors.to_rgb(OBSTACLE)
-    x, y = picture.offset[0] - 0.5, picture.offset[1] - 0.5
-    extent = (x, x + grid_map.width, y, y + grid_map.height)
-    axes.imshow(image, origin='lower', extent=extent, interpolation='nearest')
-    for colour, label in ((OBSTACLE, 'obstacle'), (EXPANDED, 'expanded')):
-        axes.plot([], [], 's', color=colour, label=label)
-
-
-def mark_point(
-    axes: Axes,
-    picture: Picture,
-    point: tuple[float, float],
-    style: tuple[str, str],
-    label: str | None,
-    *,
-    size: int,
-) -> None:
-    """Mark a point; `style` is colour and marker."""
-    colour, marker = style
-    axes.plot(
-        point[0] + picture.offset[0],
-        point[1] + picture.offset[1],
-        marker,
-        color=colour,
-        markersize=size,
-        markeredgecolor='black',
-        label=label,
-        zorder=4,
+    """Draw the cells of the part of the map that is worth drawing, with its axes."""
+    window = picture.window
+    codes = window.cut(picture.codes)
+    box = axes.get_window_extent()
+    pixels = box.width / axes.figure.dpi * DPI / window.width
+    codes = raster.widen_expanded(codes, math.ceil(MIN_PIXELS / pixels))
+    if pixels < 1.0:
+        codes = raster.resize(
+            codes, max(1, int(window.width * pixels)), max(1, int(window.height * pixels))
+        )
+    axes.imshow(
+        raster.PALETTE[codes], origin='lower', interpolation='nearest',
+        extent=(window.left - 0.5, window.right - 0.5, window.bottom - 0.5, window.top - 0.5),
+        transform=cells_to_axes(picture) + axes.transData,
+    )  # fmt: skip
+    corners = picture.on_axes(
+        [
+            (x - 0.5, y - 0.5)
+            for x in (window.left, window.right)
+            for y in (window.bottom, window.top)
+        ]
     )
+    (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
+    axes.set(xlim=(left, right), ylim=(bottom, top), aspect='equal')
+    for code in np.unique(codes):
+        if name := raster.NAMES[code]:
+            colour = raster.COLOURS[code]
+            axes.plot([], [], 's', color=colour, mec=style.SOFT, mew=0.5, ms=10, label=name)
+    unit = 'm' if picture.in_metres else 'cells'
+    axes.set_xlabel(f'x ({unit})')
+    axes.set_ylabel(f'y ({unit})')
+    axes.locator_params(integer=not picture.in_metres, steps=[1, 2, 5, 10])
+    if picture.in_metres:
+        add_scale_bar(axes, right - left)
+
+
+def cells_to_axes(picture: Picture) -> Affine2D:
+    """Return the transform from grid coordinates to the coordinates of the axes."""
+    grid_map = picture.grid_map
+    if not picture.in_metres:
+        return Affine2D().translate(*picture.offset)
+    size, origin = grid_map.resolution, grid_map.origin
+    corner = Affine2D().translate(0.5, 0.5).scale(size)
+    return corner.rotate(origin.yaw).translate(origin.x, origin.y)
+
+
+def add_scale_bar(axes: Axes, width: float) -> None:
+    """Draw a scale bar below axes that are `width` metres wide."""
+    power = 10.0 ** math.floor(math.log10(width / 4))
+    metres = next(step * power for step in (5.0, 2.0, 1.0) if step * power <= width / 4)
+    below = offset_copy(axes.transAxes, axes.get_figure(root=True), y=-19.0, units='points')
+    bar = AnchoredSizeBar(
+        axes.transData, metres, f'{metres:g} m', 'upper right', pad=0, borderpad=0, sep=2,
+        frameon=False, size_vertical=width / 250, label_top=True, color=style.INK,
+        bbox_to_anchor=(1.0, 0.0), bbox_transform=below,
+    )  # fmt: skip
+    axes.add_artist(bar)
+
+
+def add_legend(figure: Figure, panels: Sequence[Axes]) -> None:
+    """Explain what is drawn on the panels of a figure, below them."""
+    handles: dict[str, Artist] = {}
+    for axes in panels:
+        for handle, name in zip(*axes.get_legend_handles_labels()):
+            handles.setdefault(name, handle)
+    names = sorted(handles, key=lambda name: LEGEND.index(name) if name in LEGEND else -1)
+    rows = math.ceil(len(names) / int(figure.get_figwidth() / 1.25))
+    figure.legend(
+        [handles[name] for name in names], names, loc='outside lower center',
+        ncols=math.ceil(len(names) / rows),
+        frameon=False, fontsize=SIZE - 1, handlelength=1.4, columnspacing=1.4,
+    )  # fmt: skip

@@ -46,16 +46,10 @@ from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.polyline import polyline
 from llm_astar_planner.instructions.verification.regions import RegionError
 from llm_astar_planner.instructions.verification.visits import BEFORE_THE_PATH, attempts
+from llm_astar_planner.visualization import style
 from llm_astar_planner.visualization.places import Projection, draw_region
 
-INSTRUCTED_PATH = '#1f4e9c'
-COLOURS = {
-    ClauseStatus.SATISFIED: '#2ca02c',
-    ClauseStatus.VIOLATED: '#d62728',
-    ClauseStatus.IMPOSSIBLE: '#d62728',
-    ClauseStatus.GUESSED: '#e08a00',
-    ClauseStatus.NOT_UNDERSTOOD: '#7f7f7f',
-}
+COLOURS = {status: style.CLAUSES[status.name] for status in ClauseStatus}
 FAILED = (ClauseStatus.VIOLATED, ClauseStatus.IMPOSSIBLE)
 # Where the path is not to be is hatched, where it is to be is not.
 HATCH = '////'

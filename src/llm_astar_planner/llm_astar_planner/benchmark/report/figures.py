@@ -20,9 +20,11 @@ from llm_astar_planner.benchmark.report.sentences import method_label
 from llm_astar_planner.benchmark.results import Variant
 from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.visualization.figures import OBSTACLE, draw, picture_of
+from llm_astar_planner.visualization import style
+from llm_astar_planner.visualization.figures import draw, picture_of
+from llm_astar_planner.visualization.style import OBSTACLE, PATH
 
-START, GOAL, PATH, STAR = '#1f77b4', '#2ca02c', '#d62728', '#ffb000'
+START, GOAL, STAR = style.START.colour, style.GOAL.colour, style.WAYPOINTS['accepted'].colour
 # The paper's colours: grey for what LLM-A* expanded, pink for A*.
 GREY, PINK = '#b9bdc6', '#f7b6cb'
 # A small map in the manner of the paper's Figure 4, whose own map is not published: a pocket in
