@@ -3,7 +3,7 @@
 numba writes next to the modules, else below the user's cache folder, and refuses to work where it
 can write neither: in an installation of another user without a HOME, or on a read-only disk. There
 this names another folder, and fills it with what was compiled at the installation.
-NUMBA_CACHE_DIR, where it is set, decides alone.
+A NUMBA_CACHE_DIR that can be written decides alone.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import shutil
 import stat
+import sys
 import tempfile
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from numba.core import config
 from numba.core.caching import _CacheLocator
 
 NAME = 'llm_astar_planner'
+SHARED_MEMORY = '/dev/shm'  # noqa: S108 - the folder there is checked
 # The folder that was chosen here, None while numba's own are good.
 _CHOSEN: list[Path] = []
 
@@ -25,14 +27,24 @@ _CHOSEN: list[Path] = []
 def prepare_cache(kernels: str) -> None:
     """Make sure that numba can keep what it compiles of a package, given its `__file__`."""
     folder = Path(kernels).parent
-    if not _CHOSEN and (config.CACHE_DIR or is_writable(folder / '__pycache__')):
-        return
     if not _CHOSEN:
+        if config.CACHE_DIR and not is_writable(Path(config.CACHE_DIR)):
+            say(f'warning: NUMBA_CACHE_DIR={config.CACHE_DIR} cannot be written and is ignored')
+            # Also for the processes that this one starts.
+            os.environ.pop('NUMBA_CACHE_DIR', None)
+            config.CACHE_DIR = ''
+        if config.CACHE_DIR or is_writable(folder / '__pycache__'):
+            return
         _CHOSEN.append(writable_folder())
         config.CACHE_DIR = str(_CHOSEN[0])
     copy_compiled(
         folder / '__pycache__', _CHOSEN[0] / _CacheLocator.get_suitable_cache_subpath(kernels)
     )
+
+
+def say(sentence: str) -> None:
+    """Tell the user; this is too early for the log of a node."""
+    sys.stderr.write(f'llm-astar: {sentence}\n')
 
 
 def is_writable(folder: Path) -> bool:
@@ -46,9 +58,9 @@ def is_writable(folder: Path) -> bool:
 
 
 def writable_folder() -> Path:
-    """Return a folder below the user's cache folder, or a temporary one of this user alone.
+    """Return a folder below the user's cache folder, else say so and return a temporary one.
 
-    Raises FileNotFoundError if there is no folder at all that can be written.
+    Raises OSError if there is no folder at all that can be written.
     """
     try:
         folder = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache', NAME)
@@ -57,17 +69,34 @@ def writable_folder() -> Path:
     else:
         if is_writable(folder):
             return folder
-    folder = Path(tempfile.gettempdir(), f'{NAME}_{os.getuid()}')
+    folder = temporary_folder()
+    say(
+        f'neither the installation nor a home can be written, so compiled searches are kept in '
+        f'{folder}; NUMBA_CACHE_DIR may name another folder'
+    )
+    return folder
+
+
+def temporary_folder() -> Path:
+    """Return a folder for temporary files of this user alone, the same one each time if possible.
+
+    Raises OSError if there is no folder at all that can be written.
+    """
+    try:
+        parent = tempfile.gettempdir()
+    except FileNotFoundError:
+        parent = SHARED_MEMORY  # which DDS needs too
+    folder = Path(parent, f'{NAME}_{os.getuid()}')
     # numba unpickles what is there, so nobody else may write it.
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
     except OSError:
-        return Path(tempfile.mkdtemp(prefix=NAME))
+        return Path(tempfile.mkdtemp(prefix=NAME, dir=parent))
     is_own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
     if is_own and not found.st_mode & 0o077 and is_writable(folder):
         return folder
-    return Path(tempfile.mkdtemp(prefix=NAME))
+    return Path(tempfile.mkdtemp(prefix=NAME, dir=parent))
 
 
 def copy_compiled(source: Path, target: Path) -> None:

@@ -1,5 +1,6 @@
 """numba keeps its kernels where this process can write, and finds those of the installation."""
 
+import os
 import tempfile
 from pathlib import Path
 
@@ -42,7 +43,9 @@ def test_a_read_only_installation_is_copied_to_the_users_cache(install, tmp_path
     assert newer.read_text() == 'compiled here'
 
 
-def test_without_a_home_a_temporary_folder_of_this_user_is_used(install, tmp_path, monkeypatch):
+def test_without_a_home_a_temporary_folder_of_this_user_is_used_and_named(
+    install, tmp_path, monkeypatch, capsys
+):
     monkeypatch.setenv('XDG_CACHE_HOME', '/proc/nobody')
     monkeypatch.setattr(tempfile, 'tempdir', str(tmp_path))
     kernel_cache.prepare_cache(str(install))
@@ -50,6 +53,23 @@ def test_without_a_home_a_temporary_folder_of_this_user_is_used(install, tmp_pat
     assert folder.parent == tmp_path
     assert folder.stat().st_mode & 0o077 == 0
     assert copied()
+    kernel_cache.prepare_cache(str(install))
+    (said,) = capsys.readouterr().err.splitlines()
+    assert f'compiled searches are kept in {folder}' in said
+    assert 'NUMBA_CACHE_DIR' in said
+
+
+def test_without_any_folder_for_temporary_files_shared_memory_serves(
+    install, tmp_path, monkeypatch
+):
+    def gettempdir():
+        raise FileNotFoundError('No usable temporary directory found')
+
+    monkeypatch.setenv('XDG_CACHE_HOME', '/proc/nobody')
+    monkeypatch.setattr(tempfile, 'gettempdir', gettempdir)
+    monkeypatch.setattr(kernel_cache, 'SHARED_MEMORY', str(tmp_path))
+    kernel_cache.prepare_cache(str(install))
+    assert Path(config.CACHE_DIR).parent == tmp_path
 
 
 def test_a_temporary_folder_that_others_may_write_is_not_trusted(install, tmp_path, monkeypatch):
@@ -69,6 +89,21 @@ def test_the_users_own_choice_stays(install, tmp_path):
     kernel_cache.prepare_cache(str(install))
     assert str(tmp_path / 'chosen') == config.CACHE_DIR
     assert not copied()
+
+
+def test_a_choice_that_cannot_be_written_is_named_once_and_ignored(
+    install, tmp_path, monkeypatch, capsys
+):
+    config.CACHE_DIR = '/proc/nowhere'
+    monkeypatch.setenv('NUMBA_CACHE_DIR', '/proc/nowhere')
+    kernel_cache.prepare_cache(str(install))
+    kernel_cache.prepare_cache(str(install))
+    assert Path(config.CACHE_DIR) == tmp_path / 'home' / 'llm_astar_planner'
+    assert 'NUMBA_CACHE_DIR' not in os.environ
+    (said,) = capsys.readouterr().err.splitlines()
+    assert said == (
+        'llm-astar: warning: NUMBA_CACHE_DIR=/proc/nowhere cannot be written and is ignored'
+    )
 
 
 def test_a_folder_that_numba_can_write_stays_its_own(install, monkeypatch):
