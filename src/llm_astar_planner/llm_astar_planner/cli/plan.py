@@ -15,6 +15,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
 from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
+from llm_astar_planner.cli.compile_progress import compile_progress
 from llm_astar_planner.cli.coordinates import (
     Coordinates,
     add_unit_options,
@@ -40,7 +41,7 @@ from llm_astar_planner.instructions.place_names import find_place
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.compile import compile_for, compile_instruction_kernels
-from llm_astar_planner.planning.kernel_compiler import WAYPOINTS, announced
+from llm_astar_planner.planning.kernel_compiler import WAYPOINTS
 from llm_astar_planner.planning.parameters import (
     request_fields,
 )
@@ -195,7 +196,7 @@ def exit_code(plan: Plan, arguments: argparse.Namespace) -> int:
 def compile_searches(planner: Planner, request: PlanRequest) -> None:
     """Compile what a request takes, so that its time is for planning; say so if it takes long."""
     start_numba()
-    with announced(lambda sentence: print(sentence, file=sys.stderr)):
+    with compile_progress():
         compile_for(planner.config, request, is_graded=False)
         compile_for(planner.config, request, WAYPOINTS)
         if request.instruction is not None:

@@ -23,6 +23,8 @@ from llm_astar_planner.waypoints.fixed import FixedReply
 
 ANNOUNCEMENT = 'compiling the searches, once after an installation'
 EXPECTED_SECONDS = 15
+# Seconds between two sentences on how far it is.
+REPORT_SECONDS = 4.0
 WAYPOINTS = FixedReply('[[2, 2]]')
 # Seconds between two looks at whether a plan may still wait.
 POLL_SECONDS = 0.02
@@ -48,40 +50,37 @@ class CompilationStopped(BaseException):
 class CompileListener(event.Listener):
     """Notices when a function is compiled on the thread that makes it: it was not in the cache."""
 
-    def __init__(self, on_compile: Callable[[], None]) -> None:
-        """Take what to call each time; what it raises ends the compilation."""
+    def __init__(self, on_compile: Callable[[str], None]) -> None:
+        """Take what to call each time with the name; what it raises ends the compilation."""
         self._on_compile = on_compile
         self._thread = threading.current_thread()
 
-    def on_start(self, _: event.Event) -> None:
+    def on_start(self, began: event.Event) -> None:
         """Call back."""
         if threading.current_thread() is self._thread:
-            self._on_compile()
+            self._on_compile(began.data['dispatcher'].py_func.__name__)
 
     def on_end(self, _: event.Event) -> None:
         """Ignore the end."""
 
 
 @contextmanager
-def announced(report: Callable[[str], None]) -> Iterator[None]:
-    """Call `report` with a sentence if anything has to be compiled; once."""
-    is_announced = False
-
-    def announce() -> None:
-        nonlocal is_announced
-        if not is_announced:
-            is_announced = True
-            report(f'{ANNOUNCEMENT}, about {EXPECTED_SECONDS} s')
-
-    with event.install_listener('numba:compile', CompileListener(announce)):
+def compilations(on_compile: Callable[[str], None]) -> Iterator[None]:
+    """Call `on_compile` with the name of each function that this thread compiles meanwhile."""
+    with event.install_listener('numba:compile', CompileListener(on_compile)):
         yield
+
+
+def progress_line(seconds: float, function: str) -> str:
+    """Return how far a compilation is that has taken so many seconds."""
+    return f'compiling the searches: {seconds:.0f} s of about {EXPECTED_SECONDS} s ({function})'
 
 
 class KernelCompiler:
     """Compiles the kernels on a thread of its own, or loads them from numba's cache.
 
     Where nothing has to be compiled that takes half a second. `report` gets a sentence when it
-    begins to compile, and one when plans can go on.
+    begins to compile, every few seconds until plans can go on, and when they can.
     """
 
     def __init__(
@@ -101,7 +100,7 @@ class KernelCompiler:
         self._is_guided = is_guided
         self._report = report
         self._changed = threading.Condition()
-        self._began = time.monotonic()
+        self._began = self._reported = time.monotonic()
         self._is_compiling = self._is_closed = False
         self._thread = threading.Thread(target=self.work, name='compiler', daemon=True)
         self._thread.start()
@@ -133,7 +132,7 @@ class KernelCompiler:
 
     def work(self) -> None:
         """Compile everything, step by step, until closed."""
-        with event.install_listener('numba:compile', CompileListener(self.on_compile)):
+        with compilations(self.on_compile):
             try:
                 self.step(self.compile_usual, Compiled.USUAL)
                 self.step(self.compile_uniform, Compiled.UNIFORM)
@@ -174,14 +173,18 @@ class KernelCompiler:
         compile_for(self._config, self._request, WAYPOINTS)
         compile_costmap(self._config)
 
-    def on_compile(self) -> None:
-        """Report the first compilation. Raises CompilationStopped when closed."""
+    def on_compile(self, function: str) -> None:
+        """Report that and how far it compiles. Raises CompilationStopped when closed."""
         if self._is_closed:
             raise CompilationStopped
+        now = time.monotonic()
         if not self._is_compiling:
-            self._is_compiling = True
+            self._is_compiling, self._reported = True, now
             folder = numba_config.CACHE_DIR
             where = f'; they are kept in {folder}' if folder else ''
             self._report(
                 f'{ANNOUNCEMENT}: the first plans wait for about {EXPECTED_SECONDS} s{where}'
             )
+        elif self.compiled < Compiled.USUAL and now - self._reported >= REPORT_SECONDS:
+            self._reported = now
+            self._report(progress_line(now - self._began, function))

@@ -1,12 +1,13 @@
 """Kernels are compiled in the background: what waits for them can be cancelled, and is told."""
 
+import re
 import threading
 
 import numpy as np
 import pytest
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import kernel_compiler
-from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler, announced
+from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler, compilations
 from llm_astar_planner.planning.types import PlanRequest
 from numba import njit
 
@@ -90,13 +91,29 @@ def test_plans_go_on_where_the_searches_do_not_compile(steps, monkeypatch):
     assert said[0] == 'the searches do not compile: OSError: no space left on device'
 
 
-def test_a_compilation_is_announced_once_and_a_cached_function_not_at_all():
+def test_how_far_it_is_is_reported_until_plans_can_go_on(steps, monkeypatch):
+    monkeypatch.setattr(kernel_compiler, 'REPORT_SECONDS', 0.0)
+
+    def compile_two(*_, **__):
+        for function in (new_function(), new_function()):
+            function(np.zeros(3))
+
+    monkeypatch.setattr(kernel_compiler, 'compile_for', compile_two)
+    for gate in steps.values():
+        gate.set()
     said = []
+    compiler = KernelCompiler(CostmapConfig(), REQUEST, bool, said.append)
+    assert compiler.wait(Compiled.EVERYTHING)
+    compiler.close()
+    assert re.fullmatch(r'compiling the searches: \d+ s of about 15 s \(<lambda>\)', said[1])
+    assert len(said) == 4
+
+
+def test_the_functions_that_are_compiled_are_named_and_cached_ones_are_not():
+    compiled = []
     one, other = new_function(), new_function()
-    with announced(said.append):
+    with compilations(compiled.append):
         one(np.zeros(3))
         other(np.zeros(3))
-    assert len(said) == 1
-    with announced(said.append):
         one(np.zeros(3))
-    assert len(said) == 1
+    assert compiled == ['<lambda>', '<lambda>']

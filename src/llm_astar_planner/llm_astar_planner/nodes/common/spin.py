@@ -5,10 +5,13 @@ from __future__ import annotations
 import contextlib
 import faulthandler
 import gc
+import os
 import signal
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -114,10 +117,25 @@ def leave(node: Node) -> None:
         faulthandler.cancel_dump_traceback_later()
 
 
+def prepare_log_folder() -> None:
+    """Name a temporary folder for the logs of ROS where it could not write; it would not start."""
+    if os.environ.get('ROS_LOG_DIR'):
+        return
+    try:
+        folder = Path(os.environ.get('ROS_HOME') or Path(os.environ['HOME'], '.ros'), 'log')
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except (KeyError, OSError):
+        folder = Path(tempfile.gettempdir(), f'ros_{os.getuid()}', 'log')
+        os.environ['ROS_LOG_DIR'] = str(folder)
+        sys.stderr.write(f'there is no home to write to, so ROS logs to {folder} (ROS_LOG_DIR)\n')
+
+
 @contextlib.contextmanager
 def joined(name: str, namespace: str | None = None, **init_options: Any) -> Iterator[Node]:  # noqa: ANN401 - rclpy.init's
     """Join the graph with a node of a command, and leave it in the end, after Ctrl-C too."""
     with contextlib.ExitStack() as undo:
+        prepare_log_folder()
         with deferred_signals():
             rclpy.init(signal_handler_options=SignalHandlerOptions.NO, **init_options)
             undo.callback(rclpy.try_shutdown)
@@ -155,6 +173,7 @@ def run_node(
 ) -> int:
     """Spin a node until SIGINT or SIGTERM; return 0 then, and 2 if it cannot start."""
     executor: Executor | None = None
+    prepare_log_folder()
     try:
         rclpy.init(args=args)
         check_arguments(args)

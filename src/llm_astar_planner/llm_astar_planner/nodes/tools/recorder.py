@@ -38,7 +38,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 
-from llm_astar_planner.nodes.common.spin import leave
+from llm_astar_planner.nodes.common.spin import leave, prepare_log_folder
 
 # What is subscribed to at once, as it may be published only once, by who appears for that: the
 # type, and whether it is latched. The names are relative to the recorded namespace.
@@ -215,6 +215,7 @@ def record(
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
+    prepare_log_folder()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         with writer as bag:
