@@ -15,7 +15,6 @@ from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
 from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
-from llm_astar_planner.cli.compile_progress import compile_progress
 from llm_astar_planner.cli.coordinates import (
     Coordinates,
     add_unit_options,
@@ -41,6 +40,7 @@ from llm_astar_planner.instructions.place_names import find_place
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.compile import compile_for, compile_instruction_kernels
+from llm_astar_planner.planning.compile_progress import compile_progress
 from llm_astar_planner.planning.kernel_compiler import WAYPOINTS
 from llm_astar_planner.planning.parameters import (
     request_fields,

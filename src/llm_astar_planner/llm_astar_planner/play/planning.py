@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +12,8 @@ from numpy.typing import NDArray
 from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.interpretation import Interpreter, RouteInstruction
 from llm_astar_planner.planning.compile import compile_for, compile_instruction_kernels
-from llm_astar_planner.planning.kernel_compiler import WAYPOINTS, announced
+from llm_astar_planner.planning.compile_progress import compile_progress
+from llm_astar_planner.planning.kernel_compiler import WAYPOINTS
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.retrace import retrace
@@ -70,7 +70,7 @@ class PlanningService:
         if kind in self._compiled:
             return
         self._compiled.add(kind)
-        with announced(lambda sentence: sys.stderr.write(f'{sentence}\n')):
+        with compile_progress():
             compile_for(planner.config, request, is_graded=is_graded)
             compile_for(planner.config, request, WAYPOINTS, is_graded=is_graded)
             if request.instruction is not None:

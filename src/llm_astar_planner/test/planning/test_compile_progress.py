@@ -5,8 +5,8 @@ import re
 
 import numpy as np
 import pytest
-from llm_astar_planner.cli import compile_progress as module
-from llm_astar_planner.cli.compile_progress import CompileProgress, compile_progress
+from llm_astar_planner.planning import compile_progress as module
+from llm_astar_planner.planning.compile_progress import CompileProgress, compile_progress
 from numba import njit
 
 
