@@ -202,11 +202,24 @@ class ResultsFolder:
         self.results = self.path / 'results.csv'
         self.transcript = self.path / 'transcript.jsonl'
 
+    @property
+    def has_rows(self) -> bool:
+        """Whether there is anything in results.csv below its header."""
+        return self.results.exists() and self.results.read_bytes().count(b'\n') > 1
+
     def require_new(self) -> None:
-        """Raise ResultsError where the folder already has a results.csv."""
-        if self.results.exists():
-            message = f'{self.results}: exists; continue with --resume or name another --out'
+        """Raise ResultsError where the folder already has rows."""
+        if self.has_rows:
+            message = (
+                f'{self.results}: exists; continue it with --resume, replace it with --overwrite, '
+                'or name another --out'
+            )
             raise ResultsError(message)
+
+    def discard_results(self) -> None:
+        """Remove the rows and reports of an earlier run; a transcript stays. Raises OSError."""
+        for name in ('results.csv', 'summary.json', 'report.md', 'report.html', PLACES_FILE):
+            (self.path / name).unlink(missing_ok=True)
 
     def start(self) -> None:
         """Create an empty results.csv. Raises ResultsError where one exists."""

@@ -26,7 +26,7 @@ from llm_astar_planner.benchmark.results import (
     ResultsError,
     ResultsFolder,
 )
-from llm_astar_planner.benchmark.runner.config import BenchmarkConfig, start_run
+from llm_astar_planner.benchmark.runner.config import BenchmarkConfig, choose_folder, start_run
 from llm_astar_planner.benchmark.runner.engine import SearchSettings
 from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, check_grid_options
 from llm_astar_planner.cli.map_files import open_places
@@ -37,6 +37,7 @@ from llm_astar_planner.cli.run_options import (
     add_instruction,
     add_running,
     add_variants,
+    check_thresholds,
     close_run,
     complain,
     count,
@@ -107,14 +108,18 @@ def run(args: argparse.Namespace) -> int:
     settle_variants(args)
     dataset = find_file(args.dataset, 'maps')
     maps = load_maps(dataset, args.limit, args.seed)
-    config = benchmark_config(args, dataset, maps)
+    folder = choose_folder(args.out, args.default_out, resume=args.resume)
+    config = benchmark_config(args, folder, dataset, maps)
+    check_thresholds(args, config.sources)
     if omits_baselines(args, maps):
         names = ', '.join(GRID_BASELINES)
         message = f'on a grid only the baselines {names} are run; name others with --source'
         complain(args, message, OK)
-    folder = ResultsFolder(args.out)
     try:
-        tasks, metadata = start_run(folder, config, run_parameters(args, maps), resume=args.resume)
+        tasks, metadata = start_run(
+            folder, config, run_parameters(args, maps), resume=args.resume,
+            overwrite=args.overwrite,
+        )  # fmt: skip
         ids = {sample.barrier_map.id for sample in config.samples}
         kept = [item for item in maps if item.id in ids]
         folder.write_text(MAPS_FILE, format_kept_maps(kept))
@@ -137,7 +142,7 @@ def omits_baselines(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> boo
 
 
 def benchmark_config(
-    args: argparse.Namespace, dataset: Path, maps: Sequence[ProblemMap]
+    args: argparse.Namespace, folder: ResultsFolder, dataset: Path, maps: Sequence[ProblemMap]
 ) -> BenchmarkConfig:
     """Return what the options ask for. Raises ValueError."""
     scales = parse_ranges(args.scales, '--scales')
@@ -150,7 +155,7 @@ def benchmark_config(
     if instruction is not None and scales != [1]:
         raise ValueError('--instruction is about metres, so it needs --scales 1')
     barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
-    sources = source_specs(args, barrier_maps, GRID_BASELINES if grids else None)
+    sources = source_specs(args, folder, barrier_maps, GRID_BASELINES if grids else None)
     return BenchmarkConfig(
         dataset,
         select_samples(maps, str(dataset), args.maps, args.limit, args.seed),

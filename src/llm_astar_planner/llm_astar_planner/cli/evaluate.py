@@ -37,7 +37,7 @@ from llm_astar_planner.benchmark.results import (
     ResultsFolder,
     describe_run,
 )
-from llm_astar_planner.benchmark.runner.config import open_folder
+from llm_astar_planner.benchmark.runner.config import choose_folder, open_folder
 from llm_astar_planner.benchmark.runner.engine import Outcome, SearchSettings, Task
 from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES
 from llm_astar_planner.cli.map_files import open_places
@@ -54,6 +54,7 @@ from llm_astar_planner.cli.run_options import (
     add_instruction,
     add_running,
     add_variants,
+    check_thresholds,
     close_run,
     complain,
     deciding_files,
@@ -139,16 +140,19 @@ def run(args: argparse.Namespace) -> int:
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
     rules = in_file | given_values(args, RULES)
     results_bag = ResultsBag(args.results_bag) if args.results_bag else None
-    folder = ResultsFolder(args.out)
     with open_bags(args.bags) as (bags, unopened):
+        if not bags:
+            return complain(args, '; '.join(unopened.lines()), BAD_INPUT)
         try:
+            folder = choose_folder(args.out, args.default_out, resume=args.resume)
             if 'replay' in args.source and not args.transcript:
                 args.transcript = str(save_exchanges(args, bags, selection, folder))
-            config = make_config(args, bags, selection, listed, rules)
+            config = make_config(args, bags, selection, listed, rules, folder=folder)
+            check_thresholds(args, config.sources)
             files = [*args.bags, *([args.requests] if listed else [])]
             metadata = describe_run(files, run_parameters(args, config), deciding_files(args))
             metadata['bags'] = list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))
-            done = open_folder(folder, metadata, resume=args.resume)
+            done = open_folder(folder, metadata, resume=args.resume, overwrite=args.overwrite)
         except ResultsError as error:
             return complain(args, str(error), BAD_INPUT)
         tasks = BagTasks(config)
@@ -213,7 +217,7 @@ def save_exchanges(
     transcript = folder.path / EXCHANGES
     if args.resume and folder.results.exists() and transcript.exists():
         return transcript
-    if not args.resume:
+    if not (args.resume or args.overwrite):
         folder.require_new()
     if not write_exchanges(bags, selection, transcript):
         raise ValueError(
@@ -229,6 +233,8 @@ def make_config(
     selection: TopicSelection,
     listed: Sequence[ListedRequest],
     rules: dict[str, Any],
+    *,
+    folder: ResultsFolder,
 ) -> EvaluationConfig:
     """Return what the evaluation covers.
 
@@ -248,7 +254,7 @@ def make_config(
         instruction_of(args, places),
     )
     all_barriers = all(BARRIER_MAP in bag.topics for bag in bags)
-    sources = source_specs(args, (), None if all_barriers else GRID_BASELINES)
+    sources = source_specs(args, folder, (), None if all_barriers else GRID_BASELINES)
     selection = replace(selection, base_frame=values['robot_base_frame'])
     return EvaluationConfig(
         bags, selection, args.methods, sources, settings, args.plan_window, listed, places

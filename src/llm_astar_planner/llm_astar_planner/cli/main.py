@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import os
 import re
 import signal
@@ -62,6 +63,9 @@ class Parser(argparse.ArgumentParser):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command of `llm-astar`; return its exit code."""
     argv = sys.argv[1:] if argv is None else list(argv)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # Not every terminal can write arrows and degrees.
+        sys.stdout.reconfigure(errors='replace')
     try:
         arguments = parse(argv or ['--help'])
         return run_interruptibly(arguments)

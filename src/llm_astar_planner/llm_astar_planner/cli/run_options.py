@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,12 +14,14 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.places import Places
+from tqdm import tqdm
 
 from llm_astar_planner.benchmark.analysis.summary import summarise
 from llm_astar_planner.benchmark.analysis.thresholds import (
     Threshold,
     missed_thresholds,
     parse_threshold,
+    unknown_variant,
 )
 from llm_astar_planner.benchmark.datasets.reference_lengths import (
     compare_with_reference,
@@ -37,7 +40,14 @@ from llm_astar_planner.benchmark.runner.config import (
     progress,
     run_into_folder,
 )
-from llm_astar_planner.benchmark.runner.engine import ALL_METHODS, Outcome, Task
+from llm_astar_planner.benchmark.runner.duration import forecast, split_timed
+from llm_astar_planner.benchmark.runner.engine import (
+    ALL_METHODS,
+    Outcome,
+    Task,
+    compile_once,
+    list_variants,
+)
 from llm_astar_planner.benchmark.runner.sources import (
     GRID_BASELINES,
     SourceSpec,
@@ -132,8 +142,21 @@ def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction
 
 def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options for running and output; `out` is the default folder."""
-    group.add_argument('--out', default=out, metavar='DIR', help='(default: %(default)s)')
-    group.add_argument('--resume', action='store_true', help='continue an interrupted run')
+    group.set_defaults(default_out=out)
+    group.add_argument(
+        '--out', metavar='DIR',
+        help=f'folder for the results (default: {out}, or {out}-2 and so on where that has some)',
+    )  # fmt: skip
+    again = group.add_mutually_exclusive_group()
+    again.add_argument(
+        '--resume', action='store_true',
+        help='continue an interrupted run: that in --out, or the last one',
+    )  # fmt: skip
+    again.add_argument(
+        '--overwrite',
+        action='store_true',
+        help='replace the results in --out by those of this run',
+    )
     group.add_argument(
         '--jobs', type=count, metavar='N',
         help='samples planned in parallel, and so also the number of simultaneous requests '
@@ -168,11 +191,15 @@ def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None 
 
 
 def source_specs(
-    args: argparse.Namespace, dataset: Sequence[BarrierMap], default: Sequence[str] | None
+    args: argparse.Namespace,
+    folder: ResultsFolder,
+    dataset: Sequence[BarrierMap],
+    default: Sequence[str] | None,
 ) -> list[SourceSpec]:
     """Return the sources that the options lead to. Raises ValueError.
 
-    `default` names the baselines that are added, None for all of them.
+    What live models answer is recorded in the results folder. `default` names the baselines that
+    are added, None for all of them.
     """
     settings = SourceSettings(
         base_url=args.base_url,
@@ -183,12 +210,20 @@ def source_specs(
         max_concurrent=args.jobs or LIVE_JOBS,
         # The number of samples already bounds the calls.
         max_calls_per_hour=0,
-        record=str(ResultsFolder(args.out).transcript),
+        record=str(folder.transcript),
     )
     variants = (args.source, args.prompt, args.model)
     return make_source_specs(
         *variants, settings=settings, dataset=dataset, seed=args.seed, default=default
     )
+
+
+def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) -> None:
+    """Raise ValueError where --fail-under names a variant that this run does not have."""
+    variants = [variant for variant, _ in list_variants(args.methods, sources)]
+    problem = unknown_variant(args.fail_under, variants)
+    if problem is not None:
+        raise ValueError(problem)
 
 
 def deciding_parameters(args: argparse.Namespace, *more: str) -> dict[str, Any]:
@@ -257,11 +292,30 @@ def run_into(
             metadata['parameters']['jobs'] = args.dask or at_once // 2
             # Tasks that are made one by one hold a map each, so fewer of them are queued.
             queued = at_once if total is not None else max(1, at_once // 2)
-            run_into_folder(folder, tasks, executor, queued, metadata=metadata, step=finish)
+
+            def run(some: Iterable[Task]) -> None:
+                run_into_folder(folder, some, executor, queued, metadata=metadata, step=finish)
+
+            run(run_timed(tasks, run) if isinstance(tasks, Sequence) else tasks)
     except KeyboardInterrupt:
         message = 'interrupted: the rows so far are kept; continue with --resume'
         return complain(args, message, INTERRUPTED)
     return OK
+
+
+def run_timed(tasks: Sequence[Task], run: Callable[[Sequence[Task]], None]) -> list[Task]:
+    """Run the first tasks of each scale, say how long the others take, and return those."""
+    compile_once()
+    timed, others = split_timed(tasks)
+    seconds = {}
+    for scale, first in timed.items():
+        begun = time.monotonic()
+        run(first)
+        seconds[scale] = (time.monotonic() - begun) / len(first)
+    sentence = forecast(others, seconds)
+    if sentence is not None:
+        tqdm.write(sentence, file=sys.stderr)
+    return others
 
 
 def close_run(

@@ -48,7 +48,7 @@ from llm_astar_planner.benchmark.results import (
     format_points,
     plan_columns,
 )
-from llm_astar_planner.benchmark.runner.config import open_folder, progress
+from llm_astar_planner.benchmark.runner.config import choose_folder, open_folder, progress
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
@@ -59,6 +59,7 @@ from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS
 RULES = {'corner_cutting': True}
 TOUCHED = ('method', 'use_waypoints', *RULES)
 OK, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 2, 3, 130
+DEFAULT_OUT = 'out/live'
 EPILOG = """\
 Start planner_node and llm_client_node first, but no map_node: this node publishes the maps. It
 sets the planner's parameters `method`, `use_waypoints` and `corner_cutting` and restores them at
@@ -79,11 +80,13 @@ def main(args: Sequence[str] | None = None) -> int:
             )
             raise SelectionError(message)
         samples = load_samples(dataset, arguments.maps, arguments.limit, arguments.seed)
-        folder = ResultsFolder(arguments.out)
+        folder = choose_folder(arguments.out, DEFAULT_OUT, resume=arguments.resume)
         parameters = {'methods': arguments.methods, 'limit': arguments.limit}
         parameters |= {'maps': arguments.maps, 'seed': arguments.seed, 'live': True}
         metadata = describe_run([dataset], parameters)
-        done = open_folder(folder, metadata, resume=arguments.resume)
+        done = open_folder(
+            folder, metadata, resume=arguments.resume, overwrite=arguments.overwrite
+        )
         folder.write_text(MAPS_FILE, format_kept_maps(load_maps(dataset)))
     except (LlmAstarError, FileNotFoundError) as error:
         return report_error(str(error), BAD_INPUT)
@@ -112,8 +115,13 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
         '--methods', default=['llm_astar'], type=lambda text: text.split(','), metavar='NAMES',
         help=f'run besides astar; of {", ".join(METHODS)} (default: llm_astar)',
     )  # fmt: skip
-    parser.add_argument('--out', default='out/live', metavar='DIR', help='(default: %(default)s)')
-    parser.add_argument('--resume', action='store_true', help='continue an interrupted run')
+    parser.add_argument(
+        '--out', metavar='DIR',
+        help=f'(default: {DEFAULT_OUT}, or {DEFAULT_OUT}-2 and so on where that has results)',
+    )  # fmt: skip
+    again = parser.add_mutually_exclusive_group()
+    again.add_argument('--resume', action='store_true', help='continue an interrupted run')
+    again.add_argument('--overwrite', action='store_true', help='replace the results in --out')
     parser.add_argument('--planner', default='planner_node', help='name of the planner node')
     parser.add_argument(
         '--client', default='llm_client_node', help="name of the waypoint client; '' for none"

@@ -201,8 +201,10 @@ def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
     assert llm_astar(*words) == 0
     rows = (out / 'results.csv').read_bytes()
     assert llm_astar(*words) == 2
-    assert 'continue with --resume or name another --out' in capsys.readouterr().err
+    assert 'replace it with --overwrite, or name another' in capsys.readouterr().err
     assert (out / 'results.csv').read_bytes() == rows
+    assert llm_astar(*words, '--overwrite', '--limit', '2') == 0
+    assert len((out / 'results.csv').read_text().splitlines()) == 3
 
 
 @pytest.mark.parametrize(
@@ -334,3 +336,15 @@ def test_an_instruction_for_every_sample_fills_columns_and_is_a_threshold(
         assert row['instruction_satisfied'] == '0.0'
     with pytest.raises(ValueError, match='--instruction is about metres'):
         llm_astar(*words, *text, '--scales', '1-2', '--out', out.with_name('scaled'))
+
+
+def test_a_terminal_that_writes_ascii_alone_gets_the_table(dataset, out):
+    words = ('--dataset', dataset, '--out', out, '--limit', '1', '--methods', 'astar')
+    process = subprocess.run(
+        [sys.executable, '-m', 'llm_astar_planner.cli.main', 'bench', *map(str, words)],
+        env=os.environ | {'PYTHONIOENCODING': 'ascii'},
+        capture_output=True,
+        text=True,
+    )
+    assert process.returncode == 0, process.stderr
+    assert 'Operation ratio ? (%)' in process.stdout

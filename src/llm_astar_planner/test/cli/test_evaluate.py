@@ -238,7 +238,7 @@ def test_an_interrupted_run_is_resumed_where_it_stopped(drive, out, capsys):
     lines = (out / 'results.csv').read_text().splitlines(keepends=True)
     (out / 'results.csv').write_text(''.join(lines[:3]) + lines[3][:10])
     assert llm_astar('evaluate', drive, *CASES, '--out', out) == 2
-    assert 'continue with --resume' in capsys.readouterr().err
+    assert 'continue it with --resume' in capsys.readouterr().err
     assert llm_astar('evaluate', drive, *CASES, '--out', out, '--resume') == 0
     assert len(rows_in(out)) == len(whole)
     changed = ('--resume', '--robot-radius', '1')
@@ -331,12 +331,31 @@ def test_a_request_is_drawn_by_the_rules_it_was_planned_by(tmp_path, out, monkey
         (('--occupied-threshold', '0'), '--occupied-threshold: 0 is not in 1 to 100'),
         (('--plan-window', '-1'), '--plan-window -1.0 is not 0 seconds or more'),
         (('--methods', 'magic'), "--methods 'magic' is unknown"),
+        (
+            ('--fail-under', 'giuded:valid=100'),
+            'giuded: this run has no such variant; did you mean guided',
+        ),
     ],
 )
 def test_bad_usage_is_one_line_and_exit_code_2(drive, out, capsys, options, expected):
     assert llm_astar('evaluate', drive, '--out', out, *options) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert expected in line
+    assert not out.exists()
+
+
+def test_a_bag_that_does_not_exist_leaves_nothing_behind(out, capsys):
+    assert llm_astar('evaluate', 'nobag', '--out', out) == 2
+    assert 'nobag: there is no such bag' in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_gate_runs_twice_without_naming_a_folder(drive, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    gate = ('evaluate', drive, '--source', 'none', '--methods', 'guided')
+    for folder in ('out/evaluate', 'out/evaluate-2'):
+        assert llm_astar(*gate, '--fail-under', 'guided:valid=100') == 0
+        assert f'{folder}/report.html' in capsys.readouterr().err
 
 
 def test_a_run_is_not_resumed_with_a_changed_list(tmp_path, out, capsys):

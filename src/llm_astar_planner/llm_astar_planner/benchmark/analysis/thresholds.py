@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import Ratio, VariantSummary
-from llm_astar_planner.benchmark.results import METHOD_ALIASES
+from llm_astar_planner.benchmark.results import METHOD_ALIASES, Variant
+from llm_astar_planner.parameter import nearest_name
 
 # Metrics in percent. A limit is the maximum of a ratio and the minimum of a share.
 RATIOS = ('operation', 'storage', 'length', 'recorded')
@@ -43,6 +44,28 @@ def parse_threshold(text: str) -> Threshold:
         raise ValueError(f'{text!r}: {limit!r} is not a number') from None
 
 
+def variants_of(threshold: Threshold, known: Collection[str]) -> list[str]:
+    """Return which of the known variants a threshold is about."""
+    name = threshold.variant
+    if not name:
+        return list(known)
+    exact = [other for other in (name, f'{name}/none') if other in known][:1]
+    return exact or [other for other in known if other.startswith(f'{name}/')]
+
+
+def unknown_variant(thresholds: Sequence[Threshold], variants: Iterable[Variant]) -> str | None:
+    """Say which threshold is about no variant of a run, before it starts, or return None."""
+    known = [str(variant) for variant in variants]
+    for threshold in thresholds:
+        if not variants_of(threshold, known):
+            near = nearest_name(threshold.variant, known)
+            return (
+                f'--fail-under {threshold.variant}: this run has no such variant{near or ";"} '
+                f'it has {", ".join(known)}'
+            )
+    return None
+
+
 def missed_thresholds(
     summaries: Sequence[VariantSummary], thresholds: Sequence[Threshold]
 ) -> list[str]:
@@ -50,14 +73,12 @@ def missed_thresholds(
     lines = []
     by_name = {str(summary.variant): summary for summary in summaries}
     for threshold in thresholds:
-        name = threshold.variant
-        if not name:
+        if not threshold.variant:
             lines += problems_of_all(by_name, threshold)
             continue
-        exact = [known for known in (name, f'{name}/none') if known in by_name][:1]
-        names = exact or [known for known in by_name if known.startswith(f'{name}/')]
+        names = variants_of(threshold, by_name)
         if not names:
-            lines.append(f'{name}: was not run; available are {", ".join(by_name)}')
+            lines.append(f'{threshold.variant}: was not run; available are {", ".join(by_name)}')
         for known in names:
             problem = threshold_problem(by_name[known], threshold)
             if problem is not None:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -66,26 +67,49 @@ class BenchmarkConfig:
         return make_tasks(pairs, variants, self.sources, self.settings, done)
 
 
+def choose_folder(out: str | None, default: str, *, resume: bool) -> ResultsFolder:
+    """Return the results folder of a run.
+
+    Without `out` every run gets its own: the default one, or the next by number without rows; to
+    resume it is the last with rows.
+    """
+    folder = following = ResultsFolder(out or default)
+    if out is None:
+        for number in count(2):
+            if not following.has_rows:
+                break
+            folder, following = following, ResultsFolder(f'{default}-{number}')
+    return folder if resume else following
+
+
 def start_run(
-    folder: ResultsFolder, config: BenchmarkConfig, parameters: dict[str, Any], *, resume: bool
+    folder: ResultsFolder,
+    config: BenchmarkConfig,
+    parameters: dict[str, Any],
+    *,
+    resume: bool,
+    overwrite: bool = False,
 ) -> tuple[list[Task], dict[str, Any]]:
     """Start or resume a results folder; return the tasks left and the run's metadata.
 
     Raises ResultsError where the folder holds rows of another dataset, version or seed.
     """
     metadata = describe_run([config.dataset], parameters, config.files)
-    return config.tasks(open_folder(folder, metadata, resume=resume)), metadata
+    done = open_folder(folder, metadata, resume=resume, overwrite=overwrite)
+    return config.tasks(done), metadata
 
 
 def open_folder(
-    folder: ResultsFolder, metadata: dict[str, Any], *, resume: bool
+    folder: ResultsFolder, metadata: dict[str, Any], *, resume: bool, overwrite: bool = False
 ) -> frozenset[RowKey]:
-    """Start or resume a results folder; return the keys of the finished rows.
+    """Start, replace or resume a results folder; return the keys of the finished rows.
 
     Resuming drops the rows whose source never answered, so that it is asked again, and adds the
     seconds spent before to `metadata`. Raises ResultsError.
     """
     if not (resume and folder.results.exists()):
+        if overwrite:
+            folder.discard_results()
         folder.require_new()
         # Before results.csv: a run that is killed between the two is started again by --resume.
         folder.write_json('metadata.json', metadata)

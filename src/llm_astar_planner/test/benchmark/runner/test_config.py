@@ -5,7 +5,11 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from benchmark_samples import FakeSource, config_of
 from llm_astar_planner.benchmark.results import ResultsError, ResultsFolder
-from llm_astar_planner.benchmark.runner.config import run_into_folder, start_run
+from llm_astar_planner.benchmark.runner.config import (
+    choose_folder,
+    run_into_folder,
+    start_run,
+)
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 
 
@@ -46,7 +50,9 @@ def test_resuming_asks_again_where_no_source_answered(dataset, tmp_path):
 
 def test_rows_of_different_runs_are_never_mixed(dataset, tmp_path):
     folder, config = ResultsFolder(tmp_path / 'out'), config_of(dataset)
-    start_run(folder, config, {'seed': 0}, resume=False)
+    tasks, metadata = start_run(folder, config, {'seed': 0}, resume=False)
+    with ThreadPoolExecutor(1) as executor:
+        run_into_folder(folder, tasks[:1], executor, 1, metadata=metadata, step=lambda *_: None)
     with pytest.raises(ResultsError, match='--resume'):
         start_run(folder, config, {'seed': 0}, resume=False)
     with pytest.raises(ResultsError, match=r'seed \(0 before\)'):
@@ -71,3 +77,20 @@ def test_scale_one_runs_all_samples_and_the_scales_share_the_drawn_ones(dataset)
     assert by_scale[2] == by_scale[3] < by_scale[1]
     assert len(by_scale[2]) == 4
     assert len(tasks) == 31 + 4 + 4
+
+
+def test_a_folder_without_rows_blocks_no_run(dataset, tmp_path):
+    folder, config = ResultsFolder(tmp_path / 'out'), config_of(dataset)
+    assert len(start_run(folder, config, {'seed': 0}, resume=False)[0]) > 0
+    assert len(start_run(folder, config, {'seed': 1}, resume=False)[0]) > 0
+
+
+def test_every_run_gets_a_folder_of_its_own_unless_it_is_named(tmp_path):
+    default = str(tmp_path / 'bench')
+    for name in ('bench', 'bench-2', 'bench-3'):
+        folder = choose_folder(None, default, resume=False)
+        assert folder.path.name == name
+        folder.start()
+        folder.results.write_text(folder.results.read_text() + 'a row\n')
+        assert choose_folder(None, default, resume=True).path.name == name
+    assert choose_folder(default, default, resume=False).path.name == 'bench'
