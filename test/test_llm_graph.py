@@ -28,7 +28,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import Parameter
 
 KEY = 'planted-secret-0123456789'
-KEY_ENV = 'LLM_ASTAR_TEST_KEY'
+KEY_ENV = 'LLM_ASTAR_TEST_API_KEY'
 GOOD = 'Generated Path: [[39, 18], [31, 10], [27, 9], [12, 9], [7, 19]]'
 
 
@@ -205,6 +205,7 @@ def test_nobody_in_the_graph_can_change_where_a_key_is_sent_or_which_file_is_wri
         assert node.get_parameter(name).value == before
         assert set_on(node, source='oracle', timeout_s=2.0) == []
         assert len(set_on(node, fixed_endpoint=False)) == 1
+        assert len(set_on(node, api_key_names='*')) == 1
     finally:
         node.destroy_node()
 
@@ -343,9 +344,10 @@ def test_a_key_appears_in_no_topic_parameter_log_or_file(chat_server, monkeypatc
     """The endpoint repeats the key in its errors and replies, and no output contains it."""
     monkeypatch.setenv(KEY_ENV, KEY)
     transcript = tmp_path / 'record.jsonl'
+    escaped = ''.join(f'&#{ord(letter)};' for letter in KEY)
     # The second query differs from the first, which fails, so neither is answered from the cache.
     chat_server.script = [
-        chat_server.error(500, f'{KEY} is no good'),
+        chat_server.error(500, f'\x1b[31m{KEY} is no good, nor is {escaped}'),
         chat_server.completion(f'Your key is {KEY}. {GOOD}'),
     ]
     arguments = endpoint(chat_server.base_url, record=str(transcript), max_retries=0)
@@ -367,6 +369,8 @@ def test_a_key_appears_in_no_topic_parameter_log_or_file(chat_server, monkeypatc
     assert '***' in recorded
     for text in everything:
         assert KEY not in text
+        assert escaped[:30] not in text
+        assert '\x1b[31m' not in text
     assert KEY in os.environ[KEY_ENV]
 
 

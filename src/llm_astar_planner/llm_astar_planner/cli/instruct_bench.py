@@ -74,8 +74,8 @@ MODEL = tuple(
     for item in SOURCE
     if item.name
     in (
-        'base_url', 'api_key_env', 'model', 'temperature', 'max_output_tokens', 'timeout_s',
-        'max_retries', 'transcript', 'record',
+        'base_url', 'api_key_env', 'api_key_names', 'model', 'temperature', 'max_output_tokens',
+        'timeout_s', 'max_retries', 'transcript', 'record',
     )
 )  # fmt: skip
 TIME = tuple(item for item in REQUESTS if item.name == 'max_planning_time')

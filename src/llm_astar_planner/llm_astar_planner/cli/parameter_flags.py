@@ -12,7 +12,7 @@ from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning.parameter_file import ParameterFile, read_parameter_files
 from llm_astar_planner.planning.parameters import SOURCE, defaults
 
-ENDPOINT = ('transcript', 'base_url', 'api_key_env', 'repair_rounds')
+ENDPOINT = ('transcript', 'base_url', 'api_key_env', 'api_key_names', 'repair_rounds')
 METAVARS = {'s': 'SECONDS', 'm': 'METRES'}
 
 

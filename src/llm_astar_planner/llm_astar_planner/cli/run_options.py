@@ -133,6 +133,7 @@ def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction
         'transcript': args.transcript,
         'base_url': args.base_url,
         'api_key_env': args.api_key_env,
+        'api_key_names': args.api_key_names,
     }
     interpreter = make_interpreter(values)
     interpretation = interpreter.interpret(text, places, args.max_planning_time)
@@ -204,6 +205,7 @@ def source_specs(
     settings = SourceSettings(
         base_url=args.base_url,
         api_key_env=args.api_key_env,
+        api_key_names=args.api_key_names,
         transcript=args.transcript,
         timeout_s=args.max_planning_time,
         repair_rounds=args.repair_rounds,

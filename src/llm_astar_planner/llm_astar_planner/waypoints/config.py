@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
-from llm_astar_planner.waypoints.llm.credentials import Endpoint
+from llm_astar_planner.waypoints.llm.credentials import KEY_NAMES, Endpoint
 from llm_astar_planner.waypoints.llm.protocol import RESPONSE_FORMATS
 from llm_astar_planner.waypoints.prompts.template import load_template
 
@@ -37,6 +37,12 @@ class SourceSettings:
     )
     api_key_env: str = parameter(
         '', "NAME of the environment variable that holds the endpoint's key; empty: no key"
+    )
+    api_key_names: str = parameter(
+        KEY_NAMES,
+        'Names that `api_key_env` may have, with `*` for any part, separated by commas, so that '
+        'no other variable of the environment is ever sent',
+        read_only=True,
     )
     model: str = parameter(
         '', 'Model to ask; for `replay`, the model whose exchanges are replayed, empty for any'
@@ -112,7 +118,7 @@ class SourceSettings:
         if self.source != 'endpoint':
             return
         try:
-            Endpoint(self.base_url, self.api_key_env)
+            Endpoint(self.base_url, self.api_key_env, self.api_key_names)
             load_template(self.prompt or DEFAULT_PROMPT)
         except ValueError as error:
             raise SettingsError(str(error)) from None

@@ -5,12 +5,14 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
-from llm_astar_planner.waypoints.llm.credentials import Endpoint, redact, redact_bytes
+from llm_astar_planner.waypoints.llm.credentials import Endpoint
 from llm_astar_planner.waypoints.llm.http import post_json
 from llm_astar_planner.waypoints.llm.protocol import Completion, Dialect, read_completion
+from llm_astar_planner.waypoints.llm.redaction import redact
 from llm_astar_planner.waypoints.llm.resilience import (
     CallBudget,
     CircuitBreaker,
@@ -117,13 +119,13 @@ class ChatClient:
                 use_proxies=not self.endpoint.is_loopback,
             )
             # A server may echo the request: remove the key before anything else sees the reply.
-            completion = read_completion(reply._replace(body=redact_bytes(reply.body, key)))
+            completion = read_completion(reply, partial(redact, secret=key))
+        except EndpointFailure as failure:
+            raise replace(failure, detail=redact(failure.detail, key)) from None
         finally:
             self._slots.release()
         self.budget.spend(count_tokens(completion, body))
-        return completion._replace(
-            text=redact(completion.text, key), refusal=redact(completion.refusal, key)
-        )
+        return completion
 
 
 def count_tokens(completion: Completion, body: dict[str, Any]) -> int:

@@ -1,10 +1,11 @@
-"""The endpoint of requests, its key, and how the key is kept out of texts.
+"""The endpoint of requests, and its key.
 
 The key is read from the environment when a request is made, and is not stored.
 """
 
 from __future__ import annotations
 
+import fnmatch
 import ipaddress
 import os
 import re
@@ -29,11 +30,11 @@ KEY_HOSTS = {
     'GOOGLE_API_KEY': 'generativelanguage.googleapis.com',
     'XAI_API_KEY': 'api.x.ai',
 }
-_VARIABLE = re.compile(r'[A-Z_][A-Z0-9_]{0,63}')
+_VARIABLE = re.compile('[A-Z_][A-Z0-9_]{0,63}')
+_PATTERN = re.compile(r'[A-Z_*][A-Z0-9_*]{0,63}')
+# Which variables may hold a key, unless the start says otherwise.
+KEY_NAMES = '*_API_KEY, *_TOKEN'
 OPENAI_HOST = 'api.openai.com'
-MASK = '***'
-# A shorter key protects nothing, and masking it would damage ordinary words.
-MIN_SECRET = 6
 
 
 class EndpointError(LlmAstarError, ValueError):
@@ -44,18 +45,28 @@ class EndpointError(LlmAstarError, ValueError):
 class Endpoint:
     """An OpenAI-compatible server: its base URL, and the NAME of the variable with its key.
 
-    An empty name means OPENAI_API_KEY at OpenAI itself and no key elsewhere.
+    An empty name means OPENAI_API_KEY at OpenAI itself and no key elsewhere. Others must match one
+    of `api_key_names`, patterns separated by commas, so that no other variable is ever sent.
     Raises EndpointError for a URL that is not plain http(s)://host[:port][/path].
     """
 
     base_url: str
     api_key_env: str = ''
+    api_key_names: str = KEY_NAMES
 
     def __post_init__(self) -> None:
-        """Check both; messages do not repeat the values, which may be secret."""
+        """Check all; messages do not repeat the values, which may be secret."""
         if self.api_key_env and not _VARIABLE.fullmatch(self.api_key_env):
             # The value may be a pasted key.
             raise EndpointError('api_key_env: the NAME of a variable, in capitals, is expected')
+        patterns = key_patterns(self.api_key_names)
+        if self.api_key_env and not any(
+            fnmatch.fnmatchcase(self.api_key_env, pattern) for pattern in patterns
+        ):
+            raise EndpointError(
+                f'api_key_env: the name must match {" or ".join(patterns) or "none"}; to allow '
+                'others, start with api_key_names'
+            )
         parts = urlsplit(self.base_url)
         try:
             whole = parts.scheme in ('http', 'https') and parts.hostname and parts.port != 0
@@ -119,11 +130,12 @@ def not_configured(detail: str) -> EndpointFailure:
     return EndpointFailure(SourceStatus.NOT_CONFIGURED, detail)
 
 
-def redact(text: str, secret: str) -> str:
-    """Return `text` with the secret masked."""
-    return text.replace(secret, MASK) if len(secret) >= MIN_SECRET else text
-
-
-def redact_bytes(data: bytes, secret: str) -> bytes:
-    """Return `data` with the secret masked; call it before cutting, which could halve the key."""
-    return data.replace(secret.encode(), MASK.encode()) if len(secret) >= MIN_SECRET else data
+def key_patterns(names: str) -> list[str]:
+    """Split `api_key_names`. Raises EndpointError for what is no pattern of a variable's name."""
+    patterns = [name.strip() for name in names.split(',') if name.strip()]
+    if not all(map(_PATTERN.fullmatch, patterns)):
+        raise EndpointError(
+            'api_key_names: names of variables, in capitals, with * for any part, separated by '
+            'commas, are expected'
+        )
+    return patterns

@@ -50,7 +50,7 @@ def make_endpoint_source(
 def make_client(settings: SourceSettings) -> ChatClient:
     """Make the client of the endpoint that settings name. Raises EndpointError."""
     return ChatClient(
-        Endpoint(settings.base_url, settings.api_key_env),
+        Endpoint(settings.base_url, settings.api_key_env, settings.api_key_names),
         settings.model,
         Dialect(settings.max_output_tokens, settings.temperature, settings.response_format),
         settings.max_retries,

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import asyncio
 import functools
+import logging
 import ssl
 import zlib
 from collections.abc import Coroutine, Mapping
+from contextvars import ContextVar
 from typing import Any, NamedTuple
 
 import httpx
@@ -26,6 +28,20 @@ CLOSE_S = 0.2
 ENCODING = {'Accept-Encoding': 'gzip, deflate'}
 # zlib's windowBits for the largest window and either header, that of gzip or that of zlib.
 ANY_HEADER = 47
+
+
+# Whether the present request is one of ours.
+_IS_OURS: ContextVar[bool] = ContextVar('_IS_OURS', default=False)
+
+
+def keep_silent() -> None:
+    """Keep the loggers of httpx and httpcore from reporting our requests: they quote headers."""
+    parts = ('connection', 'http11', 'http2', 'proxy', 'socks')
+    for name in ('httpx', *(f'httpcore.{part}' for part in parts)):
+        logging.getLogger(name).addFilter(lambda _: not _IS_OURS.get())
+
+
+keep_silent()
 
 
 class HttpReply(NamedTuple):
@@ -46,6 +62,7 @@ def post_json(
     """
     # Its own event loop, closed without waiting for a name look-up that hangs.
     loop = asyncio.new_event_loop()
+    ours = _IS_OURS.set(True)
     try:
         return loop.run_until_complete(
             wait_at_most(limit, post(url, body, headers, limit, use_proxies=use_proxies))
@@ -53,6 +70,7 @@ def post_json(
     finally:
         loop.run_until_complete(loop.shutdown_asyncgens())
         loop.close()
+        _IS_OURS.reset(ours)
 
 
 async def wait_at_most(limit: float, request: Coroutine[Any, Any, HttpReply]) -> HttpReply:
@@ -61,9 +79,16 @@ async def wait_at_most(limit: float, request: Coroutine[Any, Any, HttpReply]) ->
     done, _ = await asyncio.wait({task}, timeout=max(0.0, limit))
     if not done:
         task.cancel()
+        task.add_done_callback(take_exception)
         await asyncio.wait({task}, timeout=CLOSE_S)
         raise timed_out(limit)
     return task.result()
+
+
+def take_exception(task: asyncio.Task[HttpReply]) -> None:
+    """Keep asyncio from logging an error that came too late, which may quote the server."""
+    if not task.cancelled():
+        task.exception()
 
 
 async def post(

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from llm_astar_planner.waypoints.llm.redaction import printable
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure, is_retryable, retry_after
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 from llm_astar_planner.waypoints.source import Message, SourceStatus
@@ -15,6 +16,8 @@ from llm_astar_planner.waypoints.source import Message, SourceStatus
 if TYPE_CHECKING:
     from llm_astar_planner.waypoints.llm.http import HttpReply
 
+# Removes the key from a text.
+Clean = Callable[[str], str]
 RESPONSE_FORMATS = ('text', 'json_object', 'json_schema')
 # What servers write when the prompt does not fit: OpenAI, vLLM, llama.cpp, Ollama, Anthropic.
 _TOO_LONG = re.compile(
@@ -23,7 +26,9 @@ _TOO_LONG = re.compile(
     re.IGNORECASE,
 )
 _NAMES_FORMAT = re.compile('response_format|json_schema|json_object|grammar', re.IGNORECASE)
-MAX_ERROR_CHARS = 2000
+MAX_ERROR_CHARS, MAX_CODE_CHARS = 2000, 60
+# Control characters in the text of a model become blanks, but for the ends of lines and tabs.
+_CONTROLS = {code: ' ' for code in (*range(32), *range(127, 160)) if chr(code) not in '\t\n'}
 _STATUS_OF = {401: SourceStatus.AUTH, 403: SourceStatus.AUTH, 429: SourceStatus.REFUSED}
 
 
@@ -88,40 +93,81 @@ class Completion(NamedTuple):
     completion_tokens: int = 0
 
 
-def read_completion(reply: HttpReply) -> Completion:
-    """Return the completion in an HTTP response.
+def read_completion(reply: HttpReply, clean: Clean) -> Completion:
+    """Return the completion in an HTTP response; `clean` removes the key from its texts.
 
     Raises EndpointFailure: AUTH, REFUSED or ERROR for an error, MALFORMED for anything else.
     """
+    data = read_json(reply.body)
     if not 200 <= reply.status < 300:
-        raise http_failure(reply)
+        raise http_failure(reply, data, clean)
     try:
-        data = json.loads(reply.body)
         choice = data['choices'][0]
         message = choice['message']
-        text = message_text(message.get('content'))
-        refusal = str(message.get('refusal') or '')
-    except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError):
-        shown = reply.body[:MAX_ERROR_CHARS].decode(errors='replace')
-        if '"error"' in shown:
-            raise EndpointFailure(SourceStatus.ERROR, f'the endpoint says: {shown}') from None
-        raise EndpointFailure(
-            SourceStatus.MALFORMED, f'the reply is no chat completion: {shown[:80]}'
-        ) from None
+        text = message_text(message.get('content'))[-MAX_REPLY_CHARS:]
+        refusal = message_text(message.get('refusal'))[:MAX_ERROR_CHARS]
+        reason = message_text(choice.get('finish_reason'))[:MAX_ERROR_CHARS]
+    except (TypeError, KeyError, IndexError, AttributeError):
+        words = error_words(reply.body, data, clean)
+        if error_in(data) is not None:
+            problem = f'the endpoint says{words}'
+            raise EndpointFailure(SourceStatus.ERROR, problem) from None
+        problem = f'the reply is no chat completion{words}'
+        raise EndpointFailure(SourceStatus.MALFORMED, problem) from None
     usage = data.get('usage')
-    reason = str(choice.get('finish_reason') or '')
     if reason == 'content_filter' and not refusal:
         refusal = 'stopped by a content filter'
     return Completion(
-        text=text[-MAX_REPLY_CHARS:],
-        finish_reason=reason,
-        refusal=refusal,
+        text=clean(text).translate(_CONTROLS),
+        finish_reason=printable(clean(reason)),
+        refusal=printable(clean(refusal)),
         prompt_tokens=token_count(usage, 'prompt_tokens'),
         completion_tokens=token_count(usage, 'completion_tokens'),
     )
 
 
-def http_failure(reply: HttpReply) -> EndpointFailure:
+def read_json(body: bytes) -> Any:  # noqa: ANN401 - any JSON value
+    """Return the value of a JSON text in UTF-8, UTF-16 or UTF-32; None where it is none."""
+    try:
+        return json.loads(body)
+    except (ValueError, RecursionError):
+        return None
+
+
+def error_in(data: Any) -> Any | None:  # noqa: ANN401 - any JSON value
+    """Return the description of an error, an object or a text, None where there is none."""
+    if isinstance(data, list) and data:
+        data = data[0]
+    return data.get('error') if isinstance(data, dict) else None
+
+
+def error_words(body: bytes, data: Any, clean: Clean) -> str:  # noqa: ANN401 - any JSON value
+    """Return ` (code): message` as a server words an error, without the key and bounded.
+
+    A body without a message is the message itself.
+    """
+    error = error_in(data)
+    if error is None:
+        error = data
+    if not isinstance(error, dict):
+        error = {'message': error}
+    message = first_text(error, 'message', 'detail', 'error')
+    if not message:
+        message = body[:MAX_ERROR_CHARS].decode(json.detect_encoding(body), errors='replace')
+    code = printable(clean(first_text(error, 'code', 'type', 'status')))[:MAX_CODE_CHARS]
+    message = printable(clean(message[:MAX_ERROR_CHARS]))
+    return (f' ({code})' if code else '') + (f': {message}' if message else '')
+
+
+def first_text(values: Mapping[str, Any], *names: str) -> str:
+    """Return the first of some values that is a text or a number, '' where none is."""
+    for value in map(values.get, names):
+        if isinstance(value, str) or (isinstance(value, int) and abs(value) < 2**63):
+            return str(value)
+    return ''
+
+
+def http_failure(reply: HttpReply, data: Any, clean: Clean) -> EndpointFailure:  # noqa: ANN401
     """Return the failure that an HTTP error status and its body stand for."""
     body = reply.body[:MAX_ERROR_CHARS].decode(errors='replace')
     status = _STATUS_OF.get(reply.status, SourceStatus.ERROR)
@@ -129,9 +175,9 @@ def http_failure(reply: HttpReply) -> EndpointFailure:
         status = SourceStatus.REFUSED
     return EndpointFailure(
         status,
-        f'HTTP {reply.status}: {body}',
+        f'HTTP {reply.status}{error_words(reply.body, data, clean)}',
         http=reply.status,
-        body=body,
+        body=clean(body),
         retryable=is_retryable(reply.status, body),
         retry_after=retry_after(reply.headers),
     )

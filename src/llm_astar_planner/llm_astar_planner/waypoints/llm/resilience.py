@@ -13,6 +13,7 @@ from email.utils import parsedate_to_datetime
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
 
+from llm_astar_planner.waypoints.llm.redaction import printable
 from llm_astar_planner.waypoints.source import SourceStatus
 
 MAX_DETAIL = 300
@@ -48,8 +49,8 @@ class EndpointFailure(LlmAstarError, RuntimeError):  # noqa: N818 - a failure ou
     is_ours: bool = False
 
     def __post_init__(self) -> None:
-        """Cut `detail` to MAX_DETAIL characters in one line."""
-        self.detail = ' '.join(self.detail.split())[:MAX_DETAIL]
+        """Make `detail` one line of at most MAX_DETAIL printable characters."""
+        self.detail = printable(self.detail[: 4 * MAX_DETAIL])[:MAX_DETAIL]
         super().__init__(self.detail)
 
 

@@ -189,12 +189,12 @@ def test_a_wrong_file_of_examples_is_named(tmp_path, text):
 
 
 def test_exchanges_are_recorded_without_the_key_and_replayed(chat_server, tmp_path, monkeypatch):
-    monkeypatch.setenv('MY_KEY', 'secret-of-mine')
+    monkeypatch.setenv('MY_API_KEY', 'secret-of-mine')
     echo = f'secret-of-mine {GOOD}'
     chat_server.script = [chat_server.completion(echo)]
     path = tmp_path / 'transcript.jsonl'
     live = interpret(
-        chat_server, recorder=InstructionRecorder(path), api_key_env='MY_KEY', timeout_s=1.0
+        chat_server, recorder=InstructionRecorder(path), api_key_env='MY_API_KEY', timeout_s=1.0
     )
     line = json.loads(path.read_text())
     assert 'secret' not in path.read_text()

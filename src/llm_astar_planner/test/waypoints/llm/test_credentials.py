@@ -36,3 +36,22 @@ def test_openai_gets_its_own_key_by_default(monkeypatch):
     monkeypatch.setenv('OPENAI_API_KEY', ' secret-of-openai\n')
     assert Endpoint('https://api.openai.com/v1').key() == 'secret-of-openai'
     assert Endpoint('http://localhost:8080/v1').key() == ''
+
+
+@pytest.mark.parametrize('name', ['HOME', 'AWS_SECRET_ACCESS_KEY', 'API_KEY', 'ROBOT_API_KEY_2'])
+def test_a_variable_that_is_not_on_the_list_is_never_a_key(name):
+    with pytest.raises(EndpointError, match=r'must match \*_API_KEY or \*_TOKEN; .*api_key_names'):
+        Endpoint('http://localhost:1/v1', name)
+    assert Endpoint('http://localhost:1/v1', name, f'*_TOKEN, {name}').api_key_env == name
+    assert Endpoint('http://localhost:1/v1', 'HF_TOKEN').api_key_env == 'HF_TOKEN'
+
+
+@pytest.mark.parametrize('names', ['home', 'A-B', 'OK, [A-Z]*', '?_KEY', 'A' * 65])
+def test_a_wrong_list_of_variables_is_rejected(names):
+    with pytest.raises(EndpointError, match='api_key_names: names of variables'):
+        Endpoint('http://localhost:1/v1', '', names)
+
+
+def test_an_empty_list_allows_no_key():
+    with pytest.raises(EndpointError, match='must match none'):
+        Endpoint('http://localhost:1/v1', 'ROBOT_API_KEY', '')

@@ -286,9 +286,9 @@ def no_names(monkeypatch):
     ],
 )
 def test_names_that_do_not_resolve(chat_server, monkeypatch, no_names, host, status, word):
-    monkeypatch.setenv('ROBOT_KEY', 'one-two-three')
+    monkeypatch.setenv('ROBOT_API_KEY', 'one-two-three')
     source = source_for(
-        chat_server, base_url=f'https://{host}/v1', api_key_env='ROBOT_KEY', timeout_s=1.0
+        chat_server, base_url=f'https://{host}/v1', api_key_env='ROBOT_API_KEY', timeout_s=1.0
     )
     started = time.monotonic()
     reply = source.waypoints(QUERY)
@@ -300,9 +300,12 @@ def test_names_that_do_not_resolve(chat_server, monkeypatch, no_names, host, sta
 @pytest.mark.parametrize('proxy', ['socks5://127.0.0.1:1', 'nonsense://127.0.0.1', 'http://:x'])
 def test_proxy_settings_that_do_not_work(monkeypatch, chat_server, no_names, proxy):
     monkeypatch.setenv('ALL_PROXY', proxy)
-    monkeypatch.setenv('ROBOT_KEY', 'one-two-three')
+    monkeypatch.setenv('ROBOT_API_KEY', 'one-two-three')
     source = source_for(
-        chat_server, base_url='https://fails.example/v1', api_key_env='ROBOT_KEY', timeout_s=2.0
+        chat_server,
+        base_url='https://fails.example/v1',
+        api_key_env='ROBOT_API_KEY',
+        timeout_s=2.0,
     )
     reply = source.waypoints(QUERY)
     assert reply.status in (SourceStatus.ERROR, SourceStatus.UNREACHABLE), reply
@@ -345,14 +348,14 @@ def test_an_auth_failure_is_not_repeated(chat_server):
             'only sent over https',
         ),
         (
-            {'base_url': 'http://192.168.1.5:8000/v1', 'api_key_env': 'ROBOT_KEY'},
-            {'ROBOT_KEY': 'planted-secret'},
+            {'base_url': 'http://192.168.1.5:8000/v1', 'api_key_env': 'ROBOT_API_KEY'},
+            {'ROBOT_API_KEY': 'planted-secret'},
             'only sent over https, or to this machine',
         ),
         ({'base_url': 'https://api.openai.com/v1'}, {}, 'OPENAI_API_KEY is not set'),
-        ({'api_key_env': 'ROBOT_KEY'}, {}, 'ROBOT_KEY is not set'),
-        ({'api_key_env': 'ROBOT_KEY'}, {'ROBOT_KEY': 'planted\nsecret'}, 'no usable key'),
-        ({'api_key_env': 'ROBOT_KEY'}, {'ROBOT_KEY': 'planted-\u00e4'}, 'no usable key'),
+        ({'api_key_env': 'ROBOT_API_KEY'}, {}, 'ROBOT_API_KEY is not set'),
+        ({'api_key_env': 'ROBOT_API_KEY'}, {'ROBOT_API_KEY': 'planted\nsecret'}, 'no usable key'),
+        ({'api_key_env': 'ROBOT_API_KEY'}, {'ROBOT_API_KEY': 'planted-\u00e4'}, 'no usable key'),
     ],
 )
 def test_without_its_own_key_nothing_is_asked(
@@ -460,7 +463,7 @@ KEY = 'planted-secret-key-0123456789'
 def test_a_key_appears_in_no_output(chat_server, monkeypatch, tmp_path, caplog, capfd):
     """The server echoes what it was sent, in replies and errors, whole and near every cut."""
     caplog.set_level(logging.DEBUG)
-    monkeypatch.setenv('ROBOT_KEY', KEY)
+    monkeypatch.setenv('ROBOT_API_KEY', KEY)
 
     def echo(status, pad):
         def responder(handler):
@@ -477,7 +480,7 @@ def test_a_key_appears_in_no_output(chat_server, monkeypatch, tmp_path, caplog, 
         for pad in (0, 240, 250, 1980):
             chat_server.script = [echo(status, pad)]
             record = tmp_path / f'{status}-{pad}.jsonl'
-            settings = {'api_key_env': 'ROBOT_KEY', 'record': str(record), 'max_retries': 0}
+            settings = {'api_key_env': 'ROBOT_API_KEY', 'record': str(record), 'max_retries': 0}
             source = source_for(chat_server, **settings)
             reply = source.waypoints(QUERY)
             seen += [
@@ -490,7 +493,8 @@ def test_a_key_appears_in_no_output(chat_server, monkeypatch, tmp_path, caplog, 
     assert chat_server.headers[0]['Authorization'] == f'Bearer {KEY}'
     captured = capfd.readouterr()
     seen += [caplog.text, captured.out, captured.err]
-    assert 'httpcore' in caplog.text
+    assert 'httpcore' not in caplog.text
+    assert 'HTTP Request' not in caplog.text
     for text in seen:
         assert KEY[:12] not in text
     assert any('***' in text for text in seen)
@@ -503,13 +507,13 @@ def test_a_key_appears_in_no_output(chat_server, monkeypatch, tmp_path, caplog, 
 def test_a_key_in_a_response_that_is_not_http_appears_in_no_output(
     chat_server, monkeypatch, before
 ):
-    monkeypatch.setenv('ROBOT_KEY', KEY)
+    monkeypatch.setenv('ROBOT_API_KEY', KEY)
     chat_server.script = [
         lambda handler: handler.wfile.write(
             f'{before}{handler.headers["Authorization"]}\r\n\r\n'.encode()
         )
     ]
-    source = source_for(chat_server, api_key_env='ROBOT_KEY', max_retries=0)
+    source = source_for(chat_server, api_key_env='ROBOT_API_KEY', max_retries=0)
     reply = source.waypoints(QUERY)
     assert reply.status is SourceStatus.UNREACHABLE
     assert 'illegal' in reply.detail
@@ -518,11 +522,11 @@ def test_a_key_in_a_response_that_is_not_http_appears_in_no_output(
 
 @pytest.mark.parametrize('field', ['content', 'refusal'])
 def test_a_key_escaped_in_json_appears_in_no_output(chat_server, monkeypatch, field):
-    monkeypatch.setenv('ROBOT_KEY', KEY)
+    monkeypatch.setenv('ROBOT_API_KEY', KEY)
     spelt = ''.join(f'\\u{ord(letter):04x}' for letter in KEY)
     body = json.dumps(chat_server.completion('', **{field: 'I hold KEY'})[2])
     chat_server.script = [(200, {}, body.replace('KEY', spelt).encode())]
-    reply = source_for(chat_server, api_key_env='ROBOT_KEY').waypoints(QUERY)
+    reply = source_for(chat_server, api_key_env='ROBOT_API_KEY').waypoints(QUERY)
     assert 'I hold ***' in reply.text + reply.detail
     assert KEY[:12] not in repr(reply)
 

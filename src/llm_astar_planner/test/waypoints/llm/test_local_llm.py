@@ -20,8 +20,8 @@ KEY = 'local-secret-key'
 @pytest.fixture(scope='module')
 def server():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('LOCAL_LLM_KEY', KEY)
-        with LocalLlm(api_key_env='LOCAL_LLM_KEY') as running:
+        patch.setenv('LOCAL_API_KEY', KEY)
+        with LocalLlm(api_key_env='LOCAL_API_KEY') as running:
             yield running
 
 
@@ -31,7 +31,12 @@ def ask(server, query=QUERY, **settings):
             source='endpoint',
             base_url=server.base_url,
             max_output_tokens=32,
-            **{'timeout_s': 60.0, 'max_retries': 0, 'api_key_env': 'LOCAL_LLM_KEY', **settings},
+            **{
+                'timeout_s': 60.0,
+                'max_retries': 0,
+                'api_key_env': 'LOCAL_API_KEY',
+                **settings,
+            },
         )
     )
     return source, source.waypoints(query)
@@ -39,7 +44,7 @@ def ask(server, query=QUERY, **settings):
 
 @needs_llm
 def test_a_real_model_answers(server, monkeypatch):
-    monkeypatch.setenv('LOCAL_LLM_KEY', KEY)
+    monkeypatch.setenv('LOCAL_API_KEY', KEY)
     _, reply = ask(server)
     answered = (SourceStatus.OK, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED)
     assert reply.status in answered, reply
@@ -51,7 +56,7 @@ def test_a_real_model_answers(server, monkeypatch):
 
 @needs_llm
 def test_a_real_model_keeps_to_the_schema(server, monkeypatch):
-    monkeypatch.setenv('LOCAL_LLM_KEY', KEY)
+    monkeypatch.setenv('LOCAL_API_KEY', KEY)
     _, reply = ask(server, response_format='json_schema')
     assert reply.text.lstrip().startswith('{')
     assert '"path"' in reply.text
@@ -61,13 +66,13 @@ def test_a_real_model_keeps_to_the_schema(server, monkeypatch):
 def test_a_real_server_rejects_a_wrong_key(server, monkeypatch):
     _, reply = ask(server, api_key_env='')
     assert reply.status is SourceStatus.AUTH
-    monkeypatch.setenv('LOCAL_LLM_KEY', 'another-key')
+    monkeypatch.setenv('LOCAL_API_KEY', 'another-key')
     assert ask(server)[1].status is SourceStatus.AUTH
 
 
 @needs_llm
 def test_the_client_returns_at_the_deadline_of_a_slow_real_server(server, monkeypatch):
-    monkeypatch.setenv('LOCAL_LLM_KEY', KEY)
+    monkeypatch.setenv('LOCAL_API_KEY', KEY)
     started = time.monotonic()
     source, reply = ask(server, replace(QUERY, time_limit=0.05), timeout_s=0.3)
     assert time.monotonic() - started < 5.0

@@ -84,10 +84,10 @@ def test_the_second_query_is_answered_from_the_cache(chat_server):
 
 
 def test_a_key_is_sent_to_the_endpoint_it_is_named_for(chat_server, monkeypatch):
-    monkeypatch.setenv('ROBOT_KEY', 'one-two-three')
-    source = source_for(chat_server, api_key_env='ROBOT_KEY')
+    monkeypatch.setenv('ROBOT_API_KEY', 'one-two-three')
+    source = source_for(chat_server, api_key_env='ROBOT_API_KEY')
     source.waypoints(QUERY)
-    monkeypatch.setenv('ROBOT_KEY', 'four-five-six')
+    monkeypatch.setenv('ROBOT_API_KEY', 'four-five-six')
     source.waypoints(replace(QUERY, goal=(21, 20)))
     sent = [headers['Authorization'] for headers in chat_server.headers]
     assert sent == ['Bearer one-two-three', 'Bearer four-five-six']
