@@ -15,7 +15,8 @@ data_files = [
     ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
     (f'share/{NAME}', ['package.xml']),
     (f'share/{NAME}/launch', glob('launch/*.launch.py')),
-    (f'share/{NAME}/config', glob('config/*')),
+    (f'share/{NAME}/config', glob('config/*.*')),
+    (f'share/{NAME}/config/sros2', glob('config/sros2/*')),
     (f'share/{NAME}/maps', glob('maps/*.json*')),
     (f'share/{NAME}/maps/instructions', glob('maps/instructions/*')),
 ]

@@ -41,7 +41,11 @@ def generate_launch_description() -> LaunchDescription:
             parameters=[value['params_file'], set_here],
             # As Nav2 does, so that a robot in a namespace has its own transforms.
             remappings=[('/tf', 'tf'), ('/tf_static', 'tf_static')],
-            arguments=['--ros-args', '--log-level', value['log_level']],
+            # The enclave has an effect only where SROS2 is enabled.
+            arguments=[
+                *('--ros-args', '--log-level', value['log_level']),
+                *('--enclave', f'/llm_astar/{executable}'),
+            ],
             output='screen',
             **options,
         )
