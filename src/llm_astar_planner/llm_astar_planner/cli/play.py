@@ -7,28 +7,23 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import errno
-import socket
 import sys
 import threading
 import webbrowser
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from llm_astar_planner.parameter import ParameterError
-
 if TYPE_CHECKING:
-    from starlette.applications import Starlette
+    from llm_astar_planner.play.live import LiveFeed
 
 DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8321
-# Seconds that answers under way get at the end.
-GRACE_S = 1
-MAX_CONNECTIONS = 64
 
 EPILOG = """\
 examples:
   llm-astar play
   llm-astar play --map depot.yaml --map maze.map.scen
   llm-astar play --port 9000 --no-browser
+  llm-astar play --live --namespace /robot1
 
 The page shows how a search expands the map cell by cell, what became of each waypoint, and the
 figures beside those without waypoints and of A*. Its address holds the whole view, so a link shows
@@ -59,73 +54,60 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='port to serve at; 0 takes a free one (default: %(default)s)',
     )
     parser.add_argument('--no-browser', action='store_true', help='do not open the browser')
+    graph = parser.add_argument_group('a running graph')
+    graph.add_argument(
+        '--live',
+        action='store_true',
+        help='show the map, plans and reports of a running planner too',
+    )
+    graph.add_argument('--namespace', default='/', help="the nodes' namespace (default: /)")
+    graph.add_argument(
+        '--node', default='planner_node', help='name of the planner (default: %(default)s)'
+    )
+    graph.add_argument(
+        '--client',
+        default='llm_client_node',
+        help='name of its waypoint client (default: %(default)s)',
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Serve until Ctrl-C; return 0, or 1 where a library is missing.
 
-    Raises ParameterError where it cannot serve at the address, and what reading maps raises.
+    Raises ParameterError where it cannot serve at the address, NodeNameError for a name that no
+    node can have, and what reading maps raises.
     """
     # Optional dependencies; the help needs to work without them.
     try:
-        import starlette  # noqa: F401, PLC0415
-        import uvicorn  # noqa: F401, PLC0415
-    except ImportError as error:
-        sys.stderr.write(
-            f"llm-astar: error: {error.name} is missing: pip install 'starlette' 'uvicorn'\n"
-        )
+        from llm_astar_planner.play.server import listen, serve, url_of  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        message = f"{error.name} is missing: pip install 'starlette' 'uvicorn'"
+        sys.stderr.write(f'llm-astar: error: {message}\n')
         return 1
     from llm_astar_planner.play.app import PlayApp  # noqa: PLC0415
+    from llm_astar_planner.play.live import LiveFeed  # noqa: PLC0415
     from llm_astar_planner.play.maps import Maps  # noqa: PLC0415
 
-    with listen(arguments.host, arguments.port) as listener:
-        app = PlayApp(Maps(arguments.map))
+    feed = LiveFeed() if arguments.live else None
+    app = PlayApp(Maps(arguments.map), feed)
+    with listen(arguments.host, arguments.port) as listener, shown_graph(arguments, feed):
         url = url_of(arguments.host, listener.getsockname()[1])
         print(f'the page is at {url} (Ctrl-C ends it)', flush=True)
         if not arguments.no_browser:
             threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
-        serve(app.asgi(arguments.host), listener)
+        serve(app, arguments.host, listener)
+    print('stopped')
     return 0
 
 
-def listen(host: str, port: int) -> socket.socket:
-    """Return a socket that listens. Raises ParameterError, which names the fix."""
-    if not 0 <= port <= 65535:
-        raise ParameterError(f'--port {port}: is not in 0 to 65535')
-    try:
-        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        return socket.create_server(address[:2], family=family)
-    except (OSError, UnicodeError) as error:
-        number = getattr(error, 'errno', None)
-        if number == errno.EADDRINUSE:
-            fix = 'is in use, perhaps by another `llm-astar play`; choose another, or 0 for any'
-            raise ParameterError(f'--port {port}: {fix}') from None
-        if number in (errno.EACCES, errno.EPERM):
-            raise ParameterError(f'--port {port}: needs root; choose one above 1023') from None
-        reason = getattr(error, 'strerror', None) or error
-        message = f'--host {host}: {reason}; name an address of this machine, such as 127.0.0.1'
-        raise ParameterError(message) from None
+@contextlib.contextmanager
+def shown_graph(arguments: argparse.Namespace, feed: LiveFeed | None) -> Iterator[None]:
+    """Feed what a running graph does, if there is a feed. Raises NodeNameError."""
+    if feed is None:
+        yield
+        return
+    # ROS is needed for this alone.
+    from llm_astar_planner.nodes.tools.live_view import live_view  # noqa: PLC0415
 
-
-def url_of(host: str, port: int) -> str:
-    """Return the address of the page for a browser on this machine."""
-    if host in ('0.0.0.0', '::'):  # noqa: S104 - only compared with
-        host = 'localhost'
-    return f'http://[{host}]:{port}/' if ':' in host else f'http://{host}:{port}/'
-
-
-def serve(app: Starlette, listener: socket.socket) -> None:
-    """Serve an application until Ctrl-C or SIGTERM."""
-    import uvicorn  # noqa: PLC0415 - see run
-
-    config = uvicorn.Config(
-        app,
-        log_level='warning',
-        access_log=False,
-        server_header=False,
-        limit_concurrency=MAX_CONNECTIONS,
-        timeout_graceful_shutdown=GRACE_S,
-    )
-    with contextlib.suppress(KeyboardInterrupt):  # which the server passes on after its end
-        uvicorn.Server(config).run(sockets=[listener])
-    print('stopped')
+    with live_view(arguments.namespace, arguments.node, arguments.client, feed):
+        yield

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -14,13 +12,14 @@ from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from llm_astar_planner.play.encoding import map_json, options_json, reply_json
 from llm_astar_planner.play.errors import PlayError
 from llm_astar_planner.play.guard import Guard
+from llm_astar_planner.play.live import LiveFeed
 from llm_astar_planner.play.maps import Maps
 from llm_astar_planner.play.planning import PlanningService
 from llm_astar_planner.play.request import PlayRequest, read_request
@@ -38,9 +37,10 @@ MAX_SENTENCE = 400
 class PlayApp:
     """The page's routes on some maps."""
 
-    def __init__(self, maps: Maps) -> None:
-        """Serve these maps."""
+    def __init__(self, maps: Maps, feed: LiveFeed | None = None) -> None:
+        """Serve these maps, and what a running graph feeds, if there is one."""
         self._maps = maps
+        self._feed = feed
         self._service = PlanningService()
         self._worker = Worker()
 
@@ -52,18 +52,18 @@ class PlayApp:
                 Route('/api/options', self.options),
                 Route('/api/map', self.map),
                 Route('/api/plan', self.plan, methods=['POST']),
+                Route('/api/live', self.live),
                 Mount('/page', StaticFiles(directory=PAGE)),
             ],
             middleware=[Middleware(Guard, host=host)],
             exception_handlers={LlmAstarError: refuse, HTTPException: refuse_route},
-            lifespan=self.lifespan,
         )
 
-    @asynccontextmanager
-    async def lifespan(self, _app: Starlette) -> AsyncIterator[None]:
-        """Stop at the end what is running."""
-        yield
+    def close(self) -> None:
+        """Stop what is running and end the streams, before the server ends."""
         self._worker.close()
+        if self._feed is not None:
+            self._feed.close()
 
     async def index(self, _request: Request) -> Response:
         """Send the page."""
@@ -71,7 +71,7 @@ class PlayApp:
 
     async def options(self, _request: Request) -> Response:
         """Send what there is to choose from."""
-        return JSONResponse(options_json(self._maps, live=False))
+        return JSONResponse(options_json(self._maps, live=self._feed is not None))
 
     async def map(self, request: Request) -> Response:
         """Send a map."""
@@ -86,6 +86,12 @@ class PlayApp:
         finally:
             gone.cancel()
         return Response(reply, media_type='application/json')
+
+    async def live(self, _request: Request) -> Response:
+        """Send what a running graph shows, as server-sent events."""
+        if self._feed is None:
+            raise PlayError('no graph is shown; start `llm-astar play --live`', status=404)
+        return StreamingResponse(self._feed.follow(), media_type='text/event-stream')
 
     def work(self, asked: PlayRequest, stop: StopFlag) -> bytes:
         """Return the answer to a request, as JSON."""

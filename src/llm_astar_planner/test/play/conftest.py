@@ -1,13 +1,13 @@
 """A real server on loopback, for all tests of the page's server."""
 
-import socket
+import signal
 import threading
 
 import httpx
 import pytest
-import uvicorn
 from llm_astar_planner.play.app import PlayApp
 from llm_astar_planner.play.maps import Maps
+from llm_astar_planner.play.server import PlayServer, listen
 
 
 @pytest.fixture(scope='session')
@@ -17,13 +17,12 @@ def played_maps():
 
 @pytest.fixture(scope='session')
 def play_url(played_maps):
-    listener = socket.create_server(('127.0.0.1', 0))
-    config = uvicorn.Config(PlayApp(played_maps).asgi(), log_level='error')
-    server = uvicorn.Server(config)
+    app, listener = PlayApp(played_maps), listen('127.0.0.1', 0)
+    server = PlayServer(app, '127.0.0.1')
     thread = threading.Thread(target=server.run, kwargs={'sockets': [listener]})
     thread.start()
     yield f'http://127.0.0.1:{listener.getsockname()[1]}'
-    server.should_exit = True
+    server.handle_exit(signal.SIGINT, None)
     thread.join()
     listener.close()
 
