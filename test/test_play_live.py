@@ -121,4 +121,3 @@ def test_without_a_planner_the_page_is_told_what_to_check(graph):
             assert 'event: plan' not in list(events.lines)  # which ends
         assert process.wait(30.0) == 0
         assert process.stderr.read() == ''
-

@@ -22,9 +22,11 @@ def command_of(request: PlayRequest) -> str | None:
     for cell in request.via:
         words += ['--via', *coordinates(request, cell)]
     for name, value in request.given.items():
-        words += parameter_words('--' + name.replace('_', '-'), value)
+        words.append(flag_of(name.replace('_', '-'), value))
+    if request.play_map.is_metric:
+        words.append('--cells')
     if request.reply is not None:
-        words += ['--reply', request.reply]
+        words.append(f'--reply={request.reply}')
     else:
         words += ['--source', request.source]
     return shlex.join(words)
@@ -36,8 +38,8 @@ def coordinates(request: PlayRequest, cell: Cell) -> list[str]:
     return [str(cell[0] + x_min), str(cell[1] + y_min)]
 
 
-def parameter_words(flag: str, value: object) -> list[str]:
-    """Return the flag of a parameter with its value."""
+def flag_of(name: str, value: object) -> str:
+    """Return the flag of a parameter with its value, which may begin with a dash."""
     if isinstance(value, bool):
-        return [flag if value else '--no-' + flag[2:]]
-    return [flag, format(value, 'g') if isinstance(value, float) else str(value)]
+        return f'--{name}' if value else f'--no-{name}'
+    return f'--{name}={value}'

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.maps.places_file import load_places, places_beside
 
+from llm_astar_planner.benchmark.datasets.grids import BARE_MAP, YAML
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps
 from llm_astar_planner.play.errors import PlayError
 from llm_astar_planner.resources import find_file
@@ -53,8 +55,8 @@ class PlayMap:
 
     @property
     def is_metric(self) -> bool:
-        """Whether its cells have a size in metres that means something."""
-        return self.barriers is None and self.grid_map.resolution != 1.0
+        """Whether its points are given in metres: on maps of robots, from map_server."""
+        return Path(self.file).suffix.lower() in YAML
 
     @property
     def offset(self) -> Point:
@@ -100,6 +102,9 @@ class Maps:
 def read_maps(file: str) -> Iterator[PlayMap]:
     """Yield the first maps of a file, a path or a name in maps/; raises as `Maps` does."""
     path = find_file(file, 'maps')
+    scenarios = Path(f'{path}.scen')
+    if path.suffix.lower() in BARE_MAP and scenarios.is_file():
+        file, path = f'{file}.scen', scenarios
     beside = places_beside(path)
     places = NO_PLACES if beside is None else load_places(beside)
     problems = load_maps(path, MAX_PAIRS)
