@@ -50,12 +50,13 @@ export function drawAxes(context, map, view, box, palette) {
 }
 
 function drawNames(context, map, box) {
-  context.textAlign = 'center';
+  context.textAlign = 'left';
   context.textBaseline = 'bottom';
-  context.fillText(map.axisName(0), box.left + box.width / 2, box.top + box.height + 38);
+  context.fillText(map.axisName(0), box.left, box.top + box.height + 38);
   context.save();
   context.translate(0, box.top + box.height / 2);
   context.rotate(-Math.PI / 2);
+  context.textAlign = 'center';
   context.textBaseline = 'top';
   context.fillText(map.axisName(1), 0, 1);
   context.restore();

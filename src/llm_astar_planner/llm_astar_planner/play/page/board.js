@@ -60,7 +60,7 @@ export class Board {
   readOut(cell) {
     const { map, walls } = this.callbacks.state();
     if (!cell || !map?.has(cell)) {
-      $('readout').textContent = '\u00a0';
+      $('readout').textContent = '';
       return;
     }
     const index = cell[1] * map.width + cell[0];
@@ -165,11 +165,25 @@ export class Board {
     const title = typeof name === 'number' ? `Via point ${name + 1}` : name === 'start' ? 'Start' : 'Goal';
     const extra = typeof name === 'number' ? ', Delete removes it' : '';
     button.setAttribute('aria-label', `${title} at ${map.described(cell)}. Arrow keys move it${extra}.`);
-    if (name === 'goal') this.placeHint(x, y);
+    if (name === 'goal') this.placeHint(x, y, !button.hidden);
   }
 
-  placeHint(x, y) {
-    $('hint').style.left = `${x}px`;
+  /** Say once that the goal can be dragged. */
+  showHint() {
+    this.isHinting = true;
+    this.placeHandles();
+  }
+
+  hideHint() {
+    this.isHinting = false;
+    $('hint').hidden = true;
+  }
+
+  placeHint(x, y, isShown) {
+    $('hint').hidden = !(this.isHinting && isShown);
+    const half = $('hint').offsetWidth / 2 + 2;
+    const width = this.canvas.clientWidth;
+    $('hint').style.left = `${Math.min(width - half, Math.max(half, x))}px`;
     $('hint').style.top = `${y}px`;
     $('hint').classList.toggle('below', y < 60);
   }

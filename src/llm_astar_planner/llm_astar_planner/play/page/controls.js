@@ -9,6 +9,8 @@ const WITH_WAYPOINTS = ['guided', 'llm_astar'];
 const NUMBERS = ['weight', 'max_suboptimality', 'robot_radius'];
 const ON_STAGE = ['start', 'goal', 'walls', 'via'];
 const MAX_CHIPS = 60;
+// Of the robot on a robot map.
+const RADIUS_M = 0.2;
 
 export class Controls {
   /** `onChange(name)` is called after a change of a setting, `onMap(id)` for another map. */
@@ -43,7 +45,7 @@ export class Controls {
       made.value = text(value, 300);
       return made;
     };
-    const nameOf = (name) => (name === 'reply' ? 'typed reply' : name.replaceAll('_', ' '));
+    const nameOf = (name) => (name === 'reply' ? 'a typed reply' : name);
     $('map').replaceChildren(...this.options.maps.map((map) => option(map.id, map.name)));
     for (const name of ['method', 'source']) {
       $(name).replaceChildren(...this.options[`${name}s`].map((item) => option(item.name, nameOf(text(item.name, 60)))));
@@ -69,7 +71,7 @@ export class Controls {
   /** Take a map: its description, its places, and whether corners are cut on it by default. */
   setMap(map) {
     this.map = map;
-    if (this.settings.corner_cutting === null) this.settings.corner_cutting = !map.isMetric;
+    for (const [name, value] of Object.entries(this.mapDefaults())) this.settings[name] ??= value;
     $('map').value = map.id;
     const size = map.isMetric
       ? `${(map.width * map.resolution).toFixed(1)} × ${(map.height * map.resolution).toFixed(1)} m, ${map.resolution} m a cell`
@@ -81,6 +83,19 @@ export class Controls {
     $('instruction-about').textContent = hasPlaces ? 'Press a place to write its name.' : 'This map has no named places.';
     $('places').replaceChildren(...map.places.slice(0, MAX_CHIPS).map((place) => this.chip(place.name)));
     this.show();
+  }
+
+  /** Return what fits the map where nothing else is asked: the paper's rules, or a small robot. */
+  mapDefaults() {
+    return this.map.isMetric
+      ? { robot_radius: RADIUS_M, corner_cutting: false } : { robot_radius: 0, corner_cutting: true };
+  }
+
+  /** Return the settings for a link: null where they are those that fit the map. */
+  linkSettings() {
+    const usual = this.mapDefaults();
+    return Object.fromEntries(Object.entries(this.settings)
+      .map(([name, value]) => [name, value === usual[name] ? null : value]));
   }
 
   chip(name) {
@@ -123,11 +138,13 @@ export class Controls {
   /** Write an error next to its field; with null, remove all. */
   showError(error) {
     for (const place of document.querySelectorAll('[data-error]')) place.hidden = true;
+    for (const input of $('controls').elements) input.removeAttribute('aria-invalid');
     if (!error) return;
     const field = ON_STAGE.includes(error.field) ? 'stage' : error.field;
     const place = document.querySelector(`[data-error="${CSS.escape(field || 'stage')}"]`)
       ?? document.querySelector('[data-error="stage"]');
     place.textContent = text(error.message, 600);
     place.hidden = false;
+    if (error.field in this.settings) $(error.field).setAttribute('aria-invalid', 'true');
   }
 }

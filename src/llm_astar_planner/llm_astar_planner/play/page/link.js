@@ -4,8 +4,10 @@ const MAX_FRAGMENT = 60_000;
 const MAX_WALLS = 40_000;
 const MAX_VIA = 100;
 const DEFAULTS = {
-  method: 'guided', source: 'embedded', heuristic: 'euclidean', weight: 2, max_suboptimality: 1.1,
-  robot_radius: 0, any_angle: false, corner_cutting: null, reply: '', instruction: '',
+  method: 'llm_astar', source: 'embedded', heuristic: 'euclidean', weight: 2, max_suboptimality: 1.1,
+  any_angle: false, reply: '', instruction: '',
+  // Null: as fits the map.
+  robot_radius: null, corner_cutting: null,
 };
 const NUMBERS = ['weight', 'max_suboptimality', 'robot_radius'];
 const TEXTS = ['method', 'source', 'heuristic', 'reply', 'instruction'];

@@ -2,21 +2,21 @@
 
 import * as api from './api.js';
 import { Board } from './board.js';
-import { number, shown, text } from './codec.js';
+import { bits, number, shown, text } from './codec.js';
 import { Controls } from './controls.js';
 import { GridMap } from './gridmap.js';
 import { decodeRuns, defaultSettings, fromFragment, toFragment } from './link.js';
 import { listenToModes, Live } from './live.js';
 import { Panel } from './panel.js';
 import { Player } from './player.js';
-import { showLegend, showReply, showVerdict } from './results.js';
-import { bits } from './codec.js';
+import { nameOf, showLegend, showReply, showUnordered, showVerdict } from './results.js';
 import { palette, watchScheme } from './theme.js';
 import { Viewport } from './viewport.js';
 import { MAX_EDITED, Walls } from './walls.js';
 
 const $ = (id) => document.getElementById(id);
 const LINK_DELAY_MS = 200;
+const SLOW_MS = 700;
 
 class Page {
   constructor(options) {
@@ -66,6 +66,7 @@ class Page {
   /** Show what the address says, else the first map. */
   async open() {
     await this.openLink(fromFragment(location.hash) ?? { map: this.options.maps[0].id });
+    this.board.showHint();
     if (this.hasPlans && !matchMedia('(prefers-reduced-motion: reduce)').matches) this.player.play();
   }
 
@@ -91,7 +92,7 @@ class Page {
     const size = this.map.cells.length;
     for (const index of decodeRuns(view.walls ?? '', size, MAX_EDITED)) this.walls.edits.set(index, true);
     for (const index of decodeRuns(view.freed ?? '', size, MAX_EDITED - this.walls.edits.size)) this.walls.edits.set(index, false);
-    if (view.settings === undefined) this.settings.corner_cutting = null;
+    if (view.settings === undefined) Object.assign(this.settings, { corner_cutting: null, robot_radius: null });
     this.controls.setMap(this.map);
     this.renderBase();
     await this.replan();
@@ -124,10 +125,17 @@ class Page {
     };
   }
 
-  replan() {
+  async replan() {
     this.linkSoon();
     this.showEditing();
-    return this.queue.ask(this.request());
+    const timer = setTimeout(() => this.sayPlanning(), SLOW_MS);
+    await this.queue.ask(this.request());
+    clearTimeout(timer);
+  }
+
+  sayPlanning() {
+    if (this.hasPlans || this.live) return;
+    showVerdict({ tone: 'draw', head: 'Planning …', rest: ' The first plan takes some seconds, while the searches are compiled.' });
   }
 
   onPlans(reply, request, isNewest) {
@@ -140,6 +148,7 @@ class Page {
     this.lethal = bits(reply.lethal, this.map.cells.length);
     for (const panel of this.panels) this.fillPanel(panel);
     showReply({ ...reply, plans: this.plans }, this.map, this.palette);
+    showUnordered(this.plans);
     this.renderBase();
     this.player.setTotal(Math.max(0, ...this.plans.map((plan) => number(plan.figures?.expansions) ?? 0)));
     this.showLegend();
@@ -152,20 +161,21 @@ class Page {
     panel.setPlan(plan ?? null);
     if (!plan) return;
     const { expansions, length, length_m: metres } = plan.figures ?? {};
-    const least = Math.min(...this.plans.filter((item) => item.found).map((item) => number(item.figures?.expansions) ?? Infinity));
+    const counts = this.plans.filter((item) => item.found).map((item) => number(item.figures?.expansions) ?? Infinity);
+    const least = Math.min(...counts);
     const figure = this.map.isMetric ? `${shown(metres, 2)} m` : `${shown(length, 2)} cells`;
-    panel.figure.querySelector('.title').textContent = text(plan.title, 80);
+    panel.figure.querySelector('.title').textContent = plan.role === 'chosen' ? text(plan.title, 80) : nameOf(plan);
     panel.figure.querySelector('.figures').textContent = plan.found ? `${shown(expansions)} expansions, ${figure}` : `no path, ${shown(expansions)} expansions`;
     const badge = panel.figure.querySelector('.badge');
     badge.textContent = 'fewest expansions';
-    badge.hidden = !(plan.found && expansions === least && this.plans.length > 1);
+    badge.hidden = !(plan.found && expansions === least && counts.filter((count) => count === least).length === 1);
   }
 
   onError(error) {
     $('main').setAttribute('aria-busy', 'false');
     this.controls.showError(error);
     document.querySelector('.panels').classList.add('stale');
-    showVerdict({ tone: 'fail', head: 'This cannot be planned.', rest: error.field ? ' The field that is at fault says why.' : ` ${error.message}` });
+    showVerdict({ tone: 'fail', head: 'This cannot be planned.', rest: error.field ? ' The field in red says why.' : ` ${error.message}` });
   }
 
   draw() {
@@ -194,11 +204,13 @@ class Page {
   showLegend() {
     const waypoints = new Set((this.panels[0].plan?.waypoints ?? []).map((point) => text(point.status, 30)));
     const closed = (this.lethal ?? []).some((value, index) => value && !this.walls.isBlocked(index));
-    showLegend(this.palette, { closed, walls: this.walls.isEdited, via: this.ends?.via.length, waypoints });
+    showLegend(this.palette, {
+      closed, waypoints, expanded: this.panels[0].search?.order.length > 0, drawn: this.walls.has(true), erased: this.walls.has(false), via: this.ends?.via.length,
+    });
   }
 
   moved(name, cell, isDone) {
-    $('hint').hidden = true;
+    this.board.hideHint();
     if (cell) {
       const target = typeof name === 'number' ? this.ends.via : this.ends;
       if (String(target[name]) === String(cell)) return;
@@ -241,8 +253,7 @@ class Page {
     const corners = path.filter((point, i) => i && i < path.length - 1
       && (point[0] - path[i - 1][0] !== path[i + 1][0] - point[0] || point[1] - path[i - 1][1] !== path[i + 1][1] - point[1]));
     const step = Math.max(1, Math.ceil(corners.length / 4));
-    const chosen = [this.ends.start, ...corners.filter((_, i) => i % step === 0), this.ends.goal];
-    const cells = chosen.map((cell) => `[${cell.map((value, axis) => Math.round(value + this.map.offset[axis])).join(', ')}]`);
+    const cells = corners.filter((_, i) => i % step === 0).map((cell) => `[${cell.map((value, axis) => Math.round(value + this.map.offset[axis])).join(', ')}]`);
     this.settings.reply = `Generated Path: [${cells.join(', ')}]`;
     this.controls.show();
   }
@@ -292,7 +303,7 @@ class Page {
   /** Put the view into the address. Returns whether all of it fits. */
   writeLink() {
     const { fragment, fits } = toFragment({
-      ...this.ends, map: this.map.id, settings: this.settings,
+      ...this.ends, map: this.map.id, settings: this.controls.linkSettings(),
       blocked: this.walls.indices(true), freed: this.walls.indices(false),
     });
     history.replaceState(null, '', `#${fragment}`);
@@ -307,6 +318,7 @@ class Page {
   showMode(mode) {
     const isLive = mode === 'live';
     document.body.classList.toggle('live', isLive);
+    clearTimeout(this.linkTimer);
     this.ends = null;
     this.map = undefined;
     if (!isLive) {
@@ -317,6 +329,9 @@ class Page {
       return;
     }
     this.player.pause();
+    this.board.hideHint();
+    for (const part of ['.title', '.figures']) this.panels[0].figure.querySelector(part).textContent = '';
+    this.panels[0].figure.querySelector('.badge').hidden = true;
     this.live = new Live({ setMap: (map) => this.setLiveMap(map), setPlan: (plan, ends) => this.setLivePlan(plan, ends), palette: () => this.palette });
     this.live.start();
   }
@@ -364,9 +379,8 @@ async function begin() {
     if (!options.maps?.length) throw new Error('The server has no maps. Start it with one: llm-astar play --map FILE');
     const page = new Page(options);
     if (options.live) listenToModes((mode) => page.showMode(mode));
-    await page.open();
-    $('hint').hidden = false;
     if (options.live && !location.hash) document.querySelector('[data-mode="live"]').click();
+    else await page.open();
   } catch (error) {
     showVerdict({ tone: 'fail', head: 'The page cannot start.', rest: ` ${text(error.message, 400)}` });
   }

@@ -6,7 +6,11 @@ import { MapLayer, SearchLayer } from './layers.js';
 import { drawLabel, drawMarker } from './markers.js';
 import { statusShape } from './theme.js';
 
-const MARGIN = { left: 52, top: 6, right: 8, bottom: 40 };
+const MARGIN = { left: 46, top: 8, right: 8, bottom: 40 };
+// Pixels of width below which names are smaller; how much wider than its place a name may be.
+const SMALL = 420;
+const MOST_NAME = 1.5;
+const MAX_BOXES = 600;
 const NO_MARGIN = { left: 0, top: 0, right: 0, bottom: 0 };
 
 export class Panel {
@@ -70,6 +74,7 @@ export class Panel {
     drawGrid(context, this.map, view, palette);
     if (this.hasAxes) this.drawPlaces(view, palette);
     if (part >= 1) this.drawPath(view, palette);
+    if (this.hasAxes) this.drawNames(ends, view, palette);
     this.drawPoints(ends, view, palette);
     if (this.hasAxes) drawScaleBar(context, this.map, view, box, palette);
     context.restore();
@@ -99,37 +104,88 @@ export class Panel {
 
   drawPlaces(view, palette) {
     const { context } = this;
-    const taken = [];
-    for (const { name, polygon } of this.map.places) {
-      if (!polygon.length) continue;
+    context.strokeStyle = palette.place;
+    context.globalAlpha = 0.55;
+    context.lineWidth = 1;
+    context.setLineDash([3, 4]);
+    for (const { polygon } of this.map.places) {
       context.beginPath();
       for (const point of polygon) context.lineTo(...view.toPixel(point));
       context.closePath();
-      context.strokeStyle = palette.place;
-      context.lineWidth = 1;
-      context.setLineDash([4, 4]);
       context.stroke();
-      context.setLineDash([]);
-      this.drawName(name, view.toPixel(middleOf(polygon)), palette, taken);
+    }
+    context.globalAlpha = 1;
+    context.setLineDash([]);
+  }
+
+  /** Write the names of the places, each where neither another name nor a marker is. */
+  drawNames(ends, view, palette) {
+    const marked = [ends.start, ends.goal, ...ends.via].filter(Boolean);
+    const taken = marked.map((cell) => {
+      const [x, y] = view.toPixel(cell);
+      return { x, y, half: 10 };
+    });
+    taken.push(...this.pathBoxes(view), this.scaleBarBox());
+    for (const { name, polygon } of this.map.places) {
+      if (polygon.length) this.drawName(name, polygon, view, palette, taken);
     }
   }
 
-  /** Write a name where no other is. */
-  drawName(name, [x, y], palette, taken) {
-    const half = 3.6 * name.length;
-    if (taken.some((box) => Math.abs(box.x - x) < box.half + half && Math.abs(box.y - y) < 13)) return;
+  /** Return where the path is, in boxes as names have them. */
+  pathBoxes(view) {
+    const boxes = [];
+    for (let i = 1; i < this.path.length; i += 1) {
+      const [from, to] = [this.path[i - 1], this.path[i]].map(view.toPixel);
+      const steps = Math.max(1, Math.ceil(Math.hypot(to[0] - from[0], to[1] - from[1]) / 12));
+      for (let n = 0; n < steps && boxes.length < MAX_BOXES; n += 1) {
+        boxes.push({ x: from[0] + ((to[0] - from[0]) * n) / steps, y: from[1] + ((to[1] - from[1]) * n) / steps, half: 2 });
+      }
+    }
+    return boxes;
+  }
+
+  scaleBarBox() {
+    const { left, top, width, height } = this.box;
+    return { x: left + width - 60, y: top + height - 20, half: this.map.isMetric ? 55 : 0 };
+  }
+
+  drawName(name, polygon, view, palette, taken) {
+    const [centre, middle] = view.toPixel(middleOf(polygon));
+    const width = view.scale * (Math.max(...polygon.map((point) => point[0])) - Math.min(...polygon.map((point) => point[0])));
+    const { size, half } = this.nameSize(name);
+    const { left, width: room } = this.box;
+    const x = Math.min(left + room - half, Math.max(left + half, centre));
+    if (2 * half > MOST_NAME * width) return;
+    const isFree = (y) => taken.every((box) => Math.abs(box.x - x) >= box.half + half || Math.abs(box.y - y) >= 16);
+    const y = [0, 17, -17, 34, -34].map((shift) => middle + shift).find(isFree);
+    if (y === undefined) return;
     taken.push({ x, y, half });
-    drawLabel(this.context, name, [x, y], palette, { size: 12, colour: palette.place });
+    drawLabel(this.context, name, [x, y], palette, { size, colour: palette.place });
+  }
+
+  /** Return the size of a name in pixels: its height and half its width. */
+  nameSize(name) {
+    const size = this.box.width < SMALL ? 10.5 : 12;
+    return { size, half: 0.3 * size * name.length };
+  }
+
+  /** Write a waypoint's number, unless it would be on another's. */
+  drawNumber(number, [x, y], palette, numbered) {
+    const isTaken = numbered.some((other) => Math.hypot(other[0] - x, other[1] - y) < 13);
+    if (!this.hasAxes || isTaken) return;
+    numbered.push([x, y]);
+    drawLabel(this.context, number, [x + 12, y - 9], palette, { size: 11 });
   }
 
   drawPoints(ends, view, palette) {
     const { context } = this;
     const size = this.hasAxes ? 1 : 0.7;
+    const numbered = [];
     for (const point of points(this.plan?.waypoints?.map((item) => [item.x, item.y, item]), 500)) {
       const { status, number } = point[2];
       const at = view.toPixel(point);
       drawMarker(context, statusShape(status), at, 7.5 * size, palette.waypoint[status] ?? '#7f7f7f', palette.edge, 1.2);
-      if (this.hasAxes) drawLabel(context, String(number).slice(0, 4), [at[0] + 12, at[1] - 9], palette, { size: 11 });
+      this.drawNumber(String(number).slice(0, 4), at, palette, numbered);
     }
     for (const via of ends.via) drawMarker(context, 'triangle', view.toPixel(via), 8 * size, palette.via, palette.edge);
     if (ends.start) drawMarker(context, 'square', view.toPixel(ends.start), 9 * size, palette.start, palette.edge, 1.8);

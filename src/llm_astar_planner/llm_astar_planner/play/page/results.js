@@ -7,6 +7,7 @@ import { verdictOf } from './verdict.js';
 
 const $ = (id) => document.getElementById(id);
 const CLAUSE_TONES = { satisfied: 'good', violated: 'bad', impossible: 'bad', guessed: 'warn' };
+const NOT_UNDERSTOOD = 'not understood';
 const MAX_ITEMS = 300;
 const MAX_FIELDS = 60;
 
@@ -16,6 +17,11 @@ export function element(tag, content = '', children = []) {
   made.textContent = text(content);
   made.append(...children);
   return made;
+}
+
+/** Return what a plan is called beside the others. */
+export function nameOf(plan) {
+  return { chosen: 'Your plan', no_waypoints: 'No waypoints', astar: 'A*' }[plan.role] ?? text(plan.title, 60);
 }
 
 export function showVerdict({ tone, head, rest }) {
@@ -49,7 +55,7 @@ const ROWS = [
 
 function showFigures(plans, map) {
   const head = element('thead', '', [element('tr', '', [element('td'), ...plans.map((plan) => {
-    const cell = element('th', text(plan.title, 80));
+    const cell = element('th', nameOf(plan));
     cell.scope = 'col';
     return cell;
   })])]);
@@ -58,7 +64,9 @@ function showFigures(plans, map) {
 
 function figureRow([title, key, digits, hasBar], plans, map) {
   const isMetres = key === 'length' && map.isMetric;
-  const values = plans.map((plan) => (plan.found || key === 'expansions' ? number(plan.figures?.[isMetres ? 'length_m' : key]) : null));
+  const valueOf = (plan) => number(plan.figures?.[isMetres ? 'length_m' : key]);
+  const isAsked = (plan) => (key === 'source_ms' ? valueOf(plan) > 0 : plan.found || key === 'expansions');
+  const values = plans.map((plan) => (isAsked(plan) ? valueOf(plan) : null));
   const known = values.filter((value) => value !== null);
   const [least, most] = [Math.min(...known), Math.max(...known)];
   const unit = key === 'length' ? ` (${isMetres ? 'm' : 'cells'})` : '';
@@ -66,8 +74,8 @@ function figureRow([title, key, digits, hasBar], plans, map) {
   header.scope = 'row';
   const isRanked = ['expansions', 'length', 'search_ms'].includes(key) && least < most;
   return element('tr', '', [header, ...values.map((value, i) => {
-    const shownValue = key === 'bound' && value !== null ? `${shown(value, digits)} × shortest` : shown(value, digits);
-    const cell = element('td', key === 'bound' && value === null && plans[i].found ? 'nothing proven' : shownValue);
+    const shownValue = key === 'bound' && value !== null ? `× ${shown(value, digits)}` : shown(value, digits);
+    const cell = element('td', key === 'bound' && value === null && plans[i].found ? 'no proof' : shownValue);
     cell.classList.toggle('best', isRanked && value === least && plans[i].found);
     if (hasBar && value !== null) cell.append(bar(most ? value / most : 0));
     return cell;
@@ -87,8 +95,9 @@ export function showWaypoints(waypoints, map, palette) {
     const { status } = point;
     const icon = markerIcon((context) => drawMarker(
       context, statusShape(status), [10, 10], 7, palette.waypoint[status] ?? '#7f7f7f', palette.edge, 1));
-    const where = [point.x, point.y].map((value, axis) => shown(value + map.offset[axis], Number.isInteger(value) ? 0 : 1));
-    return element('li', '', [icon, element('span', `${text(point.number, 6)}. (${where.join(', ')}) ${statusName(status)}`)]);
+    const where = [point.x, point.y].map((value, axis) => shown(map.axisValue(axis, value), map.isMetric ? 2 : Number(!Number.isInteger(value))));
+    const unit = map.isMetric ? ' m' : '';
+    return element('li', '', [icon, element('span', `${text(point.number, 6)}. (${where.join(', ')})${unit} ${statusName(status)}`)]);
   }));
 }
 
@@ -96,6 +105,7 @@ export function showInstruction(instruction) {
   $('instruction-block').hidden = !instruction;
   if (!instruction) return;
   const clauses = Array.isArray(instruction.clauses) ? instruction.clauses : [];
+  $('sentence').hidden = instruction.status === NOT_UNDERSTOOD;
   $('sentence').textContent = `Read as: ${text(instruction.sentence, 1000)} (${text(instruction.status, 60)})`;
   $('instruction-note').textContent = text(instruction.note, 1000);
   $('clauses').replaceChildren(...clauses.slice(0, MAX_ITEMS).map((clause) => {
@@ -103,8 +113,15 @@ export function showInstruction(instruction) {
     status.className = `status ${CLAUSE_TONES[clause.status] ?? 'soft'}`;
     const detail = element('span', text(clause.detail, 500));
     detail.className = 'detail';
-    return element('li', '', [status, element('span', text(clause.clause, 500)), ...(clause.detail ? [detail] : [])]);
+    return element('li', '', [status, element('span', text(clause.clause, 500).replace(`${NOT_UNDERSTOOD}: `, '')), ...(clause.detail ? [detail] : [])]);
   }));
+}
+
+/** Say of which searches the order of expansion is not known, so that the animation has none. */
+export function showUnordered(plans) {
+  const names = plans.filter((plan) => plan.order_is_known === false && plan.figures?.expansions).map(nameOf);
+  $('order-note').hidden = !names.length;
+  $('order-note').textContent = `The order of expansion is not known for: ${names.join(', ')}. The animation shows all its cells at once.`;
 }
 
 /** Show the fields of a node's report. */
@@ -118,7 +135,7 @@ export function showReport(report) {
 }
 
 /** Show the legend of what is on the map. */
-export function showLegend(palette, { closed, walls, via, waypoints }) {
+export function showLegend(palette, { expanded, closed, drawn, erased, via, waypoints }) {
   const area = (colour) => (context) => {
     context.fillStyle = colour;
     context.strokeStyle = palette.axis;
@@ -133,9 +150,10 @@ export function showLegend(palette, { closed, walls, via, waypoints }) {
   };
   const entries = [
     ['start', mark('square', palette.start)], ['goal', mark('diamond', palette.goal)], ['path', path],
-    ['expanded', area(palette.expanded)], ['obstacle', area(palette.obstacle)],
+    ...(expanded ? [['expanded', area(palette.expanded)]] : []), ['obstacle', area(palette.obstacle)],
     ...(closed ? [['too close for the robot', area(palette.inflated)]] : []),
-    ...(walls ? [['drawn wall', area(palette.wall)], ['erased', area(palette.freed)]] : []),
+    ...(drawn ? [['drawn wall', area(palette.wall)]] : []),
+    ...(erased ? [['erased', area(palette.freed)]] : []),
     ...(via ? [['via point', mark('triangle', palette.via)]] : []),
     ...[...waypoints].map((status) => [`waypoint ${statusName(status)}`, mark(statusShape(status), palette.waypoint[status] ?? '#7f7f7f')]),
   ];

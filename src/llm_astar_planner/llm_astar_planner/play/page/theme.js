@@ -17,9 +17,9 @@ const SHAPES = {
   accepted: 'star', out_of_order: 'plus', unreachable: 'down', occupied: 'cross', out_of_bounds: 'hexagon',
 };
 const DARK = {
-  free: '#232a35', obstacle: '#8d97a8', unknown: '#191e26', inflated: '#515c6d', expanded: '#83683a',
+  free: '#232a35', obstacle: '#79849a', unknown: '#191e26', inflated: '#434d5e', expanded: '#94702f',
   newest: '#f5b947', path: '#79bbff', outline: '#0d1117', edge: '#0d1117', grid: 'rgb(255 255 255 / 5%)',
-  wall: '#c7a6e8', freed: '#2f4a4a', place: '#a8bdd0', halo: '#151a21', axis: '#a2abb9',
+  wall: '#c7a6e8', freed: '#2f4a4a', place: '#b4c7d8', halo: '#151a21', axis: '#a2abb9',
 };
 const LIGHT = {
   newest: '#f09a0a', outline: '#ffffff', edge: '#111111', grid: 'rgb(20 30 50 / 6%)',

@@ -6,33 +6,42 @@ import { number, shown, text } from './codec.js';
 function fewer(value, other) {
   const part = 100 * (1 - value / other);
   if (part >= 99.5) return `${shown(other / value)} times fewer`;
-  return `${shown(part, part < 10 ? 1 : 0)} % fewer`;
+  return `${shown(part, part < 10 ? 1 : 0)}% fewer`;
 }
 
-/** Say how long a path is beside another: '2.1 % longer', 'equally long', or nothing. */
-function lengthBeside(plan, other) {
+/** Return the path of a plan beside another's: 'a path 2.1% longer', or '' where unknown. */
+function pathBeside(plan, other) {
   const [own, its] = [plan.figures?.length, other.figures?.length].map(number);
   if (own === null || its === null) return '';
   const part = 100 * (own / its - 1);
-  if (Math.abs(part) < 0.05) return 'equally long';
-  return `${shown(Math.abs(part), 1)} % ${part > 0 ? 'longer' : 'shorter'}`;
+  if (Math.abs(part) < 0.05) return 'an equally long path';
+  return `a path ${shown(Math.abs(part), 1)}% ${part > 0 ? 'longer' : 'shorter'}`;
 }
 
+const expansionsOf = (plan) => number(plan.figures?.expansions) ?? 0;
+
 function byWaypoints(chosen, plain) {
-  const [own, its] = [chosen, plain].map((plan) => number(plan.figures?.expansions) ?? 0);
-  const accepted = (chosen.waypoints ?? []).filter((point) => point.status === 'accepted').length;
-  if (!accepted) return { tone: 'draw', head: 'No usable waypoints.', rest: ` The search did without: ${shown(own)} expansions.` };
-  const rest = `${shown(own)} expansions instead of ${shown(its)}`;
-  if (own < its) return { tone: 'win', head: 'The waypoints win:', rest: ` ${rest}, ${fewer(own, its)}.` };
-  if (own > its) return { tone: 'lose', head: 'No waypoints wins:', rest: ` ${shown(its)} expansions; following the waypoints took ${shown(own)}.` };
-  return { tone: 'draw', head: 'A draw:', rest: ` ${shown(own)} expansions with and without waypoints.` };
+  const [own, its] = [expansionsOf(chosen), expansionsOf(plain)];
+  const sent = (chosen.waypoints ?? []).length;
+  const used = (chosen.waypoints ?? []).filter((point) => point.status === 'accepted').length;
+  const path = pathBeside(chosen, plain);
+  const found = path ? `, and ${path}` : '';
+  if (!used) {
+    const head = sent ? 'No waypoint could be used:' : 'The source gave no waypoints:';
+    return { tone: 'draw', head, rest: ` the search did without, ${shown(own)} expansions.` };
+  }
+  if (own < its) return { tone: 'win', head: 'The waypoints win:', rest: ` ${shown(own)} expansions instead of ${shown(its)} (${fewer(own, its)})${found}.` };
+  if (own > its) return { tone: 'lose', head: 'The search without waypoints wins:', rest: ` ${shown(its)} expansions; with them it took ${shown(own)}${found}.` };
+  return { tone: 'draw', head: 'A draw:', rest: ` ${shown(own)} expansions with waypoints and without${path ? `, ${path}` : ''}.` };
 }
 
 function byAstar(chosen, astar) {
-  const [own, its] = [chosen, astar].map((plan) => number(plan.figures?.expansions) ?? 0);
-  const rest = ` ${shown(own)} expansions, A* ${shown(its)}`;
-  if (own < its) return { tone: 'win', head: `${text(chosen.title, 60)} beats A*:`, rest: `${rest}, so ${fewer(own, its)}.` };
-  if (own > its) return { tone: 'lose', head: 'A* expands less:', rest: ` ${shown(its)} cells; ${text(chosen.title, 60)} took ${shown(own)}.` };
+  const [own, its] = [expansionsOf(chosen), expansionsOf(astar)];
+  const name = text(chosen.title, 60).split(',')[0];
+  const path = pathBeside(chosen, astar);
+  const found = path ? `, and ${path}` : '';
+  if (own < its) return { tone: 'win', head: `${name} beats A*:`, rest: ` ${shown(own)} expansions instead of ${shown(its)} (${fewer(own, its)})${found}.` };
+  if (own > its) return { tone: 'lose', head: `A* beats ${name}:`, rest: ` ${shown(its)} expansions instead of ${shown(own)}; ${name} found ${path || 'a path'}.` };
   return { tone: 'draw', head: 'A draw with A*:', rest: ` ${shown(own)} expansions each.` };
 }
 
@@ -40,12 +49,15 @@ function byInstruction(chosen, other) {
   const { clauses = [], status } = chosen.instruction;
   const kept = clauses.filter((clause) => clause.status === 'satisfied').length;
   if (!clauses.length) return { tone: 'lose', head: 'The instruction was not used:', rest: ` ${text(status, 100)}.` };
+  if (clauses.every((clause) => clause.status === 'not understood')) {
+    return { tone: 'lose', head: 'The instruction was not understood:', rest: ' the path does not follow it.' };
+  }
   const isKept = kept === clauses.length;
-  const length = other ? lengthBeside(chosen, other) : '';
+  const path = other ? pathBeside(chosen, other) : '';
   return {
     tone: isKept ? 'win' : 'lose',
-    head: isKept ? 'The instruction is kept:' : 'The instruction is kept in part:',
-    rest: ` ${kept} of ${clauses.length} ${clauses.length === 1 ? 'clause' : 'clauses'} satisfied${length ? `, on a path ${length} than without it`.replace('long than', 'long as') : ''}.`,
+    head: isKept ? 'The instruction is kept:' : 'The instruction is not kept whole:',
+    rest: ` ${isKept ? 'each clause is satisfied' : `${kept} of ${clauses.length} clauses are satisfied`}${path ? `, on ${path} than without it`.replace('long path than', 'long path as') : ''}.`,
   };
 }
 
@@ -65,11 +77,12 @@ export function verdictOf(plans) {
   const [plain, astar] = ['no_waypoints', 'astar'].map((role) => plans.find((plan) => plan.role === role && plan.found));
   if (!chosen?.found) return failure(chosen ?? {}, plans);
   const other = plain ?? astar;
-  if (chosen.instruction) return byInstruction(chosen, other);
-  if (!other) return { tone: 'draw', head: 'Path found:', rest: ` ${shown(chosen.figures?.expansions)} expansions.` };
-  const verdict = plain ? byWaypoints(chosen, plain) : byAstar(chosen, astar);
-  const length = lengthBeside(chosen, other);
-  if (length) verdict.rest += length === 'equally long' ? ' The paths are equally long.' : ` Its path is ${length}.`;
-  if (plain && astar) verdict.rest += ` A* takes ${shown(astar.figures?.expansions)}.`;
+  if (chosen.instruction) return byInstruction(chosen, plans.find((plan) => plan.found && !plan.instruction));
+  if (!other) return { tone: 'draw', head: 'Path found:', rest: ` ${shown(expansionsOf(chosen))} expansions.` };
+  if (!plain) return byAstar(chosen, astar);
+  const verdict = byWaypoints(chosen, plain);
+  if (!astar) return verdict;
+  const path = pathBeside(astar, chosen);
+  verdict.rest += ` A* expands ${shown(expansionsOf(astar))}${path ? ` for ${path}` : ''}.`;
   return verdict;
 }

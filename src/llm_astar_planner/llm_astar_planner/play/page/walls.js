@@ -89,6 +89,12 @@ export class Walls {
     this.end();
   }
 
+  /** Return whether any cell is drawn (true) or erased (false). */
+  has(blocked) {
+    for (const value of this.edits.values()) if (value === blocked) return true;
+    return false;
+  }
+
   indices(blocked) {
     return [...this.edits].filter(([, value]) => value === blocked).map(([index]) => index).sort((a, b) => a - b);
   }
