@@ -17,6 +17,9 @@ import { MAX_EDITED, Walls } from './walls.js';
 const $ = (id) => document.getElementById(id);
 const LINK_DELAY_MS = 200;
 const SLOW_MS = 700;
+// Pixels around the main map that are to be seen with it, and its least height.
+const AROUND = 330;
+const LEAST_HEIGHT = 340;
 
 class Page {
   constructor(options) {
@@ -190,7 +193,7 @@ class Page {
 
   resize() {
     if (!this.map) return;
-    for (const panel of this.panels) panel.resize(innerHeight * (panel.hasAxes ? 0.72 : 0.34));
+    for (const panel of this.panels) panel.resize(panel.hasAxes ? Math.max(LEAST_HEIGHT, innerHeight - AROUND) : 0.34 * innerHeight);
     this.draw();
   }
 

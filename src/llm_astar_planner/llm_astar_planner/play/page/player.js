@@ -41,13 +41,13 @@ export class Player {
       if (this.step >= this.total) this.pause();
     };
     this.frame = requestAnimationFrame(tick);
-    $('play').textContent = 'Pause';
+    this.showLabel();
   }
 
   pause() {
     if (this.frame !== null) cancelAnimationFrame(this.frame);
     this.frame = null;
-    $('play').textContent = this.step >= this.total ? 'Replay' : 'Play';
+    this.showLabel();
   }
 
   show(step) {
@@ -55,7 +55,12 @@ export class Player {
     const whole = Math.round(this.step);
     $('scrub').value = String(whole);
     $('step-count').textContent = `${whole.toLocaleString('en')} of ${this.total.toLocaleString('en')}`;
+    this.showLabel();
     this.onStep();
+  }
+
+  showLabel() {
+    $('play').textContent = this.isPlaying ? 'Pause' : this.step >= this.total ? 'Replay' : 'Play';
   }
 
   /** Return the part (0 to 1) of a search of so many expansions that is shown. */

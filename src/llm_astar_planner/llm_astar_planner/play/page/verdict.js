@@ -32,7 +32,7 @@ function byWaypoints(chosen, plain) {
   }
   if (own < its) return { tone: 'win', head: 'The waypoints win:', rest: ` ${shown(own)} expansions instead of ${shown(its)} (${fewer(own, its)})${found}.` };
   if (own > its) return { tone: 'lose', head: 'The search without waypoints wins:', rest: ` ${shown(its)} expansions; with them it took ${shown(own)}${found}.` };
-  return { tone: 'draw', head: 'A draw:', rest: ` ${shown(own)} expansions with waypoints and without${path ? `, ${path}` : ''}.` };
+  return { tone: 'draw', head: 'A draw:', rest: ` ${shown(own)} expansions with waypoints and without.` };
 }
 
 function byAstar(chosen, astar) {

@@ -1,0 +1,280 @@
+"""The page of `llm-astar play` in a real headless Chromium."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+import urllib.request
+from urllib.parse import quote
+
+import pytest
+
+playwright = pytest.importorskip('playwright.sync_api', reason='playwright is not installed')
+expect = playwright.expect
+CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'chromium-browser'))), None)
+if CHROMIUM is None:
+    pytest.skip('there is no chromium: apt-get install chromium', allow_module_level=True)
+ARGUMENTS = [
+    '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run',
+    '--disable-background-networking', '--disable-component-update', '--disable-sync',
+]  # fmt: skip
+# The first plan may have to wait for kernels to be compiled.
+TIMEOUT_MS = 60_000
+DEMO = 'map=demo.json:0'
+HOSTILE = "<img src=x onerror=\"document.title='hit'\"><script>document.title='hit'</script>"
+
+
+@pytest.fixture(scope='module')
+def url():
+    command = [sys.executable, '-m', 'llm_astar_planner.cli.main', 'play', '--no-browser']
+    with subprocess.Popen([*command, '--port', '0'], stdout=subprocess.PIPE, text=True) as server:
+        found = re.search(r'http://\S+', server.stdout.readline())
+        assert found, 'the server has not said where its page is'
+        yield found.group()
+        server.terminate()
+
+
+@pytest.fixture(scope='module')
+def browser():
+    with playwright.sync_playwright() as tools:
+        running = tools.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield running
+        running.close()
+
+
+@pytest.fixture
+def open_page(browser, url):
+    """Open the page at a fragment; in the end no page may have written an error."""
+    contexts, errors = [], []
+
+    def opened(fragment='', stub=None, **options):
+        options.setdefault('viewport', {'width': 1400, 'height': 900})
+        context = browser.new_context(reduced_motion='reduce', **options)
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(TIMEOUT_MS)
+        page.on('pageerror', lambda error: errors.append(str(error)))
+        page.on('console', lambda line: line.type == 'error' and errors.append(line.text))
+        if stub:
+            stub(page)
+        page.goto(f'{url}#{fragment}')
+        expect(page.locator('#main')).to_have_attribute('aria-busy', 'false', timeout=TIMEOUT_MS)
+        return page
+
+    opened.errors = errors
+    yield opened
+    for context in contexts:
+        context.close()
+    assert errors == []
+
+
+def middle(page, selector):
+    box = page.locator(selector).bounding_box()
+    return box['x'] + box['width'] / 2, box['y'] + box['height'] / 2
+
+
+def drag(page, start, end):
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(*end, steps=4)
+    page.mouse.up()
+
+
+def expansions(page):
+    return [
+        int(text.replace(',', ''))
+        for text in page.locator('#figures tr:nth-child(1) td').all_text_contents()
+        if text
+    ]
+
+
+def wait_for_other(page, old):
+    expect(page.locator('#figures')).not_to_have_text(old, timeout=TIMEOUT_MS)
+    expect(page.locator('#main')).to_have_attribute('aria-busy', 'false', timeout=TIMEOUT_MS)
+
+
+def test_dragging_the_goal_changes_the_figures(open_page):
+    page = open_page(DEMO)
+    expect(page.locator('#hint')).to_be_visible()
+    before = page.locator('#figures').text_content()
+    x, y = middle(page, '[data-handle=goal]')
+    drag(page, (x, y), (x + 60, y + 10))
+    wait_for_other(page, before)
+    expect(page.locator('#hint')).to_be_hidden()
+    expect(page.locator('#verdict')).to_contain_text('expansions')
+    assert len(expansions(page)) == 3
+
+
+def test_arrow_keys_move_the_start(open_page):
+    page = open_page(f'{DEMO}&start=39,18&goal=7,19')
+    start = page.locator('[data-handle=start]')
+    start.focus()
+    page.keyboard.press('ArrowRight')
+    page.keyboard.press('Shift+ArrowDown')
+    expect(start).to_have_attribute('aria-label', re.compile(r'^Start at 40, 8\.'))
+
+
+def test_a_drawn_wall_moves_the_path_and_undo_takes_it_back(open_page):
+    page = open_page(f'{DEMO}&method=exact_astar&source=none&start=5,5&goal=45,5')
+    free = page.locator('#figures').text_content()
+    page.get_by_role('button', name='Draw wall').click()
+    box = page.locator('#board canvas').bounding_box()
+    across = box['x'] + 0.6 * box['width']
+    drag(page, (across, box['y'] + 0.7 * box['height']), (across, box['y'] + 0.9 * box['height']))
+    wait_for_other(page, free)
+    walled = page.locator('#figures').text_content()
+    expect(page.locator('#command-note')).to_contain_text('walls')
+    expect(page).to_have_url(re.compile('walls='))
+    page.keyboard.press('Control+z')
+    wait_for_other(page, walled)
+    expect(page.get_by_role('button', name='Redo')).to_be_enabled()
+    assert without_times(page.locator('#figures').text_content()) == without_times(free)
+
+
+def without_times(figures):
+    return re.sub(r'(Search|Waypoints) \(ms\)[^A-Z]+', '', figures)
+
+
+def test_a_typed_reply_shows_what_became_of_each_waypoint(open_page):
+    page = open_page(f'{DEMO}&start=39,18&goal=7,19')
+    page.locator('#source').select_option('reply')
+    expect(page.locator('#reply')).to_have_value(re.compile(r'^Generated Path: \[\['))
+    page.locator('#reply').fill('Generated Path: [[31, 10], [12, 9], [27, 9], [20, 20], [60, 99]]')
+    page.get_by_role('button', name='Use this reply').click()
+    shown = page.locator('#waypoints li')
+    expect(shown.filter(has_text='(60, 99) out of bounds')).to_be_visible()
+    statuses = [re.sub(r'.*\) ', '', text) for text in shown.all_text_contents()]
+    assert statuses == ['accepted', 'accepted', 'out of order', 'occupied', 'out of bounds']
+    expect(page.locator('#legend')).to_contain_text('waypoint out of order')
+
+
+def test_an_instruction_shows_the_outcome_of_each_clause(open_page):
+    page = open_page('map=instructions/office.yaml&start=20,20&goal=180,100')
+    page.locator('#instruction').fill('visit the reception, avoid the open space')
+    page.locator('#instruction').press('Enter')
+    expect(page.locator('#clauses li')).to_have_count(2)
+    expect(page.locator('#clauses .status')).to_have_text(['satisfied', 'satisfied'])
+    expect(page.locator('#verdict')).to_contain_text('The instruction is kept')
+
+
+def test_a_link_reproduces_the_view(open_page):
+    fragment = (
+        f'{DEMO}&start=39,18&goal=7,19&method=guided&source=coarse&max_suboptimality=1.5'
+        '&robot_radius=0.5&via=20,5&walls=7s.3.1c.3'
+    )
+    page = open_page(fragment)
+    page.locator('[data-handle=goal]').press('ArrowUp')
+    expect(page).to_have_url(re.compile('goal=7,20'))
+    expect(page.locator('#main')).to_have_attribute('aria-busy', 'false')
+    again = open_page(page.url.split('#')[1])
+    for selector in ('#figures', '#legend', '#pair-name'):
+        first, second = (one.locator(selector).text_content() for one in (page, again))
+        assert without_times(first) == without_times(second)
+    for field in ('map', 'method', 'source', 'max_suboptimality', 'robot_radius'):
+        assert page.locator(f'#{field}').input_value() == again.locator(f'#{field}').input_value()
+    assert again.url == page.url
+
+
+def test_the_command_is_copied(open_page):
+    page = open_page(DEMO, permissions=['clipboard-read', 'clipboard-write'])
+    page.get_by_role('button', name='Copy as command').click()
+    expect(page.locator('#toast')).to_have_text('The command is copied.')
+    copied = page.evaluate('navigator.clipboard.readText()')
+    assert copied == page.locator('#command').text_content()
+    assert copied.startswith('llm-astar plan --map demo.json')
+
+
+def test_the_animation_stops_and_goes_on(open_page):
+    page = open_page(DEMO)
+    total = max(expansions(page))
+    page.locator('#scrub').fill('10')
+    expect(page.locator('#step')).to_contain_text(f'10 of {total}')
+    page.locator('#speed').select_option('4')
+    page.get_by_role('button', name='Play').click()
+    expect(page.locator('#step')).to_contain_text(f'{total} of {total}')
+    expect(page.locator('#play')).to_have_text('Replay')
+
+
+def test_an_error_of_the_server_stands_beside_its_field(open_page):
+    page = open_page(DEMO)
+    page.locator('#robot_radius').fill('-1')
+    page.locator('#robot_radius').press('Enter')
+    expect(page.locator('[data-error=robot_radius]')).to_contain_text('-1')
+    expect(page.locator('#robot_radius')).to_have_attribute('aria-invalid', 'true')
+    assert ['422' in text for text in open_page.errors] == [True]  # Chromium's own line
+    open_page.errors.clear()
+
+
+def test_foreign_text_is_shown_as_text(open_page):
+    def hostile(route):
+        reply = route.fetch().json()
+        plan = reply['plans'][0]
+        plan.update(title=HOSTILE, message=HOSTILE)
+        plan['waypoints'] = [{'number': HOSTILE, 'x': 3, 'y': 3, 'status': HOSTILE}]
+        clause = {'clause': HOSTILE, 'status': HOSTILE, 'detail': HOSTILE * 1000}
+        plan['instruction'] = {'sentence': HOSTILE, 'status': HOSTILE, 'clauses': [clause]}
+        route.fulfill(json=reply | {'command': HOSTILE})
+
+    def hostile_map(route):
+        sent = route.fetch().json()
+        places = [{'name': HOSTILE, 'polygon': [[5, 5], [9, 5], [9, 9]]}]
+        route.fulfill(json=sent | {'name': HOSTILE, 'places': places})
+
+    def stub(page):
+        page.route('**/api/plan', hostile)
+        page.route('**/api/map*', hostile_map)
+
+    page = open_page(f'{DEMO}&reply={quote(HOSTILE)}&walls=zzzzzzzzz.zzzzzzz&via=1;x', stub)
+    for selector in ('#clauses', '#sentence', '#command', '#places', '.panel.main .title'):
+        expect(page.locator(selector)).to_contain_text('<img src=x')
+    assert len(page.locator('#clauses').text_content()) < 2000
+    assert page.locator('main img, main script').count() == 0
+    assert 'hit' not in page.title()
+
+
+def test_a_link_to_an_unknown_map_says_so(open_page):
+    page = open_page(f'map={quote(HOSTILE)}&start=1,1')
+    expect(page.locator('#notice')).to_contain_text('The link names a map that is not here, <img')
+
+
+def test_a_phone_shows_everything_without_scrolling_sideways(open_page):
+    page = open_page(
+        'map=instructions/office.yaml&start=20,20&goal=180,100&instruction=avoid the open space',
+        viewport={'width': 390, 'height': 844}, has_touch=True, color_scheme='dark',
+    )  # fmt: skip
+    assert page.evaluate('document.documentElement.scrollWidth') <= 390
+    for selector in ('#board canvas', '#controls', '#clauses', '#command'):
+        box = page.locator(selector).bounding_box()
+        assert box['x'] >= 0
+        assert box['x'] + box['width'] <= 390
+
+
+def test_a_running_graph_is_shown_as_its_events_come(open_page, url):
+    with urllib.request.urlopen(f'{url}api/map?id=demo.json:0') as answer:  # noqa: S310 - loopback
+        sent_map = json.load(answer)
+    plan = {
+        'path': [[5, 5], [6, 6], [7, 6]], 'found': True,
+        'waypoints': [{'number': 1, 'x': 6, 'y': 6, 'status': 'accepted'}],
+        'report': {'length': 2.41, 'expansions': 3, 'message': HOSTILE},
+    }  # fmt: skip
+    events = (('map', sent_map), ('plan', plan), ('status', {'message': HOSTILE}))
+    body = ''.join(f'event: {name}\ndata: {json.dumps(data)}\n\n' for name, data in events)
+
+    def stub(page):
+        page.route(
+            '**/api/options',
+            lambda route: route.fulfill(json=route.fetch().json() | {'live': True}),
+        )
+        page.route(
+            '**/api/live', lambda route: route.fulfill(content_type='text/event-stream', body=body)
+        )
+
+    page = open_page(DEMO, stub)
+    page.get_by_role('button', name='Running graph').click()
+    expect(page.locator('#verdict')).to_contain_text('Path found')
+    expect(page.locator('#report')).to_contain_text('<img src=x')
+    expect(page.locator('#waypoints')).to_contain_text('(6, 6) accepted')
+    expect(page.locator('#controls')).to_be_hidden()
+    page.get_by_role('button', name='Plan here').click()
+    expect(page.locator('#figures')).to_be_visible()
