@@ -54,7 +54,7 @@ function drawNames(context, map, box) {
   context.textBaseline = 'bottom';
   context.fillText(map.axisName(0), box.left, box.top + box.height + 38);
   context.save();
-  context.translate(0, box.top + box.height / 2);
+  context.translate(Math.max(0, box.left - 46), box.top + box.height / 2);
   context.rotate(-Math.PI / 2);
   context.textAlign = 'center';
   context.textBaseline = 'top';

@@ -20,6 +20,8 @@ const SLOW_MS = 700;
 // Pixels around the main map that are to be seen with it, and its least height.
 const AROUND = 330;
 const LEAST_HEIGHT = 340;
+// By how much two small maps are lower than the main one, so that the columns end together.
+const BETWEEN = 62;
 
 class Page {
   constructor(options) {
@@ -193,7 +195,9 @@ class Page {
 
   resize() {
     if (!this.map) return;
-    for (const panel of this.panels) panel.resize(panel.hasAxes ? Math.max(LEAST_HEIGHT, innerHeight - AROUND) : 0.34 * innerHeight);
+    const [main, ...sides] = this.panels;
+    main.resize(Math.max(LEAST_HEIGHT, innerHeight - AROUND));
+    for (const side of sides) side.resize((main.canvas.clientHeight - BETWEEN) / 2);
     this.draw();
   }
 

@@ -50,7 +50,10 @@ export class Panel {
     this.canvas.width = Math.round(width * ratio);
     this.canvas.height = Math.round(height * ratio);
     this.ratio = ratio;
-    this.box = { left, top, width: width - left - right, height: height - top - bottom };
+    const [room, tall] = [width - left - right, height - top - bottom];
+    // As wide as the map where the height is what limits it.
+    const wide = Math.min(room, (tall * this.map.width) / this.map.height);
+    this.box = { left: left + (room - wide) / 2, top, width: wide, height: tall };
   }
 
   get view() {
@@ -180,13 +183,13 @@ export class Panel {
   drawPoints(ends, view, palette) {
     const { context } = this;
     const size = this.hasAxes ? 1 : 0.7;
-    const numbered = [];
-    for (const point of points(this.plan?.waypoints?.map((item) => [item.x, item.y, item]), 500)) {
-      const { status, number } = point[2];
-      const at = view.toPixel(point);
+    const waypoints = points(this.plan?.waypoints?.map((item) => [item.x, item.y, item]), 500)
+      .map((point) => ({ at: view.toPixel(point), ...point[2] }));
+    for (const { at, status } of waypoints) {
       drawMarker(context, statusShape(status), at, 7.5 * size, palette.waypoint[status] ?? '#7f7f7f', palette.edge, 1.2);
-      this.drawNumber(String(number).slice(0, 4), at, palette, numbered);
     }
+    const numbered = [];
+    for (const { at, number } of waypoints) this.drawNumber(String(number).slice(0, 4), at, palette, numbered);
     for (const via of ends.via) drawMarker(context, 'triangle', view.toPixel(via), 8 * size, palette.via, palette.edge);
     if (ends.start) drawMarker(context, 'square', view.toPixel(ends.start), 9 * size, palette.start, palette.edge, 1.8);
     if (ends.goal) drawMarker(context, 'diamond', view.toPixel(ends.goal), 10 * size, palette.goal, palette.edge, 1.8);
