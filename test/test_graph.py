@@ -331,7 +331,7 @@ def test_a_client_killed_mid_call_never_stops_the_plan():
         assert report.map_digest == old.digest
         assert report.guided_by == 'none'
         assert report.source_status in ('TIMEOUT', 'UNREACHABLE')
-        assert 'llm_client_node' in report.source_detail
+        assert 'llm_client' in report.source_detail
         assert caller.call(Pose2D(3.0, 3.0), Pose2D(15.0, 15.0))[1].map_digest == new.digest
 
 
@@ -517,7 +517,7 @@ def test_the_benchmark_node_without_a_planner_says_so_and_loses_nothing(tmp_path
     impatient = """
 from llm_astar_planner.nodes import benchmark_node
 from llm_astar_planner.nodes.tools import planner_client as caller
-caller.DISCOVERY_SECONDS = 0.5
+caller.PlannerClient.wait_for_planner.__defaults__ = (0.5,)
 raise SystemExit(benchmark_node.main())
 """
     arguments = ['--limit', '2', '--out', str(tmp_path / 'out')]

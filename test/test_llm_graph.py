@@ -85,7 +85,7 @@ def ask_client(caller):
 
 @needs_llm
 def test_client_and_planner_with_a_real_model(monkeypatch):
-    """Three prompts, structured output, a bearer key, 401 without it, and a plan with it all."""
+    """Two prompts, structured output, a bearer key, 401 without it, and a plan with it all."""
     monkeypatch.setenv(KEY_ENV, KEY)
     slow = ['-p', 'max_planning_time:=200.0', '-p', 'source_timeout:=120.0']
     slow += ['-p', 'search_while_waiting:=false']
@@ -96,7 +96,7 @@ def test_client_and_planner_with_a_real_model(monkeypatch):
         map_node, client, planner, caller = graph(arguments, *slow)
         with map_node, client, planner, caller as caller:
             caller.wait_until_ready(client='llm_client_node')
-            for prompt in ('few_shot', 'cot', 'repe'):
+            for prompt in ('few_shot', 'repe'):
                 assert set_parameter(caller, 'llm_client_node', 'prompt', prompt).successful
                 exchange = ask_client(caller)
                 assert exchange.status in answered, exchange
