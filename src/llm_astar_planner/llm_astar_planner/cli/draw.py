@@ -1,4 +1,4 @@
-"""Draw the cells that A* and LLM-A* expand on one sample.
+"""Draw what A* and another method expand on the way from start to goal, side by side.
 
 The file is a picture (.png, .svg, .pdf) or an animation (.gif).
 """
@@ -6,118 +6,134 @@ The file is a picture (.png, .svg, .pdf) or an animation (.gif).
 from __future__ import annotations
 
 import argparse
-import math
-from pathlib import Path
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map, load_barrier_maps
+from llm_astar_planner.benchmark.runner.engine import AnsweredSource
+from llm_astar_planner.cli.parameter_flags import OldFlag
+from llm_astar_planner.cli.pictures import ANIMATIONS, picture_or_animation
+from llm_astar_planner.cli.plan import Problem, add_query_options, compile_searches, read_problem
+from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.retrace import retrace
+from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.waypoints.async_query import query_source
+from llm_astar_planner.waypoints.source import WaypointQuery
 
-from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample
-from llm_astar_planner.benchmark.results import PAPER_ASTAR, Row, Variant, parse_points
-from llm_astar_planner.benchmark.runner.engine import (
-    SearchSettings,
-    make_tasks,
-    plan_again,
-    run_task,
-)
-from llm_astar_planner.benchmark.runner.sources import SourceSpec, make_source_specs
-from llm_astar_planner.resources import find_file
-from llm_astar_planner.waypoints.config import SOURCE_NAMES, SourceSettings
+if TYPE_CHECKING:
+    from llm_astar_planner.visualization.figures import Picture
+
+EPILOG = """\
+examples:
+  llm-astar draw --map-id 5 --pair 3 --out out/searches.gif
+  llm-astar draw --method llm_astar --source oracle --out out/paper.png
+  llm-astar draw --map depot.yaml --start -4.1 -4.8 --goal 17.9 4.7 --robot-radius 0.2
+    --out out/depot.gif
+
+exit codes: 0 drawn, 1 no path, 2 bad usage or input
+"""
+ASTAR = 'astar'
+
+
+class Drawn(NamedTuple):
+    """A request and its plan."""
+
+    request: PlanRequest
+    plan: Plan
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options."""
+    """Add the options: those of `plan`, and the file."""
+    add_query_options(parser, 'samples_1000.json')
     parser.add_argument(
-        '--dataset', default='samples_1000.json', metavar='FILE',
-        help='barrier-map JSON, a path or a name in maps/ (default: %(default)s)',
-    )  # fmt: skip
-    parser.add_argument('--map-id', type=int, default=0, metavar='ID', help='(default: 0)')
-    parser.add_argument('--pair', type=int, default=0, metavar='N', help='(default: 0)')
+        '--dataset', dest='map', action=OldFlag, metavar='FILE', help=argparse.SUPPRESS
+    )
     parser.add_argument(
-        '--source', default='oracle', metavar='NAME',
-        help=f'waypoint source, one of {", ".join(SOURCE_NAMES)} (default: %(default)s)',
-    )  # fmt: skip
-    parser.add_argument('--transcript', default='', metavar='FILE', help='transcript to replay')
-    parser.add_argument('--prompt', default='', metavar='NAME', help='prompt to replay')
-    parser.add_argument('--model', default='', metavar='NAME', help='model to replay')
-    parser.add_argument(
-        '--out', required=True, metavar='FILE', help='picture or animation, by its ending'
+        '--out',
+        '--png',
+        required=True,
+        type=picture_or_animation,
+        metavar='FILE',
+        help='picture (.png, .svg, .pdf) or animation (.gif), by its ending',
     )
 
 
-def run(args: argparse.Namespace) -> int:
-    """Draw; return 0. Raises ValueError on bad input."""
-    maps = load_barrier_maps(find_file(args.dataset, 'maps'))
-    barrier_map = find_barrier_map(maps, args.map_id)
-    if not 0 <= args.pair < len(barrier_map.samples):
-        message = f'--pair {args.pair}: map {barrier_map.id} has {len(barrier_map.samples)} pairs'
-        raise ValueError(message)
-    sample = BenchmarkSample(barrier_map, args.pair, barrier_map.samples[args.pair])
-    rows = plan_sample(args, maps, sample)
-    if Path(args.out).suffix.lower() == '.gif':
-        write_animation(args.out, barrier_map, sample, rows)
-    else:
-        write_picture(args.out, barrier_map, sample, rows)
-    print(args.out)
+def run(arguments: argparse.Namespace) -> int:
+    """Draw; return 0, or 1 where there is no path. Raises what `plan` does on bad input."""
+    asked = read_problem(arguments)
+    if asked.request.instruction is not None:
+        raise ParameterError('--instruction: A* keeps to none; `llm-astar plan --png` draws one')
+    asked.planner.prepare()
+    drawn = plan_beside_astar(asked)
+    failed = next((plan for _, plan in drawn if plan.code), None)
+    if failed is not None:
+        print(f'no path: {failed.message} [{failed.code.name} {int(failed.code)}]')
+        return 1
+    write_drawing(asked, drawn, arguments.out)
+    print(arguments.out)
     return 0
 
 
-def plan_sample(
-    args: argparse.Namespace, maps: list[BarrierMap], sample: BenchmarkSample
-) -> tuple[Row, Row]:
-    """Plan a sample with A*, and with LLM-A* and the chosen source. Raises ValueError."""
-    specs = make_source_specs(
-        [args.source],
-        [args.prompt] if args.prompt else [],
-        [args.model] if args.model else [],
-        settings=SourceSettings(transcript=args.transcript),
-        dataset=maps,
-    )
-    spec = next((item for item in specs if item.name == args.source), SourceSpec())
-    variants = [(PAPER_ASTAR, 0), (Variant('llm_astar', spec.name, spec.prompt, spec.model), 1)]
-    (task,) = make_tasks([(sample, 1)], variants, [SourceSpec(), spec], SearchSettings())
-    plain, guided = (outcome.row for outcome in run_task(task))
-    if not (plain.found and guided.found):
-        message = f'map {plain.map}, pair {plain.pair}: {plain.code}, there is nothing to draw'
-        raise ValueError(message)
-    return plain, guided
+def plan_beside_astar(asked: Problem) -> list[Drawn]:
+    """Plan with A*, and with the method and its waypoints unless that is A* too."""
+    plain = replace(asked.request, method=ASTAR, source=None)
+    requests = [plain] if asked.request.method == ASTAR else [plain, with_answer(asked)]
+    drawn = []
+    for request in requests:
+        compile_searches(asked.planner, request)
+        drawn.append(Drawn(request, asked.planner.plan(request)))
+    return drawn
 
 
-def write_picture(
-    path: str, barrier_map: BarrierMap, sample: BenchmarkSample, rows: tuple[Row, Row]
-) -> None:
-    """Draw the two plans side by side."""
+def with_answer(asked: Problem) -> PlanRequest:
+    """Return the request with the source's answer in its place.
+
+    The search then has the waypoints from its beginning, so that it can be animated.
+    """
+    request = asked.request
+    if request.source is None or request.via:
+        return request
+    query = WaypointQuery(
+        asked.planner.costmap, request.start, request.goal, request.source_time_limit,
+        request.sample,
+    )  # fmt: skip
+    reply, _ = query_source(request.source, query)
+    return replace(request, source=AnsweredSource(request.source.name, reply))
+
+
+def write_drawing(asked: Problem, drawn: list[Drawn], path: str) -> None:
+    """Draw or animate the plans. Raises OSError, ParameterError where that cannot be done."""
     # Importing matplotlib takes most of a second, which bad usage should not wait for.
-    from llm_astar_planner.benchmark.report import figures  # noqa: PLC0415
-    from llm_astar_planner.visualization.figures import write_figure  # noqa: PLC0415
+    from llm_astar_planner.visualization import figures  # noqa: PLC0415
 
-    plans = [plan_again(barrier_map, sample.sample, row, SearchSettings()) for row in rows]
-    endpoints = [barrier_map.to_cell(point) for point in sample.sample[:2]]
-    titles = [figures.variant_label(row.variant) for row in rows]
-    start, goal = endpoints
-    write_figure(
-        figures.comparison_figure(barrier_map.to_grid(), plans, titles, (start, goal)), path
-    )
+    costmap, offset = asked.planner.costmap, asked.coordinates.offset
+    grid_map = figures.drawable_map(costmap.grid_map, costmap.config)
+    pictures = []
+    for _, plan in drawn:
+        ends = plan.start, plan.goal
+        picture = figures.picture_of(plan, grid_map, *ends, offset, costmap=costmap)
+        pictures.append(replace(picture, title=figures.short_title(plan, grid_map.resolution)))
+    if path.lower().endswith(ANIMATIONS):
+        animate(asked.planner, drawn, pictures, path)
+        return
+    from llm_astar_planner.visualization.comparison import comparison_figure  # noqa: PLC0415
+
+    figures.write_figure(comparison_figure(pictures), path)
 
 
-def write_animation(
-    path: str, barrier_map: BarrierMap, sample: BenchmarkSample, rows: tuple[Row, Row]
-) -> None:
-    """Draw the two searches expanding side by side."""
-    from llm_astar_planner.benchmark.analysis.trace import trace  # noqa: PLC0415
-    from llm_astar_planner.benchmark.report import figures  # noqa: PLC0415
-    from llm_astar_planner.planning.waypoint_filter import target_list  # noqa: PLC0415
+def animate(planner: Planner, drawn: list[Drawn], pictures: list[Picture], path: str) -> None:
+    """Animate the searches. Raises OSError, and ParameterError where their order is unknown."""
+    from llm_astar_planner.visualization.animation import AnimatedSearch, save_animation  # noqa: PLC0415
+    from llm_astar_planner.visualization.figures import describe_length, describe_plan  # noqa: PLC0415
 
-    plan = plan_again(barrier_map, sample.sample, rows[1], SearchSettings())
-    start, goal = (barrier_map.to_cell(point) for point in sample.sample[:2])
-    blocked = barrier_map.to_grid().blocked()
-    targets = target_list(plan.checked_waypoints, start, goal)[1:]
-    waypoints = [
-        (math.floor(x + 0.5), math.floor(y + 0.5)) for x, y in parse_points(rows[1].waypoints)
-    ]
-    plain, guided = (figures.variant_label(row.variant) for row in rows)
-    searches = [
-        (plain, trace(blocked, start, goal), ()),
-        (guided, trace(blocked, start, goal, targets), waypoints),
-    ]
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
-    figures.save_animation(path, blocked, searches, (start, goal))
+    searches = []
+    for (request, plan), picture in zip(drawn, pictures):
+        order = retrace(planner, request, plan)
+        if order is None:
+            raise ParameterError(
+                f'{path}: in which order {plan.method} expanded the cells is not known, for its '
+                'search depended on time; draw a .png, or give it a higher --time-limit'
+            )
+        length = describe_length(plan, picture.grid_map.resolution)
+        searches.append(AnimatedSearch(picture, order, describe_plan(plan), length))
+    save_animation(path, searches)

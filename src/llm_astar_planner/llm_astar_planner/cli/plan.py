@@ -9,6 +9,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
@@ -77,8 +78,23 @@ usable waypoint
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
+    add_query_options(parser, 'demo.json')
+    output = parser.add_argument_group('output')
+    output.add_argument(
+        '--require-waypoints',
+        action='store_true',
+        help='exit with 3 if no waypoint came that the search could use',
+    )
+    add_picture_option(output, 'draw the plan')
+    output.add_argument(
+        '--json', action='store_true', help='print one JSON object, with its points in cells'
+    )
+
+
+def add_query_options(parser: argparse.ArgumentParser, default_map: str) -> None:
+    """Add what is asked: map, start and goal, parameters and waypoints."""
     where = parser.add_argument_group('where')
-    add_map_options(where, default='demo.json')
+    add_map_options(where, default=default_map)
     add_places_option(where)
     where.add_argument(
         '--pair',
@@ -122,20 +138,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='TEXT',
         help="a model's reply, with its waypoints in cells, used instead of a source",
     )
-    guide.add_argument(
-        '--require-waypoints',
-        action='store_true',
-        help='exit with 3 if no waypoint came that the search could use',
-    )
-    output = parser.add_argument_group('output')
-    add_picture_option(output, 'draw the plan')
-    output.add_argument(
-        '--json', action='store_true', help='print one JSON object, with its points in cells'
-    )
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a command was asked to plan: a request on the map of a planner."""
+
+    planner: Planner
+    request: PlanRequest
+    coordinates: Coordinates
+    places: Places
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Plan, print, draw; return the exit code.
+    """Plan, print, draw; return the exit code. Raises what `read_problem` does on bad input."""
+    asked = read_problem(arguments)
+    planner = asked.planner
+    compile_searches(planner, asked.request)
+    plan = planner.prepare().plan(asked.request)
+    show(plan, arguments, asked.coordinates)
+    if arguments.png:
+        route = Route(planner.costmap, plan.start, plan.goal, asked.places)
+        draw(plan, route, asked.coordinates.offset, arguments.png)
+        if not arguments.json:
+            print(f'picture    {arguments.png}')
+    return exit_code(plan, arguments)
+
+
+def read_problem(arguments: argparse.Namespace) -> Problem:
+    """Return what the options of `add_query_options` ask for.
 
     Raises ParameterError, and what reading a map or a source raises, on bad input.
     """
@@ -157,15 +188,7 @@ def run(arguments: argparse.Namespace) -> int:
         **request_fields(options.values),
     )
     check_request(request)
-    compile_searches(planner, request)
-    plan = planner.prepare().plan(request)
-    show(plan, arguments, coordinates)
-    if arguments.png:
-        route = Route(planner.costmap, plan.start, plan.goal, places)
-        draw(plan, route, coordinates.offset, arguments.png)
-        if not arguments.json:
-            print(f'picture    {arguments.png}')
-    return exit_code(plan, arguments)
+    return Problem(planner, request, coordinates, places)
 
 
 def show(plan: Plan, arguments: argparse.Namespace, coordinates: Coordinates) -> None:

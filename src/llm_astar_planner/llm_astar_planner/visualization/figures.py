@@ -26,6 +26,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.types import Plan
+from llm_astar_planner.search.methods import WAYPOINT_METHODS
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.visualization import raster, style
 from llm_astar_planner.visualization.instructions import (
@@ -46,6 +47,14 @@ MIN_PIXELS = 5.0
 # Of a title in its font.
 CHARACTERS_PER_INCH = 11
 SIZE = 10.0
+# Of methods, for titles.
+METHOD_NAMES = {
+    'astar': 'A*',
+    'exact_astar': 'exact A*',
+    'weighted_astar': 'weighted A*',
+    'dynamic_weighted_astar': 'dynamic weighted A*',
+    'llm_astar': 'LLM-A*',
+}
 # Outlines of the robot drawn along one path.
 MAX_OUTLINES = 100
 # The order of a legend; what is not here comes first.
@@ -60,7 +69,8 @@ class Picture:
     `waypoints` are (x, y, status). `offset` is the map coordinate of cell (0, 0), for the axes of
     a map whose cells are one metre; those of other maps are in metres. `places` are drawn with
     their names, `instructed` says what became of an instruction, the `footprint` is drawn along
-    the path, and `inflated`, bool [height, width], is what the robot's body closes.
+    the path, and `inflated`, bool [height, width], is what the robot's body closes. `shown` is
+    the part of the map that is drawn, None to choose it; `has_scale_bar` is for maps in metres.
     """
 
     grid_map: GridMap
@@ -76,6 +86,8 @@ class Picture:
     footprint: Footprint | None = None
     inflated: NDArray[np.bool_] | None = None
     via: Sequence[Cell] = ()
+    shown: raster.Window | None = None
+    has_scale_bar: bool = True
 
     @property
     def in_metres(self) -> bool:
@@ -101,6 +113,8 @@ class Picture:
     @cached_property
     def window(self) -> raster.Window:
         """The part of the map that is drawn: all that is known of it, or where something is."""
+        if self.shown is not None:
+            return self.shown
         guides = [(x, y) for x, y, _ in self.waypoints if self.is_on_map(x, y)]
         points = np.array([self.start, self.goal, *self.via, *guides], dtype=float)
         if self.instructed is not None or len(self.places):
@@ -130,8 +144,8 @@ def picture_of(
     """
     waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
     guidance = describe_guidance(plan.method, plan.guided_by)
-    if waypoints and plan.guided_by == 'none':
-        guidance = f'{plan.method}, waypoints not used'
+    if plan.guided_by == 'none':
+        guidance = describe_plan(plan)
     outcome = describe_outcome(plan, grid_map.resolution)
     places = NO_PLACES if route is None else route.places
     path, instructed = plan.path, None
@@ -158,18 +172,39 @@ def drawable_map(grid_map: GridMap, costmap: CostmapConfig | None) -> GridMap:
 def describe_guidance(method: str, guided_by: str) -> str:
     """Name the method of a plan and the source whose waypoints it followed, for a title."""
     guide = 'no waypoints' if guided_by == 'none' else f'waypoints by {guided_by}'
-    return f'{method}, {guide}'
+    return f'{METHOD_NAMES.get(method, method)}, {guide}'
+
+
+def describe_plan(plan: Plan) -> str:
+    """Name the method of a plan and its source, in few words, for the title of one of several."""
+    if plan.method not in WAYPOINT_METHODS:
+        return METHOD_NAMES.get(plan.method, plan.method)
+    if plan.checked_waypoints and plan.guided_by == 'none':
+        return f'{METHOD_NAMES.get(plan.method, plan.method)}, waypoints not used'
+    return describe_guidance(plan.method, 'none' if plan.guided_by == 'none' else plan.source)
+
+
+def describe_length(plan: Plan, resolution: float) -> str:
+    """Return the length of a plan's path, in metres on the maps of robots."""
+    length = plan.length if plan.any_angle is None else plan.any_angle.length
+    return f'{length:.2f} cells' if resolution == 1.0 else f'{length * resolution:.2f} m'
+
+
+def short_title(plan: Plan, resolution: float) -> str:
+    """Return two lines about a plan, for the title of one of several."""
+    outcome = 'no path' if plan.code else describe_length(plan, resolution)
+    return f'{describe_plan(plan)}\n{outcome}, {plan.expansions:,} expansions'
 
 
 def describe_outcome(plan: Plan, resolution: float) -> str:
     """Return length and expansions of a plan, for a title, or why there is no path."""
     if plan.code:
         return f'no path: {plan.message} [{plan.code.name} {int(plan.code)}]'
-    length = plan.length if plan.any_angle is None else plan.any_angle.length
-    text = f'{length:.2f} cells' if resolution == 1.0 else f'{length * resolution:.2f} m'
-    text += f', {plan.expansions:,} expansions'
+    text = f'{describe_length(plan, resolution)}, {plan.expansions:,} expansions'
     if math.isfinite(plan.suboptimality_bound):
-        text += f', proven within {plan.suboptimality_bound:.4f} of the shortest'
+        is_short = math.isclose(plan.cost, plan.length, rel_tol=1e-6)
+        best = 'shortest' if is_short else 'cheapest'
+        text += f', proven within {plan.suboptimality_bound:.4f} of the {best}'
     return text
 
 
@@ -222,7 +257,9 @@ def draw(axes: Axes, picture: Picture) -> None:
             x, y, mark.marker, color=mark.colour, label=mark.name, zorder=4.8, clip_on=False,
             markersize=14 if mark.marker == '*' else 9, markeredgecolor=style.MARK_EDGE,
         )  # fmt: skip
-    inches = axes.figure.bbox.width / axes.figure.dpi
+    place = axes.get_subplotspec()
+    columns = 1 if place is None else place.get_gridspec().ncols
+    inches = axes.figure.bbox.width / axes.figure.dpi / columns
     axes.set_title(wrap_title(picture.title, inches), parse_math=False, fontsize=SIZE)
 
 
@@ -277,7 +314,8 @@ def draw_footprints(axes: Axes, picture: Picture, footprint: Footprint) -> None:
 def wrap_title(title: str, inches: float) -> str:
     """Break a title that is wider than `inches`, first after its colon."""
     width = int(CHARACTERS_PER_INCH * inches)
-    parts = [title] if len(title) <= width else title.split(': ', 1)
+    lines = title.split('\n')
+    parts = title.split(': ', 1) if len(lines) == 1 and len(title) > width else lines
     return '\n'.join(fill(part, width) for part in parts)
 
 
@@ -314,7 +352,7 @@ def draw_cells(axes: Axes, picture: Picture) -> None:
     axes.set_xlabel(f'x ({unit})')
     axes.set_ylabel(f'y ({unit})')
     axes.locator_params(integer=not picture.in_metres, steps=[1, 2, 5, 10])
-    if picture.in_metres:
+    if picture.in_metres and picture.has_scale_bar:
         add_scale_bar(axes, right - left)
 
 

@@ -69,8 +69,10 @@ class Labels:
         for distance in DISTANCES:
             reach = (MARK + distance) * self.point
             for right, up in DIRECTIONS:
-                middle_x = x + right * (reach + half_width)
-                middle_y = y + up * (reach + half_height) * (1.0 if up and not right else 0.7)
+                # At a corner a text may come closer along both axes.
+                part = 0.8 if right and up else 1.0
+                middle_x = x + right * part * (reach + half_width)
+                middle_y = y + up * part * (reach + half_height)
                 yield (
                     middle_x - half_width, middle_y - half_height,
                     middle_x + half_width, middle_y + half_height,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -86,6 +87,12 @@ def surroundings(
     left, bottom = np.floor(places.min(axis=0)).astype(int) - margin
     right, top = np.ceil(places.max(axis=0)).astype(int) + margin + 1
     return Window(max(0, left), max(0, bottom), min(width, right), min(height, top))
+
+
+def union(windows: Sequence[Window]) -> Window:
+    """Return the smallest part of a map that holds all windows, at least one."""
+    left, bottom, right, top = zip(*windows)
+    return Window(min(left), min(bottom), max(right), max(top))
 
 
 def widen_expanded(codes: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
