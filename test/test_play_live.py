@@ -1,5 +1,6 @@
-"""`llm-astar play --live` on a running graph, and how the command starts and ends."""
+"""`llm-astar play --live` on a running graph, and what a page sees of it."""
 
+import asyncio
 import contextlib
 import json
 import re
@@ -7,18 +8,26 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import asdict
 
 import httpx
+import numpy as np
 import pytest
 import rclpy
 from graph_tools import GOAL, START, calling, spinning
-from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
+from llm_astar_planner.nodes.tools import live_view
+from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import Plan, ResultCode
+from llm_astar_planner.play.errors import PlayError
+from llm_astar_planner.play.live import LiveFeed
 from rclpy.parameter import Parameter
 
 SPACE = '/played'
 PATIENCE = 60.0
+FINE = Plan(ResultCode.NONE, 'fine', 'guided', (0, 0), (0, 0), np.zeros((0, 0), dtype=bool))
 
 
 @pytest.fixture(scope='module')
@@ -60,25 +69,24 @@ def play(*arguments):
         process.stderr.close()
 
 
-def end(process):
-    process.send_signal(signal.SIGINT)
-    assert process.wait(30.0) == 0
-    assert process.stdout.read() == 'stopped\n'
-    assert process.stderr.read() == ''
-
-
 class Events:
-    """The server-sent events of a page, one after the other."""
+    """The server-sent events of a page; those of different kinds come in any order."""
 
     def __init__(self, lines):
         self.lines = lines
+        self.seen = []
 
     def next(self, kind, accept=lambda value: True):
+        for event in self.seen:
+            if event[0] == kind and accept(event[1]):
+                self.seen.remove(event)
+                return event[1]
         for line in self.lines:
-            if line == f'event: {kind}':
+            if line.startswith('event: '):
                 value = json.loads(next(self.lines).removeprefix('data: '))
-                if accept(value):
+                if line == f'event: {kind}' and accept(value):
                     return value
+                self.seen.append((line.removeprefix('event: '), value))
         raise AssertionError(f'the stream ended before its {kind}')
 
 
@@ -107,17 +115,68 @@ def test_a_page_sees_the_graphs_map_plans_and_state_and_ctrl_c_ends_the_server(g
             failed = events.next('plan', lambda plan: not plan['found'])
             assert (failed['code'], failed['message']) == ('GOAL_OCCUPIED', report.message)
             assert failed['path'] == []
-            assert '/played/planner_node' in events.next('status')['message']
-        end(process)
-
-
-def test_without_a_planner_the_page_is_told_what_to_check(graph):
-    with play('--live', '--namespace', SPACE, '--node', 'nobody') as (process, url):
-        with httpx.stream('GET', f'{url}api/live', trust_env=False, timeout=PATIENCE) as stream:
-            events = Events(stream.iter_lines())
-            said = events.next('status', lambda status: 'nobody' in status['message'])
-            assert 'ROS_DOMAIN_ID' in said['message']
+            events.next('status', lambda status: '/played/planner_node' in status['message'])
             process.send_signal(signal.SIGINT)
             assert 'event: plan' not in list(events.lines)  # which ends
         assert process.wait(30.0) == 0
+        assert process.stdout.read() == 'stopped\n'
         assert process.stderr.read() == ''
+
+
+def test_a_page_is_told_what_to_check_where_there_is_no_planner(graph, monkeypatch):
+    monkeypatch.setattr(live_view, 'SILENCE_S', 0.1)
+    feed, stopped = LiveFeed(), threading.Event()
+    view = live_view.LiveView(graph.node, 'nobody', 'no_client', feed)
+    following = threading.Thread(target=view.follow, args=(stopped,))
+    following.start()
+
+    async def first_advice():
+        async for event in feed.follow():
+            if 'nobody' in event:
+                return event
+
+    try:
+        assert 'ROS_DOMAIN_ID' in asyncio.run(asyncio.wait_for(first_advice(), PATIENCE))
+    finally:
+        stopped.set()
+        following.join()
+
+
+def test_a_plan_that_cannot_be_read_is_said_to_be_so():
+    feed = LiveFeed()
+    feed.show_map(GridMap(np.zeros((4, 4), dtype=np.int8)))
+    report = asdict(plan_report(FINE, None))
+    for points, fields in (
+        ([[np.nan, 0.0]], {}),
+        ([[0.0, 0.0]], {'seconds_search': np.inf}),
+        ([[0.0, 0.0]], {'waypoints': ((1.0, 2.0),)}),
+        ([[0.0, 0.0]], {'instruction_report': {'clauses': 3}}),
+    ):
+        feed.show_plan(np.array(points), report | fields)
+        plan = asyncio.run(newest_plan(feed))
+        assert plan['code'] == 'UNREADABLE'
+        assert not plan['found']
+    feed.show_plan(np.array([[0.0, 0.0]]), report)
+    assert asyncio.run(newest_plan(feed))['found']
+
+
+async def newest_plan(feed):
+    async for event in feed.follow():
+        if event.startswith('event: plan'):
+            return json.loads(event.split('data: ')[1])
+
+
+def test_a_map_that_is_too_large_is_not_sent_and_the_ninth_page_is_refused():
+    feed = LiveFeed()
+    feed.show_map(GridMap(np.zeros((2001, 2000), dtype=np.int8)))
+
+    async def look():
+        streams = [feed.follow() for _ in range(8)]
+        first = [await anext(stream) for stream in streams]
+        with pytest.raises(PlayError):
+            feed.follow()
+        for stream in streams:
+            await stream.aclose()
+        return first
+
+    assert all('2000 x 2001' in event for event in asyncio.run(look()))

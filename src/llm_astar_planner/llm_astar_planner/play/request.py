@@ -115,7 +115,7 @@ def read_request(body: object, maps: Maps) -> PlayRequest:
 
 def read_settings(body: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters that the page sets, by name. Raises PlayError."""
-    given = {}
+    given: dict[str, Any] = {}
     for name in SETTINGS:
         if body.get(name) is None:
             continue
@@ -124,7 +124,7 @@ def read_settings(body: Mapping[str, Any]) -> dict[str, Any]:
         except ParameterError as error:
             raise PlayError(str(error), name) from None
     if 'instruction' in given:
-        given['instruction'] = clean_instruction(given['instruction'])
+        given['instruction'] = clean_instruction(str(given['instruction']))
     return given
 
 
@@ -142,16 +142,16 @@ def read_text(body: Mapping[str, Any], name: str, limit: int) -> str | None:
 
 def read_cell(value: object, name: str, grid_map: GridMap) -> Cell:
     """Return a cell on the map. Raises PlayError."""
-    is_pair = isinstance(value, list) and len(value) == 2
-    if not (is_pair and all(type(number) is int for number in value)):  # type: ignore[union-attr]
+    numbers = value if isinstance(value, list) else []
+    if len(numbers) != 2 or not all(type(number) is int for number in numbers):
         raise PlayError(
             f'{name}: {short_repr(value)} is not a cell: send two whole numbers [x, y]', name
         )
-    x, y = value  # type: ignore[misc]
+    x, y = numbers
     if not grid_map.contains((x, y)):
         raise PlayError(
-            f'{name}: [{x}, {y}] is off the map, which has {grid_map.width} x {grid_map.height} '
-            'cells; choose a cell on it',
+            f'{name}: {short_repr([x, y])} is off the map of {grid_map.width} x '
+            f'{grid_map.height} cells; choose a cell on it',
             name,
         )
     return x, y

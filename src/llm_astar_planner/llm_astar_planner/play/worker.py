@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from llm_astar_planner.play.errors import PlayError
 from llm_astar_planner.search.stop import StopFlag, no_stop
@@ -36,7 +36,8 @@ class Worker:
         future = self._threads.submit(job, stop)
         try:
             waiting = asyncio.wrap_future(future)
-            await asyncio.wait({waiting, gone}, return_when=asyncio.FIRST_COMPLETED)
+            both: set[asyncio.Future[Any]] = {waiting, gone}
+            await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
             if waiting.done():
                 return waiting.result()
             raise PlayError('the page has asked anew', status=499)
