@@ -29,6 +29,16 @@ FIGURES = {
     'turns': 'turns',
     'clearance_m': 'clearance',
 }
+# Fields of a report that the page lists besides.
+REPORTED = (
+    'source',
+    'source_status',
+    'map_digest',
+    'map_age',
+    'start_shift',
+    'goal_shift',
+    'footprint',
+)
 
 
 class LiveFeed:
@@ -171,6 +181,7 @@ def live_plan_json(
         ],
         'via': [],
         'figures': figures,
+        'report': figures | {name: report[name] for name in REPORTED},
         'instruction': live_instruction_json(report['instruction_report']),
     }
 
