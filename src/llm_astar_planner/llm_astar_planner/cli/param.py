@@ -1,0 +1,141 @@
+"""List, read, describe and set the parameters of running nodes."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+from llm_astar_planner.parameter import ParameterError
+
+if TYPE_CHECKING:
+    from llm_astar_planner.nodes.tools.parameter_client import ParameterClient, RemoteParameter
+
+EPILOG = """\
+examples:
+  llm-astar param list                                        all nodes, with their values
+  llm-astar param get planner_node robot_radius
+  llm-astar param describe planner_node                       all of its parameters
+  llm-astar param set planner_node robot_radius 0.3           until the node ends
+  llm-astar param set planner_node instruction "avoid the kitchen"
+
+For values that stay, see --params-file and -p of llm-astar run and of the nodes.
+"""
+# The positional arguments that each action takes: at least, at most.
+COUNTS = {'list': (0, 1), 'get': (2, 2), 'describe': (1, 2), 'set': (3, 3)}
+WIDTH = 90
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument('action', choices=COUNTS, metavar='{list,get,describe,set}')
+    parser.add_argument('words', nargs='*', metavar='NODE NAME VALUE', help='see the examples')
+    parser.add_argument('--namespace', default='/', help="the node's namespace (default: /)")
+    parser.add_argument(
+        '--time-limit', type=float, default=10.0, metavar='SECONDS',
+        help='longest wait for each answer (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument('--json', action='store_true', help='print one JSON value')
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Do it; return 0. Raises ParameterError, RemoteParameterError, NodeNameError."""
+    action, words = arguments.action, arguments.words
+    least, most = COUNTS[action]
+    if not least <= len(words) <= most:
+        names = ('NODE', 'NAME', 'VALUE')
+        usage = ' '.join([*names[:least], *(f'[{name}]' for name in names[least:most])])
+        raise ParameterError(
+            f'param {action} {usage} is expected, not {" ".join(words) or "none"}'
+        )
+    if not 0.0 < arguments.time_limit < math.inf:
+        raise ParameterError(f'--time-limit: {arguments.time_limit} is not above 0')
+    from llm_astar_planner.nodes.tools.parameter_client import parameter_client  # noqa: PLC0415
+
+    with parameter_client(arguments.namespace, words[:1], arguments.time_limit) as client:
+        answer, text = ACTIONS[action](client, *words)
+    print(json.dumps(answer) if arguments.json else text)
+    return 0
+
+
+def list_all(client: ParameterClient, *nodes: str) -> tuple[Any, str]:
+    """Return the values of the parameters of a node, or of all nodes, and their text."""
+    found = {node: client.parameters(node) for node in nodes or client.nodes()}
+    if not found:
+        raise ParameterError('no node is running; start some with llm-astar run')
+    lines = []
+    for node, parameters in found.items():
+        lines.append(node)
+        lines += [f'  {name:<32} {shown(one.value)}' for name, one in parameters.items()]
+    values = {node: values_of(parameters) for node, parameters in found.items()}
+    return values, '\n'.join(lines)
+
+
+def get(client: ParameterClient, node: str, name: str) -> tuple[Any, str]:
+    """Return the value of a parameter."""
+    value = plain(client.parameter(node, name).value)
+    return value, shown(value)
+
+
+def describe(client: ParameterClient, node: str, *names: str) -> tuple[Any, str]:
+    """Return what a node says about one or all of its parameters."""
+    found = (
+        {name: client.parameter(node, name) for name in names}
+        if names
+        else client.parameters(node)
+    )
+    facts = {
+        name: {
+            'type': one.type.name.lower(),
+            'value': plain(one.value),
+            'limits': one.limits,
+            'read_only': one.descriptor.read_only,
+            'description': one.descriptor.description,
+        }
+        for name, one in found.items()
+    }
+    return facts, '\n'.join(description(name, one) for name, one in found.items())
+
+
+def set_value(client: ParameterClient, node: str, name: str, text: str) -> tuple[Any, str]:
+    """Set a parameter; return its new value."""
+    before, after = client.set(node, name, text)
+    return plain(after), f'{name}: {shown(plain(after))} (was {shown(plain(before))})'
+
+
+ACTIONS = {'list': list_all, 'get': get, 'describe': describe, 'set': set_value}
+
+
+def description(name: str, one: RemoteParameter) -> str:
+    """Return a paragraph on a parameter: type, value, limits and the node's own sentence."""
+    head = f'{name} ({one.type.name.lower()}): {shown(plain(one.value))}'
+    head += ' (fixed at start)' if one.descriptor.read_only else ''
+    facts = [one.descriptor.description, one.limits and f'values: {one.limits}']
+    indent = ' ' * 4
+    return '\n'.join(
+        [
+            head,
+            *(
+                textwrap.fill(fact, WIDTH, initial_indent=indent, subsequent_indent=indent)
+                for fact in facts
+                if fact
+            ),
+        ]
+    )
+
+
+def values_of(parameters: dict[str, RemoteParameter]) -> dict[str, Any]:
+    """Return the values of parameters as JSON has them."""
+    return {name: plain(one.value) for name, one in parameters.items()}
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401 - of the parameter's type
+    """Return a parameter's value as JSON has it: lists instead of arrays and bytes."""
+    return value if value is None or isinstance(value, bool | int | float | str) else list(value)
+
+
+def shown(value: Any) -> str:  # noqa: ANN401 - of the parameter's type
+    """Return a value as YAML and `-p` take it; a text as it is."""
+    return (value or "''") if isinstance(value, str) else json.dumps(plain(value))

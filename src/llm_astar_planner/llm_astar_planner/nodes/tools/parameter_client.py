@@ -1,0 +1,179 @@
+"""Reads and sets the parameters of running nodes, of this package or of others."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node, NodeNameNonExistentError
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
+
+from llm_astar_planner.nodes.common.names import check_names
+from llm_astar_planner.nodes.common.spin import LONGEST_WAIT, joined
+from llm_astar_planner.parameter import nearest_name
+
+Type = Parameter.Type
+TYPE_NAMES = {
+    Type.BOOL: 'true or false',
+    Type.INTEGER: 'a whole number',
+    Type.DOUBLE: 'a number',
+    Type.STRING: 'a text',
+}
+SERVICE = '/get_parameters'
+# Seconds without a new node after which a graph is taken to be known.
+QUIET_SECONDS = 0.5
+
+
+class RemoteParameterError(LlmAstarError, ValueError):
+    """A node or a parameter that is not there, or a refused value; the message names it."""
+
+
+@dataclass(frozen=True)
+class RemoteParameter:
+    """A parameter of a running node: its value, and what the node says about it."""
+
+    value: Any
+    descriptor: ParameterDescriptor
+
+    @property
+    def type(self) -> Type:
+        """Its type."""
+        return Type(self.descriptor.type)
+
+    @property
+    def limits(self) -> str:
+        """The values it can have, in words; '' where the node does not say."""
+        ranges = [*self.descriptor.floating_point_range, *self.descriptor.integer_range]
+        facts = [f'{bounds.from_value} to {bounds.to_value}' for bounds in ranges]
+        return '; '.join(filter(None, [*facts, self.descriptor.additional_constraints]))
+
+
+class ParameterClient:
+    """Asks the parameter services of nodes; each wait is at most `seconds` long.
+
+    Raises RemoteParameterError for what is not there and what does not answer.
+    """
+
+    def __init__(self, node: Node, namespace: str, seconds: float) -> None:
+        """Take a node that nobody else spins, and the namespace of relative names."""
+        self._node = node
+        self._namespace = namespace
+        self._seconds = seconds
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(node)
+
+    def nodes(self) -> list[str]:
+        """Return the full names of the nodes that have parameters, once no new one appears."""
+        known: list[str] = []
+        quiet_since = time.monotonic()
+        deadline = quiet_since + self._seconds
+        while time.monotonic() < deadline:
+            found = sorted(
+                f'{namespace.rstrip("/")}/{name}'
+                for name, namespace in self._node.get_node_names_and_namespaces()
+                if not name.startswith('_') and self.has_parameters(name, namespace)
+            )
+            if found != known:
+                known, quiet_since = found, time.monotonic()
+            elif known and time.monotonic() - quiet_since > QUIET_SECONDS:
+                break
+            self._executor.spin_once(timeout_sec=0.05)
+        return known
+
+    def has_parameters(self, name: str, namespace: str) -> bool:
+        """Tell whether a node has parameter services."""
+        try:
+            services = self._node.get_service_names_and_types_by_node(name, namespace)
+        except NodeNameNonExistentError:  # it has just ended
+            return False
+        return any(service.endswith(SERVICE) for service, _ in services)
+
+    def parameters(self, name: str) -> dict[str, RemoteParameter]:
+        """Return all parameters of a node by name."""
+        client = self.client(name)
+        listed = self.result(client.list_parameters(), name)
+        names = sorted(listed.result.names)
+        values = self.result(client.get_parameters(names), name).values
+        descriptors = self.result(client.describe_parameters(names), name).descriptors
+        return {
+            one: RemoteParameter(parameter_value_to_python(value), descriptor)
+            for one, value, descriptor in zip(names, values, descriptors)
+        }
+
+    def parameter(self, node: str, name: str) -> RemoteParameter:
+        """Return one parameter of a node."""
+        found = self.parameters(node)
+        if name not in found:
+            near = nearest_name(name, found)
+            raise RemoteParameterError(f'{node} has no parameter {name}{near}')
+        return found[name]
+
+    def set(self, node: str, name: str, text: str) -> tuple[Any, Any]:
+        """Set a parameter to a value written as text; return the value before and after."""
+        before = self.parameter(node, name)
+        after = typed(name, text, before.type)
+        results = self.result(self.client(node).set_parameters([after]), node).results
+        if not results[0].successful:
+            raise RemoteParameterError(f'{node} refused it: {results[0].reason}')
+        return before.value, after.value
+
+    def client(self, name: str) -> AsyncParameterClient:
+        """Return a client of a node that is there."""
+        full = name if name.startswith('/') else f'{self._namespace.rstrip("/")}/{name}'
+        client = AsyncParameterClient(self._node, full)
+        deadline = time.monotonic() + self._seconds
+        while not client.services_are_ready():
+            if time.monotonic() > deadline:
+                known = self.nodes()
+                near = nearest_name(full, known)
+                running = f'; running: {", ".join(known)}' if known else '; no node is running'
+                raise RemoteParameterError(f'there is no node {full}{near or running}')
+            self._executor.spin_once(timeout_sec=0.05)
+        return client
+
+    def result(self, future: Future, node: str) -> Any:  # noqa: ANN401 - of the service
+        """Return the response of a node."""
+        deadline = time.monotonic() + self._seconds
+        while not future.done():
+            left = deadline - time.monotonic()
+            if left <= 0.0:
+                raise RemoteParameterError(f'{node} did not respond within {self._seconds:g} s')
+            # A signal does not interrupt the wait.
+            self._executor.spin_until_future_complete(future, min(left, LONGEST_WAIT))
+        return future.result()
+
+
+def typed(name: str, text: str, kind: Type) -> Parameter:
+    """Return a parameter with the value that a text means as one of a type.
+
+    Raises RemoteParameterError for a text that is none.
+    """
+    value: Any = text
+    try:
+        if kind is not Type.STRING:
+            value = yaml.safe_load(text)
+        if kind is Type.DOUBLE and not isinstance(value, bool):
+            value = float(value)
+        return Parameter(name, kind, value)
+    except (TypeError, ValueError, yaml.YAMLError):
+        expected = TYPE_NAMES.get(kind, f'a list ({kind.name.lower()}), such as [1, 2]')
+        raise RemoteParameterError(f'{name}: {expected} is expected, not {text!r}') from None
+
+
+@contextlib.contextmanager
+def parameter_client(
+    namespace: str, names: Sequence[str], seconds: float
+) -> Iterator[ParameterClient]:
+    """Join the graph to ask for parameters. Raises NodeNameError for an impossible name."""
+    namespace = check_names(namespace, *names)
+    with joined('llm_astar_param') as node:
+        yield ParameterClient(node, namespace, seconds)
