@@ -5,24 +5,29 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import time
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 
+from llm_astar_planner.cli.pictures import add_picture_option
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
     from llm_astar_planner.nodes.tools.call import CalledPlan, PlannerCaller
+    from llm_astar_planner.nodes.tools.plan_view import PlanView
 
 EPILOG = """\
 examples:
-  llm-astar call --start 2 3 --goal 20 5
+  llm-astar call --start 2 3 --goal 20 5 --png plan.png
   llm-astar call --start 2 3 --to kitchen --instruction "avoid the lab"
   llm-astar call --interpret "visit the dock, then the workshop"
 
 exit codes: 0 a path (or what was understood), 1 no path, 2 bad usage, or no answer in time
 """
+# Seconds in which the planner discovers the subscriber of its expanded cells.
+DISCOVERY_SECONDS = 0.5
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,6 +54,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='longest wait for each answer (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument('--json', action='store_true', help='print one JSON object')
+    add_picture_option(parser, 'draw map and path')
+    parser.add_argument(
+        '--map-topic', default='map', metavar='NAME',
+        help="the map of the picture, such as /global_costmap/costmap (default: 'map')",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -61,6 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     from llm_astar_planner.nodes.tools.call import calling  # noqa: PLC0415
 
     with calling(arguments.namespace, arguments.node, arguments.timeout) as caller:
+        view = plan_view(caller, arguments.map_topic) if arguments.png else None
         if arguments.instruction is not None:
             caller.set_instruction(arguments.instruction)
         if arguments.interpret is not None:
@@ -69,13 +80,52 @@ def run(arguments: argparse.Namespace) -> int:
             for _ in caller.interpret(arguments.instruction):
                 pass  # the last answer is the one that plans are made with
         goal = caller.place(arguments.to) if arguments.to else Pose2D(*arguments.goal)
-        plan = caller.plan(Pose2D(*arguments.start), goal, arguments.frame)
+        start = Pose2D(*arguments.start)
+        plan = caller.plan(start, goal, arguments.frame)
+        if view is not None:
+            draw(view, plan, (start, goal), arguments)
     if arguments.json:
         report = asdict(plan.report)
         print(json.dumps({'path': plan.points, 'seconds': plan.seconds, 'report': report}))
     else:
         print_plan(plan)
+        if arguments.png:
+            print(f'picture     {arguments.png}')
     return 0 if plan.points else 1
+
+
+def plan_view(caller: PlannerCaller, map_topic: str) -> PlanView:
+    """Listen to what a picture shows, before the plan is made."""
+    # Importing matplotlib takes most of a second.
+    from llm_astar_planner.nodes.tools.plan_view import PlanView  # noqa: PLC0415
+
+    view = PlanView(caller.client, caller.planner, map_topic)
+    time.sleep(DISCOVERY_SECONDS)
+    return view
+
+
+def draw(
+    view: PlanView,
+    plan: CalledPlan,
+    endpoints: tuple[Pose2D, Pose2D],
+    arguments: argparse.Namespace,
+) -> None:
+    """Draw a plan on the map of the graph.
+
+    Raises PlannerClientError without a map, ParameterError for endpoints in another frame.
+    """
+    from llm_astar_planner.visualization.figures import save_picture  # noqa: PLC0415
+
+    grid_map = view.grid_map(arguments.timeout)
+    if plan.points:
+        endpoints = Pose2D(*plan.points[0]), Pose2D(*plan.points[-1])
+    elif arguments.frame not in ('', grid_map.frame_id):
+        raise ParameterError(
+            f'--png: without a path, start and goal in frame {arguments.frame!r} cannot be drawn '
+            f'on a map in {grid_map.frame_id!r}'
+        )
+    view.has_expanded(plan.path)
+    save_picture(view.picture(grid_map, endpoints, plan.path, plan.report), arguments.png)
 
 
 def print_interpretation(caller: PlannerCaller, text: str, *, as_json: bool) -> int:

@@ -13,6 +13,7 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.report import PlanReport
+from nav_msgs.msg import Path
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
@@ -28,8 +29,9 @@ from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerC
 
 @dataclass(frozen=True)
 class CalledPlan:
-    """A planner's answer: the path's points in metres, its report, the round trip in seconds."""
+    """A planner's answer: its path, the points of it in metres, report, round trip in seconds."""
 
+    path: Path
     points: list[list[float]]
     report: PlanReport
     seconds: float
@@ -109,7 +111,7 @@ class PlannerCaller:
     def plan(self, start: Pose2D, goal: Pose2D, frame_id: str) -> CalledPlan:
         """Ask for a plan."""
         path, report, seconds = self.client.call(start, goal, frame_id, self.seconds)
-        return CalledPlan(path_from_message(path).tolist(), report, seconds)
+        return CalledPlan(path, path_from_message(path).tolist(), report, seconds)
 
 
 @contextlib.contextmanager
