@@ -27,7 +27,7 @@ PROGRAMS = {
     'call': COMMAND.format(words=['call', '--start', '1', '1', '--goal', '2', '2']),
 }
 PATIENCE = 60.0
-# Python itself ends by the signal where Ctrl-C has interrupted the `exec` of a text, as imports do;
+# Python itself ends by the signal where Ctrl-C has interrupted the `exec` of a text, as imports;
 # a shell shows 130 then too.
 INTERRUPTED = {130, -signal.SIGINT}
 
