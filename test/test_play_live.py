@@ -41,7 +41,7 @@ def graph():
         ],
     )
     with spinning(MapNode(namespace=SPACE), planner), calling(SPACE) as caller:
-        caller.wait_until_ready()
+        caller.wait_until_ready(seconds=PATIENCE)
         yield caller
     rclpy.try_shutdown()
 

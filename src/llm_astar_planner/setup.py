@@ -96,7 +96,7 @@ setup(
         'mcp': ['mcp>=2'],
         # `llm-astar play`.
         'play': ['starlette', 'uvicorn'],
-        'test': ['pytest', 'hypothesis', 'mcap-ros2-support', 'mcp>=2'],
+        'test': ['pytest', 'hypothesis', 'mcap-ros2-support', 'mcp>=2', 'starlette', 'uvicorn'],
         # To train the embedded waypoint model again; see training/.
         'train': ['torch>=2.6'],
     },

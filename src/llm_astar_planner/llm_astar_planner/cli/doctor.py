@@ -104,6 +104,8 @@ def all_findings() -> Iterator[Finding]:
     yield module_finding(
         'mcp.server.mcpserver', 'llm-astar mcp', "pip install 'mcp>=2'", required=False
     )
+    for name in ('starlette', 'uvicorn'):
+        yield module_finding(name, 'llm-astar play', f'pip install {name}', required=False)
     for name, (use, debian) in OPTIONAL_ROS.items():
         remedy = f'apt install {debian}; there is no wheel'
         yield module_finding(name, use, remedy, required=False)

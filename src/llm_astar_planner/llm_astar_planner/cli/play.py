@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar='FILE',
         help='a map to offer besides the shipped ones: map_server yaml, MovingAI x.map or '
-        'x.map.scen, or barrier-map JSON; repeat it for more',
+        'x.map.scen, or barrier-map JSON, of which the first ten are taken; repeat it for more',
     )
     parser.add_argument(
         '--host', default=DEFAULT_HOST, help='address to serve at (default: %(default)s)'

@@ -303,3 +303,25 @@ def test_a_plan_ends_when_its_page_has_gone():
 
     asyncio.run(ask())
     assert seen.wait(5.0)
+
+
+def test_a_page_that_closes_its_connection_stops_its_plan(play_url, page, monkeypatch):
+    begun, stopped = threading.Event(), threading.Event()
+
+    def work(self, asked, stop):
+        begun.set()
+        while not stop[0]:
+            time.sleep(0.005)
+        stopped.set()
+        return b'{}'
+
+    with monkeypatch.context() as patch:
+        patch.setattr(play_app.PlayApp, 'work', work)
+        host, port = play_url.removeprefix('http://').split(':')
+        body = json.dumps(DEMO)
+        head = 'POST /api/plan HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n'
+        with socket.create_connection((host, int(port))) as connection:
+            connection.sendall(f'{head}Content-Length: {len(body)}\r\n\r\n{body}'.encode())
+            assert begun.wait(30.0)
+        assert stopped.wait(30.0)
+    assert plan(page)['plans'][0]['found']
