@@ -27,8 +27,8 @@ class Parameter:
     A `read_only` parameter is set at start and never changed. A `node_only` one has no effect on
     a plan made without ROS, so `llm-astar plan` has no flag for it. Where the command line's
     default has to differ, `cli_default` is that default and `cli_reason` says why; `bench_default`
-    and `bench_reason` are the same for `bench` and `evaluate`. `old_flags` are the deprecated
-    names of its flag.
+    and `bench_reason` are the same for `bench` and `evaluate`. `short_flags` are shorter names of
+    its flag, `old_flags` deprecated ones.
     """
 
     name: str
@@ -45,6 +45,7 @@ class Parameter:
     cli_reason: str = ''
     bench_default: Scalar | None = None
     bench_reason: str = ''
+    short_flags: tuple[str, ...] = ()
     old_flags: tuple[str, ...] = ()
 
     @property

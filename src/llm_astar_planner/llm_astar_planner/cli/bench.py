@@ -29,7 +29,7 @@ from llm_astar_planner.benchmark.results import (
 from llm_astar_planner.benchmark.runner.config import BenchmarkConfig, choose_folder, start_run
 from llm_astar_planner.benchmark.runner.engine import SearchSettings
 from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, check_grid_options
-from llm_astar_planner.cli.map_files import open_places
+from llm_astar_planner.cli.map_files import add_dataset_options, open_places
 from llm_astar_planner.cli.run_options import (
     BAD_INPUT,
     INCOMPLETE,
@@ -59,7 +59,7 @@ examples:
   llm-astar bench --source replay --transcript replies.jsonl --out out/replies
   llm-astar bench --source endpoint --model gpt-4o-mini --prompt few_shot,cot --limit 50
   llm-astar bench --scales 1-10 --limit 100       also how work grows with the scale
-  llm-astar bench --dataset x.map.scen --methods exact_astar,astar    a MovingAI benchmark
+  llm-astar bench --map x.map.scen --methods exact_astar,astar    a MovingAI benchmark
   llm-astar bench --fail-under llm_astar/oracle:operation=60 --fail-under llm_astar:valid=100
 
 On a grid dataset paths may not cut corners, as in MovingAI's benchmarks. The optimal lengths in a
@@ -80,13 +80,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose the samples."""
-    group.add_argument(
-        '--dataset', default='samples_1000.json', metavar='FILE',
-        help='barrier-map JSON, a path or a name in maps/ (default: %(default)s); or a '
-        "grid: MovingAI's x.map.scen in the folder of its map, or a map_server yaml, on which "
-        'pairs are drawn',
-    )  # fmt: skip
-    group.add_argument('--maps', metavar='RANGES', help='map ids, such as 50-99 or 0-9,12')
+    add_dataset_options(group)
     group.add_argument(
         '--limit', type=count, metavar='N',
         help='draw N of the samples; on a yaml map N new pairs (100)',

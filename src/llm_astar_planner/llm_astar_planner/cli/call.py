@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 
+from llm_astar_planner.cli.flags import add_graph_options, add_old_flag
 from llm_astar_planner.cli.pictures import add_picture_option
 from llm_astar_planner.parameter import ParameterError
 
@@ -33,10 +34,12 @@ DISCOVERY_SECONDS = 0.5
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     metres: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
-    parser.add_argument('--start', **metres, help='in metres, in the frame --frame')
+    parser.add_argument('--start', **metres, help='start here, in metres of the frame of --frame')
     goal = parser.add_mutually_exclusive_group()
-    goal.add_argument('--goal', **metres, help='likewise')
-    goal.add_argument('--to', metavar='PLACE', help='name of a place of the planner instead')
+    goal.add_argument('--goal', **metres, help='go here, in the same unit')
+    goal.add_argument(
+        '--to', metavar='NAME', help='go to a place instead, one of those that the planner knows'
+    )
     goal.add_argument(
         '--interpret', metavar='TEXT', help='only print what an instruction means to the planner'
     )
@@ -45,14 +48,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='set the instruction of the planner first; empty: none any more',
     )  # fmt: skip
     parser.add_argument('--frame', default='map', help='frame of the poses (default: %(default)s)')
-    parser.add_argument('--namespace', default='/', help="the planner's namespace (default: /)")
+    add_graph_options(parser)
     parser.add_argument(
-        '--node', default='planner_node', help='name of the planner (default: %(default)s)'
-    )
-    parser.add_argument(
-        '--timeout', type=float, default=30.0, metavar='S',
+        '--time-limit', type=float, default=30.0, metavar='SECONDS',
         help='longest wait for each answer (default: %(default)s)',
     )  # fmt: skip
+    add_old_flag(parser, '--timeout', '--time-limit', 'time_limit', type=float)
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     add_picture_option(parser, 'draw map and path')
     parser.add_argument(
@@ -66,11 +67,12 @@ def run(arguments: argparse.Namespace) -> int:
     has_goal = arguments.goal is not None or arguments.to is not None
     if arguments.interpret is None and (arguments.start is None or not has_goal):
         raise ParameterError('--start and one of --goal and --to, or --interpret, are expected')
-    if not 0.0 < arguments.timeout < math.inf:
-        raise ParameterError(f'--timeout: {arguments.timeout} is not a number of seconds above 0')
+    if not 0.0 < arguments.time_limit < math.inf:
+        limit = arguments.time_limit
+        raise ParameterError(f'--time-limit: {limit} is not a number of seconds above 0')
     from llm_astar_planner.nodes.tools.call import calling  # noqa: PLC0415
 
-    with calling(arguments.namespace, arguments.node, arguments.timeout) as caller:
+    with calling(arguments.namespace, arguments.node, arguments.time_limit) as caller:
         view = plan_view(caller, arguments.map_topic) if arguments.png else None
         if arguments.instruction is not None:
             caller.set_instruction(arguments.instruction)

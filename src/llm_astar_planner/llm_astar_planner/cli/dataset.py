@@ -13,6 +13,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import save_barrier_maps
 from llm_astar_planner.benchmark.datasets.generate import GenerationError, MapRules, generate
 from llm_astar_planner.benchmark.datasets.samples import load_samples
 from llm_astar_planner.benchmark.datasets.validate import validate_file
+from llm_astar_planner.cli.map_files import add_dataset_options
 from llm_astar_planner.resources import find_file
 
 OK, BAD_INPUT = 0, 2
@@ -42,11 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'to-bag',
         help='write the samples as a bag of maps and requests, as a robot would record them',
     )
-    bag.add_argument(
-        '--dataset', required=True, metavar='FILE',
-        help='a dataset that bench reads, or the name of one in maps/',
-    )  # fmt: skip
-    bag.add_argument('--maps', metavar='IDS', help='which maps, such as 50-59 (default: all)')
+    add_dataset_options(bag)
     bag.add_argument('--out', required=True, metavar='DIR', help='the folder of the new bag')
     bag.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap')
 

@@ -19,6 +19,7 @@ from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 
 from llm_astar_planner.cli.node_processes import running_nodes
 from llm_astar_planner.cli.parameter_flags import add_parameter_flags, given_values
+from llm_astar_planner.cli.pictures import add_picture_option
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import COSTMAP
 from llm_astar_planner.resources import find_file
@@ -29,21 +30,33 @@ FIRST_DOMAIN, DOMAINS = 101, 130
 RADIUS = tuple(item for item in COSTMAP if item.name == 'robot_radius')
 
 
+EPILOG = """\
+examples:
+  llm-astar demo
+  llm-astar demo --pair 2 --png out/pair2.png
+  llm-astar demo --map depot.yaml --start 7.5 7.5 --goal 22.5 10 --robot-radius 0.2
+
+exit codes: 0 a path, 1 no path, 2 bad usage or input
+"""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
+    add_picture_option(parser, 'draw the plan', 'out/demo.png')
     parser.add_argument(
-        '--png', default='out/demo.png', metavar='FILE', help='picture (default: %(default)s)'
-    )
-    parser.add_argument(
-        '--pair', type=int, default=0, choices=range(4), help='which pair of the demo map'
-    )
+        '--pair', type=int, default=0, choices=range(4),
+        help='which start-goal pair of the demo map (default: 0)',
+    )  # fmt: skip
     parser.add_argument(
         '--map', metavar='FILE',
         help='another map, a map_server yaml or barrier maps; it needs --start and --goal',
     )  # fmt: skip
     metres: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
-    parser.add_argument('--start', **metres, help='in metres, in the frame of the map')
-    parser.add_argument('--goal', **metres, help='likewise')
+    parser.add_argument(
+        '--start', **metres,
+        help='start here, in metres of the map; a cell of barrier maps is one metre wide',
+    )  # fmt: skip
+    parser.add_argument('--goal', **metres, help='go here, in the same unit')
     add_parameter_flags(parser, RADIUS)
     parser.add_argument('--verbose', action='store_true', help='show the log of the nodes')
 

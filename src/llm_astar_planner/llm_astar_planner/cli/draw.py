@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from llm_astar_planner.benchmark.runner.engine import AnsweredSource
-from llm_astar_planner.cli.parameter_flags import OldFlag
+from llm_astar_planner.cli.flags import add_old_flag
 from llm_astar_planner.cli.pictures import ANIMATIONS, picture_or_animation
 from llm_astar_planner.cli.plan import Problem, add_query_options, compile_searches, read_problem
 from llm_astar_planner.parameter import ParameterError
@@ -45,9 +45,7 @@ class Drawn(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options: those of `plan`, and the file."""
     add_query_options(parser, 'samples_1000.json')
-    parser.add_argument(
-        '--dataset', dest='map', action=OldFlag, metavar='FILE', help=argparse.SUPPRESS
-    )
+    add_old_flag(parser, '--dataset', '--map', 'map', metavar='FILE')
     parser.add_argument(
         '--out',
         '--png',

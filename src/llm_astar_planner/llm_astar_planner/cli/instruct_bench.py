@@ -48,6 +48,7 @@ from llm_astar_planner.benchmark.results import (
 )
 from llm_astar_planner.benchmark.runner.config import progress
 from llm_astar_planner.cli.parameter_flags import add_parameter_flags, given_values
+from llm_astar_planner.cli.pictures import picture_file
 from llm_astar_planner.cli.run_options import (
     BAD_INPUT,
     INCOMPLETE,
@@ -89,7 +90,7 @@ sources:
 
 examples:
   llm-astar instruct-bench                        the grammar on the suite of the package
-  llm-astar instruct-bench --suite house.json --source none truth grammar
+  llm-astar instruct-bench --suite house.json --source none,truth,grammar
   llm-astar instruct-bench --suite house.json --source endpoint --record house.jsonl --out out/x
     --base-url http://localhost:8080/v1 --model qwen2.5-coder-1.5b --timeout-s 60
   llm-astar instruct-bench --suite house.json --source replay --transcript house.jsonl
@@ -142,7 +143,10 @@ def add_output(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type pr
     )
     group.add_argument('--json', action='store_true', help='print one JSON object')
     group.add_argument(
-        '--png', metavar='FILE', help='draw the plan of --show, with a single --source'
+        '--png',
+        type=picture_file,
+        metavar='FILE',
+        help='draw the plan of --show, with a single --source',
     )
     for flag, is_upper, text in (
         ('--fail-under', False, 'exit 1 if it is below'),

@@ -13,9 +13,15 @@ from llm_astar_msgs_adapter.maps.places_file import load_places, places_beside
 from llm_astar_msgs_adapter.maps.places_problems import places_problems
 
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps
+from llm_astar_planner.cli.flags import add_old_flag
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.resources import find_file
 
+# What --map takes.
+MAP_KINDS = (
+    "a robot's map as a map_server yaml, a MovingAI x.map.scen, or barrier-map JSON; a path or a "
+    'name in maps/'
+)
 # Decimals of metres in listings.
 DECIMALS = 3
 PLACES_FILE = next(item for item in PLANNER if item.name == 'places_file')
@@ -28,10 +34,33 @@ def add_map_options(group: Any, *, default: str | None = None) -> None:  # noqa:
         '--map',
         default=default,
         metavar='FILE',
-        help=f'barrier-map JSON, a path or a name in maps/{shown}; or a map_server yaml, or a '
-        'MovingAI x.map.scen',
+        help=f'{MAP_KINDS}{shown}',
     )
-    group.add_argument('--map-id', type=int, metavar='ID', help='map of the file (default: first)')
+    group.add_argument(
+        '--map-id',
+        type=int,
+        metavar='ID',
+        help='which of the barrier maps in the file (default: the first)',
+    )
+
+
+def add_dataset_options(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add `--map` and `--map-ids`, which choose maps with their start-goal pairs."""
+    group.add_argument(
+        '--map',
+        dest='dataset',
+        default='samples_1000.json',
+        metavar='FILE',
+        help=f'{MAP_KINDS} (default: %(default)s); on a yaml pairs are drawn',
+    )
+    add_old_flag(group, '--dataset', '--map', 'dataset', metavar='FILE')
+    group.add_argument(
+        '--map-ids',
+        dest='maps',
+        metavar='RANGES',
+        help='which maps of the file, such as 50-99 or 0-9,12 (default: all)',
+    )
+    add_old_flag(group, '--maps', '--map-ids', 'maps', metavar='RANGES')
 
 
 def add_places_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private

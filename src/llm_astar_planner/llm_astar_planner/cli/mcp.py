@@ -11,6 +11,7 @@ import argparse
 import threading
 from typing import TYPE_CHECKING
 
+from llm_astar_planner.cli.flags import add_graph_options
 from llm_astar_planner.cli.map_files import (
     add_map_options,
     add_places_option,
@@ -55,10 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_places_option(where)
     graph = parser.add_argument_group('on a running graph')
     graph.add_argument('--graph', action='store_true', help='use what a running planner has')
-    graph.add_argument('--namespace', default='/', help="the planner's namespace (default: /)")
-    graph.add_argument(
-        '--node', default='planner_node', help='name of the planner (default: %(default)s)'
-    )
+    add_graph_options(graph)
     add_planning_options(parser)
 
 

@@ -8,30 +8,23 @@ import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from llm_astar_planner.cli.flags import add_old_flag
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning.parameter_file import ParameterFile, read_parameter_files
 from llm_astar_planner.planning.parameters import SOURCE, defaults
 
 ENDPOINT = ('transcript', 'base_url', 'api_key_env', 'api_key_names', 'repair_rounds')
 METAVARS = {'s': 'SECONDS', 'm': 'METRES'}
-
-
-class OldFlag(argparse.Action):
-    """A flag that was renamed: it still sets the value, with a warning."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: Any,  # noqa: ANN401 - of the flag's type
-        option_string: str | None = None,
-    ) -> None:
-        """Set the value of the present flag."""
-        del parser
-        setattr(namespace, self.dest, values)
-        sys.stderr.write(
-            f'llm-astar: warning: {option_string} is deprecated: it became {flag_of(self.dest)}\n'
-        )
+# What the flags of some parameters take; those with choices and the rest take a NAME.
+TEXTS = {
+    'footprint': 'POINTS',
+    'instruction': 'TEXT',
+    'base_url': 'URL',
+    'prompt': 'NAME|FILE',
+    'instruction_examples': 'FILE',
+    'transcript': 'FILE',
+    'record': 'FILE',
+}
 
 
 def flag_of(name: str) -> str:
@@ -56,14 +49,13 @@ def add_parameter_flags(group: Any, parameters: Iterable[Parameter]) -> None:  #
             group.add_argument(flag, action=argparse.BooleanOptionalAction, **common)
             continue
         kind = type(item.default)
-        word = item.name.rsplit('_', 1)[-1].upper() if kind is str else 'N'
+        word = TEXTS.get(item.name, 'NAME') if kind is str else 'N'
         if item.choices:
             common['help'] += '; one of ' + ', '.join(item.choices)
-        group.add_argument(flag, type=kind, metavar=METAVARS.get(item.unit, word), **common)
+        flags = [flag, *map(flag_of, item.short_flags)]
+        group.add_argument(*flags, type=kind, metavar=METAVARS.get(item.unit, word), **common)
         for old in item.old_flags:
-            group.add_argument(
-                flag_of(old), type=kind, dest=item.name, action=OldFlag, help=argparse.SUPPRESS
-            )
+            add_old_flag(group, flag_of(old), flag, item.name, type=kind)
 
 
 def add_params_file_flag(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private

@@ -19,12 +19,15 @@ from llm_astar_planner.cli.map_files import (
     open_places,
     place_to_json,
 )
+from llm_astar_planner.cli.pictures import add_picture_option
 
 EPILOG = """\
 examples:
   llm-astar places depot.places.geojson
   llm-astar places depot.places.geojson --map depot.yaml --png out/places.png
   llm-astar places graph.geojson --json
+
+exit codes: 0 done, also with warnings; 2 a file that cannot be read
 """
 HEADINGS = ('name', 'kind', 'tags', 'centre (m)', 'area', 'also called')
 
@@ -34,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('file', metavar='FILE', help='GeoJSON file with the places')
     add_map_options(parser.add_argument_group('the map to check them on'))
     output = parser.add_argument_group('output')
-    output.add_argument('--png', metavar='FILE', help='draw the places, on the map if it is given')
+    add_picture_option(output, 'draw the places, on the map if it is given')
     output.add_argument('--json', action='store_true', help='print one JSON object')
 
 

@@ -70,6 +70,9 @@ def add_planning_options(parser: argparse.ArgumentParser) -> Any:  # noqa: ANN40
     )
     add_params_file_flag(rules)
     add_parameter_flags(rules, RULES)
+    rules.add_argument(
+        '--methods', dest='method', default=argparse.SUPPRESS, help=argparse.SUPPRESS
+    )
     guide = parser.add_argument_group('waypoints', 'the parameters of llm_client_node')
     add_parameter_flags(guide, SOURCE)
     return guide

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.messages.report import PlanReport
 
+from llm_astar_planner.cli.flags import add_graph_options
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
@@ -35,23 +36,24 @@ CLAUSE_INDENT = ' ' * 10
 
 EPILOG = """\
 The last plans from before the watch come first, at most ten. Ctrl-C ends it.
+Lengths are in metres.
 
 examples:
   llm-astar watch
   llm-astar watch --namespace /robot1
   llm-astar watch --json --count 1 | jq .length
+
+exit codes: 0 after Ctrl-C or --count plans, 2 bad usage
 """
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    parser.add_argument('--namespace', default='/', help="the nodes' namespace (default: /)")
-    parser.add_argument(
-        '--node', default='planner_node', help='name of the planner (default: %(default)s)'
-    )
+    add_graph_options(parser)
     parser.add_argument(
         '--client',
         default='llm_client_node',
+        metavar='NAME',
         help='name of its waypoint client (default: %(default)s)',
     )
     parser.add_argument('--count', type=int, metavar='N', help='end after N plans')

@@ -105,10 +105,12 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        '--dataset', default='samples_1000.json', metavar='FILE',
+        '--map', '--dataset', dest='dataset', default='samples_1000.json', metavar='FILE',
         help='barrier maps: a path, or a name in maps/ (default: %(default)s)',
     )  # fmt: skip
-    parser.add_argument('--maps', metavar='RANGES', help='map ids, such as 50-99 or 0-9,12')
+    parser.add_argument(
+        '--map-ids', '--maps', dest='maps', metavar='RANGES', help='such as 50-99 or 0-9,12'
+    )
     parser.add_argument('--limit', type=int, metavar='N', help='draw N of the samples')
     parser.add_argument('--seed', type=int, default=0, help='seed of the draw (0)')
     parser.add_argument(

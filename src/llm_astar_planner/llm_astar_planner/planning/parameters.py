@@ -77,7 +77,7 @@ REQUESTS = (
         between=(0.01, 3600.0),
         cli_default=60.0,
         cli_reason='since no robot is waiting, and a language model may take half a minute',
-        old_flags=('time_limit',),
+        short_flags=('time_limit',),
     ),
     Parameter(
         'costmap_update_timeout',

@@ -217,7 +217,7 @@ def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
         (('--source', 'endpoint', '--model', 'm', '--prompt', 'haiku'), 'haiku'),
         (('--scales', 'x'), '--scales'),
         (('--scales', '0-2'), '--scales 0-2'),
-        (('--maps', '90-99'), '--maps 90-99'),
+        (('--map-ids', '90-99'), '--map-ids 90-99'),
         (('--weight', '0.5'), '--weight'),
         (('--max-planning-time', '0'), '--max-planning-time'),
     ],

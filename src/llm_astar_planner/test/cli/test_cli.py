@@ -9,6 +9,7 @@ import pytest
 from llm_astar_planner.cli.main import COMMANDS, main
 from llm_astar_planner.planning.parameters import PLANNER, SOURCE
 from llm_astar_planner.resources import find_file
+from llm_astar_planner.visualization.style import OBSTACLE
 from PIL import Image
 
 HOUSE = ('--map', 'instructions/house.yaml', '--start', '2', '2', '--goal', '9', '6')
@@ -271,6 +272,7 @@ def test_the_picture_has_the_obstacles_of_the_rules(capsys, tmp_path):
     )
     ends = ('--cells', '--start', '1', '1', '--goal', '18', '1')
     words = ('--map', str(tmp_path / 'x.yaml'), *ends)
+    obstacle = tuple(bytes.fromhex(OBSTACLE[1:]))
     shares = []
     for threshold in ('40', '90'):
         picture = tmp_path / f'{threshold}.png'
@@ -279,7 +281,7 @@ def test_the_picture_has_the_obstacles_of_the_rules(capsys, tmp_path):
         assert code == 0
         with Image.open(picture) as image:
             pixels = np.array(image.convert('RGB'))
-        shares.append(np.mean(np.all(pixels == 0x22, axis=-1)))
+        shares.append(np.mean(np.all(pixels == obstacle, axis=-1)))
     # The obstacle covers a twenty-fifth of the map, which fills more than half of the picture.
     assert shares[0] > 0.02
     assert shares[1] < 0.002
@@ -433,18 +435,79 @@ def test_what_does_not_exist_is_one_line_that_says_what_does(capsys, arguments, 
     assert words in err
 
 
-@pytest.mark.parametrize(
-    ('old', 'present'), [('--time-limit', '--max-planning-time'), ('--timeout', '--timeout-s')]
-)
-def test_a_renamed_flag_still_works_with_a_warning(capsys, old, present):
-    code, out, err = run(capsys, 'plan', old, '20', '--json')
+def test_a_renamed_flag_still_works_with_a_warning(capsys):
+    code, out, err = run(capsys, 'plan', '--timeout', '20', '--json')
     assert code == 0
     assert json.loads(out)['code'] == 0
-    assert err == f'llm-astar: warning: {old} is deprecated: it became {present}\n'
-    assert run(capsys, 'plan', old, '-1')[2].endswith(
-        f'error: {present}: -1.0 is not in '
-        + ('0.01 to 3600\n' if present == '--max-planning-time' else '0.001 to 3600\n')
-    )
+    assert err == 'llm-astar: warning: --timeout is deprecated: it became --timeout-s\n'
+    err = run(capsys, 'plan', '--timeout', '-1')[2]
+    assert err.endswith('error: --timeout-s: -1.0 is not in 0.001 to 3600\n')
+
+
+@pytest.mark.parametrize(
+    ('command', 'old', 'present'),
+    [
+        (('draw', '--out', 'x.png'), '--dataset', '--map'),
+        (('bench',), '--dataset', '--map'),
+        (('bench', '--map', 'nowhere.json'), '--maps', '--map-ids'),
+        (('dataset', 'to-bag', '--out', 'x'), '--dataset', '--map'),
+        (('call', '--start', '1', '1'), '--timeout', '--time-limit'),
+    ],
+)
+def test_every_old_spelling_is_accepted_with_a_hint(capsys, command, old, present):
+    value = '5' if old == '--timeout' else 'nowhere.json'
+    code, _, err = run(capsys, *command, old, value)
+    assert code == 2
+    first, second = err.splitlines()
+    assert first == f'llm-astar: warning: {old} is deprecated: it became {present}'
+    assert second.startswith('llm-astar: error: ')
+    assert 'nowhere.json' in second or old == '--timeout'
+
+
+def test_the_time_limit_and_the_methods_have_one_name_in_all_commands(capsys):
+    plan = ('plan', '--time-limit', '20', '--methods', 'astar', '--json')
+    code, out, err = run(capsys, *plan)
+    assert (code, err) == (0, '')
+    assert json.loads(out)['method'] == 'astar'
+    for command in ('plan', 'mcp', 'bench', 'evaluate', 'instruct-bench', 'call'):
+        with pytest.raises(SystemExit):
+            main([command, '--help'])
+        assert '--time-limit SECONDS' in capsys.readouterr().out, command
+    for command in ('plan', 'play', 'places', 'mcp', 'demo', 'run', 'bench', 'draw'):
+        with pytest.raises(SystemExit):
+            main([command, '--help'])
+        assert '--map FILE' in capsys.readouterr().out, command
+
+
+@pytest.mark.parametrize(
+    ('command', 'words'),
+    [
+        (('plan', '--start', 'a', '1', '--goal', '2', '2'), "not a number: 'a'"),
+        (('plan', '--png', 'plan.xyz'), "plan.xyz ends in '.xyz'; the ending is one of .png"),
+        (('demo', '--png', 'plan.xyz'), "plan.xyz ends in '.xyz'"),
+        (('places', 'x.geojson', '--png', 'places'), 'places has no ending'),
+        (('draw', '--out', 'x.mp4'), "x.mp4 ends in '.mp4'"),
+        (('plna',), "invalid choice: 'plna'"),
+        (('plan', '--cells', '--metres'), 'not allowed with'),
+    ],
+)
+def test_a_mistake_is_one_line_before_any_work(capsys, monkeypatch, command, words):
+    def no_work(*_):
+        raise AssertionError('work was done')
+
+    monkeypatch.setattr('llm_astar_planner.planning.planner.Planner.plan', no_work)
+    code, out, err = run(capsys, *command)
+    assert (code, out) == (2, '')
+    assert err.startswith('llm-astar: error: ')
+    assert err.count('\n') == 1
+    assert words in err
+
+
+def test_without_a_command_the_help_is_printed(capsys):
+    with pytest.raises(SystemExit) as end:
+        main([])
+    assert end.value.code == 0
+    assert 'commands:' in capsys.readouterr().out
 
 
 def test_an_unknown_name_in_a_parameter_file_names_the_file_and_the_nearest_name(capsys, tmp_path):

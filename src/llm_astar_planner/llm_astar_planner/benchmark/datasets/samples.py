@@ -68,11 +68,11 @@ def select_samples(
 ) -> list[BenchmarkSample]:
     """Select samples from loaded maps as `load_samples` does; messages name `path`."""
     if maps is not None:
-        wanted = set(parse_ranges(maps, '--maps'))
+        wanted = set(parse_ranges(maps, '--map-ids'))
         known = {barrier_map.id for barrier_map in loaded}
         if not wanted & known:
             ids = f'{min(known)} to {max(known)}' if len(known) > 1 else str(*known)
-            message = f'--maps {maps}: {path} has none of them, its ids are {ids}'
+            message = f'--map-ids {maps}: {path} has none of them, its ids are {ids}'
             raise SelectionError(message)
         loaded = [barrier_map for barrier_map in loaded if barrier_map.id in wanted]
     samples = [

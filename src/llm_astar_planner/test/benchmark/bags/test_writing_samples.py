@@ -125,5 +125,5 @@ def test_a_bag_that_cannot_be_written_is_one_sentence(folder, capsys):
     assert make_bag(folder) == 2
     assert 'exists already' in capsys.readouterr().err
     assert make_bag(folder.parent / 'new', '--maps', '5000') == 2
-    assert '--maps 5000' in capsys.readouterr().err
+    assert '--map-ids 5000' in capsys.readouterr().err
     assert not (folder.parent / 'new').exists()

@@ -118,7 +118,7 @@ def test_a_run_is_resumed_but_not_on_another_map(tmp_path, capsys):
     ('words', 'error'),
     [
         (('--scales', '1-2'), 'scale: 2 is not 1'),
-        (('--maps', '3'), '--maps 3'),
+        (('--map-ids', '3'), '--map-ids 3'),
         (('--heuristic', 'manhattan', '--methods', 'astar'), None),
     ],
 )
@@ -253,7 +253,7 @@ def test_plan_takes_a_grid_in_cells(tmp_path, capsys):
     assert cli.main([*words, '--pair', '1']) == 0
     assert json.loads(capsys.readouterr().out)['length'] == 4.0
     yaml = write_map_server(tmp_path, [[254, 0, 254], [254, 254, 254]])
-    ends = ('--start', '0', '0', '--goal', '2', '1', '--map', str(yaml))
+    ends = ('--cells', '--start', '0', '0', '--goal', '2', '1', '--map', str(yaml))
     assert cli.main([*words, *ends]) == 0
     plan = json.loads(capsys.readouterr().out)
     # Row 0 of the grid is the picture's last row; the path goes below the blocked cell.
