@@ -118,7 +118,7 @@ def draw(
     """
     from llm_astar_planner.visualization.figures import save_picture  # noqa: PLC0415
 
-    grid_map = view.grid_map(arguments.timeout)
+    grid_map = view.grid_map(arguments.time_limit)
     if plan.points:
         endpoints = Pose2D(*plan.points[0]), Pose2D(*plan.points[-1])
     elif arguments.frame not in ('', grid_map.frame_id):

@@ -34,13 +34,14 @@ def checked(text: str, endings: tuple[str, ...]) -> str:
 
 
 def add_picture_option(group: Any, text: str, default: str | None = None) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add `--png`; `text` says what is drawn."""
+    """Add `--png`, which may be called `--out` as in other commands; `text` says what is drawn."""
     shown = ' (default: %(default)s)' if default else ''
     group.add_argument(
         '--png',
-        '--out',
         type=picture_file,
         default=default,
         metavar='FILE',
         help=f'{text}, into a file whose ending says how: .png, .svg, .pdf, .jpg{shown}',
     )
+    hidden = argparse.SUPPRESS
+    group.add_argument('--out', dest='png', type=picture_file, default=hidden, help=hidden)
