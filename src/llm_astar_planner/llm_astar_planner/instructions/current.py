@@ -42,6 +42,9 @@ class RemoteInterpreter(Interpreter, Protocol):
     def ready(self) -> bool:
         """Whether it can be asked."""
 
+    def drop(self) -> None:
+        """Answer what was asked so far with PENDING, at once."""
+
 
 class InstructionReader:
     """Reads instructions: the grammar at once, and a remote interpreter when it answers."""
@@ -85,6 +88,8 @@ class InstructionReader:
         if self._remote is not None and self._background is not None:
             before, self._background = self._background, self.make_background(self._remote)
             before.close()
+            # Otherwise each change would leave a thread that waits for an answer.
+            self._remote.drop()
 
     def close(self) -> None:
         """Ask no more."""

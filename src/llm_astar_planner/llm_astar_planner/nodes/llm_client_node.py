@@ -66,6 +66,12 @@ CALLERS = 13
 AT_A_TIME_BY_SERVER, AT_A_TIME = 8, 1
 # Threads for questions, those included that have exceeded their time limit and still run.
 QUERY_THREADS = 12
+# Each change of a parameter makes a new source, and the queries to the one before it run on until
+# their server answers or their time is up. With more threads no change is taken.
+MOST_THREADS = 128
+REPLACED_TOO_OFTEN = (
+    'the parameters were changed too often: earlier queries still wait; try again in a minute'
+)
 # Characters of a text in an exchange message; a transcript holds the whole text.
 MAX_TEXT = 16000
 
@@ -123,6 +129,8 @@ class LlmClientNode(Node):
             return problem
         try:
             if source_values != self._source_values:
+                if threading.active_count() > MOST_THREADS:
+                    return REPLACED_TOO_OFTEN
                 found = with_transcript(values)
                 self._new_source = source_from_parameters(found)
                 self._new_interpreter = make_interpreter(found)

@@ -34,6 +34,10 @@ class Remote:
         self.ready, self.status = ready, status
         self.gate = threading.Event()
         self.asked = []
+        self.drops = 0
+
+    def drop(self):
+        self.drops += 1
 
     def interpret(self, text, places, time_limit):
         self.asked.append(text)
@@ -151,6 +155,7 @@ def test_what_was_understood_holds_while_a_changed_client_is_asked(start):
     remote.status = Understanding.PARTLY
     held.ask_again(anew=True)
     assert held.instruction.interpretation.status is Understanding.WHOLE
+    assert remote.drops == 1
     remote.gate.set()
     wait_for(Understanding.PARTLY)
     remote.ready = False

@@ -93,6 +93,13 @@ class InstructionClient:
                 self._answers[answer.id] = answer
                 self._arrived.notify_all()
 
+    def drop(self) -> None:
+        """End the waiting for what was asked so far, since the answers are of no use any more."""
+        with self._arrived:
+            for id_ in self._answers:
+                self._answers[id_] = Answer(id_, error='was changed while it was asked')
+            self._arrived.notify_all()
+
     def close(self) -> None:
         """End the waiting."""
         with self._arrived:

@@ -83,6 +83,7 @@ class PlacesServer:
         self._published: Places | None = None
         self._planner: Planner | None = None
         self._checked: Hashable = None
+        self._is_queued = False
         self._markers = entities.publisher(MarkerArray, '~/places', LATCHED)
         self._geojson = entities.publisher(String, '~/places_geojson', LATCHED)
         # Of its own, since a large map with many places takes seconds.
@@ -102,12 +103,18 @@ class PlacesServer:
             stamp = self._node.get_clock().now().to_msg()
             self._markers.publish(places_to_markers(self.places, stamp))
             self._geojson.publish(String(data=json.dumps(self.places.to_geojson())))
-            self._thread.submit(self.logged, self.publish_goals)
+            self.check_soon()
 
     def on_planner(self, planner: Planner) -> None:
         """Plan goals on a new map from now on."""
         self._planner = planner
         if len(self.places):
+            self.check_soon()
+
+    def check_soon(self) -> None:
+        """Check the places on the thread, once for all maps that come until then."""
+        if not self._is_queued:
+            self._is_queued = True
             self._thread.submit(self.logged, self.publish_goals)
 
     def publish_goals(self) -> None:
@@ -116,6 +123,7 @@ class PlacesServer:
         That is done once for a map of this size and position: a costmap changes every second, and
         a goal that has become blocked is replaced when it is planned to.
         """
+        self._is_queued = False
         planner, places = self._planner, self.places
         if planner is None or not len(places):
             return
