@@ -37,6 +37,7 @@ def graph():
         namespace=SPACE,
         parameter_overrides=[
             Parameter('llm_client', value=''),
+            Parameter('places_file', value='instructions/barriers_0.places.geojson'),
             Parameter('instruction', value='keep 1 m from the walls'),
         ],
     )
@@ -101,6 +102,9 @@ def test_a_page_sees_the_graphs_map_plans_and_state_and_ctrl_c_ends_the_server(g
             events = Events(stream.iter_lines())
             shown = events.next('map')
             assert (shown['width'], shown['height'], shown['resolution']) == (51, 31, 1.0)
+            if not shown['places']:  # which come on a topic of their own
+                shown = events.next('map', lambda value: value['places'])
+            assert all(place['name'] and place['polygon'] for place in shown['places'])
             path, report, _ = graph.call(START, GOAL)
             plan = events.next('plan', lambda plan: plan.get('path'))
             assert plan['found']

@@ -28,6 +28,8 @@ from llm_astar_planner.search.stop import StopFlag
 
 PAGE = Path(__file__).parent / 'page'
 MAX_BODY = 2**20
+# A request holds walls, these cells, and these numbers.
+MAX_DEPTH = 5
 # Seconds in which a body has to arrive.
 BODY_S = 10.0
 # Characters of a sentence about foreign text.
@@ -109,13 +111,13 @@ async def read_body(request: Request) -> object:
     except asyncio.TimeoutError:
         raise PlayError(f'the body did not arrive within {BODY_S:g} s', status=408) from None
     try:
-        return json.loads(body, parse_constant=refuse_constant)
+        value: object = json.loads(body, parse_constant=refuse_constant)
     except RecursionError:
-        raise PlayError(
-            'the body is nested too deeply for a plan; send less', status=400
-        ) from None
+        raise too_deep() from None
     except ValueError as error:
         raise PlayError(f'the body is not JSON: {error}', status=400) from None
+    check_depth(value)
+    return value
 
 
 async def received(request: Request) -> bytes:
@@ -131,6 +133,25 @@ async def received(request: Request) -> bytes:
 def too_long() -> PlayError:
     """Return the error for a body that is too long."""
     return PlayError(f'the body is over {MAX_BODY} bytes; edit fewer walls', status=413)
+
+
+def too_deep() -> PlayError:
+    """Return the error for a body whose lists hold lists too often."""
+    return PlayError('the body is nested too deeply for a plan; send less', status=400)
+
+
+def check_depth(value: object) -> None:
+    """Raise PlayError where a JSON value is nested over MAX_DEPTH deep."""
+    level = [value]
+    for _ in range(MAX_DEPTH):
+        lists = [item for item in level if isinstance(item, (dict, list))]
+        level = [
+            child
+            for item in lists
+            for child in (item.values() if isinstance(item, dict) else item)
+        ]
+    if level:
+        raise too_deep()
 
 
 def refuse_constant(name: str) -> NoReturn:

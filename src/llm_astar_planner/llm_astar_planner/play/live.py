@@ -5,14 +5,16 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from numpy.typing import NDArray
 
-from llm_astar_planner.play.encoding import grid_json
+from llm_astar_planner.play.encoding import grid_json, place_json
 from llm_astar_planner.play.errors import PlayError
 from llm_astar_planner.play.maps import MAX_CELLS
 
@@ -48,6 +50,7 @@ class LiveFeed:
         """Start with nothing but the state."""
         self._lock = threading.Lock()
         self._map: GridMap | None = None
+        self._places = NO_PLACES
         self._plan: tuple[NDArray[np.float64], dict[str, Any]] | None = None
         self._status = 'waiting for the planner'
         # How often each has changed.
@@ -63,6 +66,12 @@ class LiveFeed:
             return
         with self._lock:
             self._map = grid_map
+            self._numbers['map'] += 1
+
+    def show_places(self, places: Places) -> None:
+        """Take newer places."""
+        with self._lock:
+            self._places = places
             self._numbers['map'] += 1
 
     def show_plan(self, points: NDArray[np.float64], report: dict[str, Any]) -> None:
@@ -108,32 +117,32 @@ class LiveFeed:
             self._pages -= 1
 
     def _newer_than(self, sent: dict[str, object]) -> list[tuple[str, dict[str, Any]]]:
-        """Return the events not sent yet, the map first, and note them in `sent`."""
+        """Return the events not sent yet, the map before the plan, and note them in `sent`."""
         with self._lock:
-            grid_map, plan, status = self._map, self._plan, self._status
+            grid_map, places = self._map, self._places
+            plan, status = self._plan, self._status
             numbers: dict[str, object] = dict(self._numbers)
-        values: dict[str, dict[str, Any]] = {'status': {'message': status}}
+        make: dict[str, Callable[[], dict[str, Any]]] = {'status': lambda: {'message': status}}
         if grid_map is not None:
+            make['map'] = partial(live_map_json, grid_map, places)
+        if grid_map is not None and plan is not None:
             # Cells of a path are those of a layout of the map.
             numbers['plan'] = numbers['plan'], grid_map.layout
-            values['map'] = live_map_json(grid_map)
-            if plan is not None:
-                values['plan'] = readable_plan_json(*plan, grid_map)
-        fresh = [kind for kind in ('status', 'map', 'plan') if kind in values]
-        fresh = [kind for kind in fresh if sent.get(kind) != numbers[kind]]
+            make['plan'] = partial(readable_plan_json, *plan, grid_map)
+        fresh = [kind for kind in make if sent.get(kind) != numbers[kind]]
         sent.update((kind, numbers[kind]) for kind in fresh)
-        return [(kind, values[kind]) for kind in fresh]
+        return [(kind, make[kind]()) for kind in fresh]
 
 
-def live_map_json(grid_map: GridMap) -> dict[str, Any]:
-    """Return a graph's map as the page takes every map."""
+def live_map_json(grid_map: GridMap, places: Places) -> dict[str, Any]:
+    """Return a graph's map with its places as the page takes every map."""
     return grid_json(grid_map) | {
         'id': 'live',
         'name': f'map of the graph, frame {grid_map.frame_id}',
         'unit': 'm',
         'offset': [0, 0],
         'pairs': [],
-        'places': [],
+        'places': [place_json(place, grid_map) for place in places],
     }
 
 

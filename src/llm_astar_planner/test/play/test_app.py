@@ -19,6 +19,10 @@ from llm_astar_planner.search.methods import METHODS
 DEMO = {'map': 'demo.json:0', 'start': [39, 18], 'goal': [7, 19]}
 
 
+# Python reads lists within lists up to about a thousand, and writes them up to some fewer.
+DEPTHS = (5, 100, *range(850, 1000, 10))
+
+
 def plan(page, status=200, **fields):
     answer = page.post('/api/plan', json={**DEMO, **fields})
     assert answer.status_code == status, answer.text
@@ -212,6 +216,7 @@ def test_a_huge_body_is_refused_before_it_is_read(page):
         (b'{', 'JSON'),
         (b'[' * 500_000, 'nested'),
         (b'{"a":' * 100_000, 'nested'),
+        *((b'{"start": %b%b}' % (b'[' * depth, b']' * depth), 'nested') for depth in DEPTHS),
         (b'{"start": [NaN, 1]}', 'NaN'),
         (b'{"start": [Infinity, 1]}', 'Infinity'),
         (b'\xff\xfe', 'JSON'),

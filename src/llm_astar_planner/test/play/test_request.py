@@ -18,7 +18,7 @@ WALLS = st.dictionaries(st.sampled_from(['blocked', 'freed', 'more']), st.lists(
 BODIES = st.dictionaries(st.sampled_from(sorted(FIELDS)) | st.text(max_size=8), VALUES)
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(BODIES, WALLS | VALUES, st.sampled_from(SOURCES) | VALUES, CELLS | VALUES)
 def test_any_json_is_read_or_refused(body, walls, source, start):
     changed = {'walls': walls, 'source': source, 'start': start, 'via': [start]}

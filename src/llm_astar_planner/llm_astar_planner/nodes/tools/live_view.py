@@ -11,15 +11,19 @@ from typing import Any, Protocol
 import numpy as np
 from cachetools import FIFOCache
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.places import Places, PlacesError
+from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from rclpy.node import Node
+from std_msgs.msg import String
 
+from llm_astar_planner.instructions.messages import QuestionError, parse_object
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.names import check_names
-from llm_astar_planner.nodes.common.qos import RELIABLE
+from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, joined
 from llm_astar_planner.nodes.tools.monitor import EventKind, Monitor, MonitorEvent
 
@@ -37,6 +41,9 @@ class Viewer(Protocol):
 
     def show_map(self, grid_map: GridMap) -> None:
         """Take a newer map."""
+
+    def show_places(self, places: Places) -> None:
+        """Take newer places."""
 
     def show_plan(self, points: NDArray[np.float64], report: dict[str, Any]) -> None:
         """Take a newer plan: its points [n, 2] in metres, the fields of its PlanReport."""
@@ -58,6 +65,7 @@ class LiveView:
         self._report_came = 0.0
         MapSubscription(Entities(node), viewer.show_map)
         node.create_subscription(Path, 'plan', self._on_path, RELIABLE)
+        node.create_subscription(String, f'{planner}/places_geojson', self._on_places, LATCHED)
 
     def follow(self, stopped: threading.Event) -> None:
         """Show what comes until `stopped` is set."""
@@ -90,6 +98,11 @@ class LiveView:
         if points is not None or report.values['code'] != 0 or is_late:
             self._report = None
             self._viewer.show_plan(np.empty((0, 2)) if points is None else points, report.values)
+
+    def _on_places(self, message: String) -> None:
+        with contextlib.suppress(QuestionError, PlacesError):
+            places = parse_object(message.data)
+            self._viewer.show_places(places_from_geojson(places, 'the places of the graph'))
 
     def _on_path(self, message: Path) -> None:
         stamp = message.header.stamp
