@@ -256,7 +256,8 @@ def test_a_running_graph_is_shown_as_its_events_come(open_page, url):
     plan = {
         'path': [[5, 5], [6, 6], [7, 6]], 'found': True,
         'waypoints': [{'number': 1, 'x': 6, 'y': 6, 'status': 'accepted'}],
-        'report': {'length': 2.41, 'expansions': 3, 'message': HOSTILE},
+        'figures': {'length': 2.41, 'expansions': 3},
+        'message': HOSTILE,
     }  # fmt: skip
     events = (('map', sent_map), ('plan', plan), ('status', {'message': HOSTILE}))
     body = ''.join(f'event: {name}\ndata: {json.dumps(data)}\n\n' for name, data in events)

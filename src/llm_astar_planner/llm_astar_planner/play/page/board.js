@@ -7,7 +7,7 @@ const FAR = 10;
 export class Board {
   /**
    * Take the main panel and callbacks: `moved(name, cell, isDone)` for 'start', 'goal' or a via
-   * point's index, `painted(isDone)`, `added(cell)` and `removed(index)` for via points, `panned()`,
+   * point's index, `painted(indices, isDone)`, `added(cell)` and `removed(index)` for via points, `panned()`,
    * and `state()`, which returns {map, ends, walls}.
    */
   constructor(panel, callbacks) {
@@ -97,13 +97,13 @@ export class Board {
     let last = cell;
     walls.begin();
     walls.paint(cell, this.brush, this.tool === 'wall');
-    this.callbacks.painted(false);
+    this.callbacks.painted(walls.stroke.keys(), false);
     this.follow(this.canvas, event, (move) => {
       const next = this.cellOf(move);
       this.strokeTo(last, next, walls);
       last = next;
-      this.callbacks.painted(false);
-    }, () => this.callbacks.painted(walls.end()));
+      this.callbacks.painted(walls.stroke.keys(), false);
+    }, () => this.callbacks.painted([], walls.end()));
   }
 
   /** Paint every cell between two. */

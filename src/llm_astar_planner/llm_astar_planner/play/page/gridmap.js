@@ -3,8 +3,9 @@
 import { bytes, number, points, text } from './codec.js';
 
 const MAX_CELLS = 4_000_000;
-const OCCUPIED = 65;
-const UNKNOWN = 255;
+// Occupancy from which a cell is an obstacle, and that of an unknown one.
+export const OCCUPIED = 65;
+export const UNKNOWN = 255;
 
 export class GridMap {
   /** Take a map as the server sends it. Throws an Error that says what is wrong with it. */
@@ -42,6 +43,11 @@ export class GridMap {
 
   clamped([x, y]) {
     return [Math.min(this.width - 1, Math.max(0, x)), Math.min(this.height - 1, Math.max(0, y))];
+  }
+
+  /** What is the same for all maps whose cells are the same places. */
+  get layout() {
+    return [this.width, this.height, this.resolution, ...this.origin].join(' ');
   }
 
   /** Whether the axes are those of the map's frame: those of a turned map count from its corner. */

@@ -1,7 +1,8 @@
 // The view as the fragment of the page's address, and back. A fragment is untrusted text.
 
 const MAX_FRAGMENT = 60_000;
-const MAX_WALLS = 40_000;
+// What a link that would be too long leaves out.
+const LARGE = ['walls', 'freed', 'reply', 'instruction'];
 const MAX_VIA = 100;
 const DEFAULTS = {
   method: 'llm_astar', source: 'embedded', heuristic: 'euclidean', weight: 2, max_suboptimality: 1.1,
@@ -43,7 +44,7 @@ export function decodeRuns(encoded, size, limit) {
   return indices;
 }
 
-/** Return the fragment for a view, and whether the walls had to be left out. */
+/** Return the fragment for a view, and whether all of it fits. */
 export function toFragment(view) {
   const query = new URLSearchParams();
   query.set('map', view.map);
@@ -54,11 +55,10 @@ export function toFragment(view) {
     query.set(name, typeof value === 'boolean' ? String(Number(value)) : String(value));
   }
   if (view.via.length) query.set('via', view.via.map((cell) => cell.join(',')).join(';'));
-  const walls = encodeRuns(view.blocked);
-  const freed = encodeRuns(view.freed);
-  const fits = walls.length + freed.length <= MAX_WALLS;
-  if (fits && walls) query.set('walls', walls);
-  if (fits && freed) query.set('freed', freed);
+  if (view.blocked.length) query.set('walls', encodeRuns(view.blocked));
+  if (view.freed.length) query.set('freed', encodeRuns(view.freed));
+  const fits = query.toString().length <= MAX_FRAGMENT;
+  if (!fits) for (const name of LARGE) query.delete(name);
   return { fragment: query.toString().replaceAll('%2C', ',').replaceAll('%3B', ';'), fits };
 }
 

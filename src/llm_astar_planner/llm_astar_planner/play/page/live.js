@@ -1,18 +1,21 @@
 // A running graph: its map, plans and reports, as server-sent events.
 
 import { showInstruction, showReport, showVerdict, showWaypoints } from './results.js';
-import { points, shown, text } from './codec.js';
+import { points, text } from './codec.js';
 import { GridMap } from './gridmap.js';
+import { say } from './toast.js';
+import { verdictOf } from './verdict.js';
 
 const $ = (id) => document.getElementById(id);
 const WAITING = { tone: 'draw', head: 'Waiting for a plan.', rest: ' Send a goal to the planner, and it appears here.' };
 
 export class Live {
-  /** Take what draws: `setMap(map)`, `setPlan(plan, ends)`, and `palette()`. */
+  /** Take what draws: `setMap(map, isSame)` (whether it lies as the one before), `setPlan(plan, ends)`, and `palette()`. */
   constructor(stage) {
     this.stage = stage;
     this.source = null;
     this.map = null;
+    this.plan = null;
   }
 
   start() {
@@ -22,35 +25,33 @@ export class Live {
     on('map', (data) => this.onMap(data));
     on('plan', (data) => this.onPlan(data));
     on('status', (data) => this.onStatus(data));
-    this.source.addEventListener('error', () => this.say('The server does not answer; trying again.'));
+    this.source.addEventListener('error', () => say('The server does not answer; trying again.'));
   }
 
   stop() {
     this.source?.close();
     this.source = null;
-    $('notice').hidden = true;
+    say('');
   }
 
   take(event, handle) {
     try {
       handle(JSON.parse(event.data));
     } catch (error) {
-      this.say(`An event cannot be shown: ${text(error.message, 200)}`);
+      say(`An event cannot be shown: ${text(error.message, 200)}`);
     }
   }
 
-  say(sentence) {
-    $('notice').textContent = text(sentence, 400);
-    $('notice').hidden = !sentence;
-  }
-
   onMap(data) {
-    this.map = new GridMap(data);
-    this.stage.setMap(this.map);
+    const map = new GridMap(data);
+    const isSame = this.map !== null && map.layout === this.map.layout;
+    this.map = map;
+    this.stage.setMap(map, isSame);
+    if (isSame && this.plan) this.stage.setPlan(...this.plan);
   }
 
   onStatus(data) {
-    this.say(typeof data === 'string' ? data : data.message ?? data.status ?? '');
+    say(text(data.message, 400));
   }
 
   onPlan(plan) {
@@ -59,14 +60,10 @@ export class Live {
     const ends = {
       start: points([plan.start])[0] ?? path[0], goal: points([plan.goal])[0] ?? path.at(-1), via: points(plan.via, 1000),
     };
+    this.plan = [plan, ends];
     this.stage.setPlan(plan, ends);
-    const report = plan.report ?? {};
-    const isFound = plan.found ?? path.length > 0;
-    const length = report.length_m ?? report.length;
-    showVerdict(isFound
-      ? { tone: 'win', head: 'Path found:', rest: ` ${shown(length, 2)} m, ${shown(report.expansions)} expansions.` }
-      : { tone: 'fail', head: 'No path:', rest: ` ${text(plan.message ?? report.message, 400)}` });
-    showReport(report);
+    showVerdict(verdictOf([{ ...plan, role: 'chosen' }]));
+    showReport(plan, this.map);
     showInstruction(plan.instruction);
     showWaypoints(Array.isArray(plan.waypoints) ? plan.waypoints : [], this.map, this.stage.palette());
   }

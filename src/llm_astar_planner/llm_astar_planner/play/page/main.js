@@ -6,11 +6,14 @@ import { bits, number, shown, text } from './codec.js';
 import { Controls } from './controls.js';
 import { GridMap } from './gridmap.js';
 import { decodeRuns, defaultSettings, fromFragment, toFragment } from './link.js';
+import { MapLayer } from './layers.js';
 import { listenToModes, Live } from './live.js';
 import { Panel } from './panel.js';
 import { Player } from './player.js';
+import { suggestedReply } from './reply.js';
 import { nameOf, showLegend, showReply, showUnordered, showVerdict } from './results.js';
 import { palette, watchScheme } from './theme.js';
+import { copy, say } from './toast.js';
 import { Viewport } from './viewport.js';
 import { MAX_EDITED, Walls } from './walls.js';
 
@@ -45,7 +48,7 @@ class Page {
     return {
       state: () => ({ map: this.map, ends: this.live ? null : this.ends, walls: this.walls }),
       moved: (name, cell, isDone) => this.moved(name, cell, isDone),
-      painted: (isDone) => this.painted(isDone),
+      painted: (indices, isDone) => this.painted(indices, isDone),
       added: (cell) => this.changeVia((via) => [...via, cell]),
       removed: (index) => this.changeVia((via) => via.filter((_, i) => i !== index)),
       panned: () => this.draw(),
@@ -64,7 +67,7 @@ class Page {
     $('copy-link').addEventListener('click', () => this.copyLink());
     $('copy-command').addEventListener('click', () => copy($('command').textContent, 'The command is copied.'));
     document.addEventListener('keydown', (event) => this.onKey(event));
-    addEventListener('hashchange', () => this.openLink(fromFragment(location.hash)));
+    addEventListener('hashchange', () => this.live || this.openLink(fromFragment(location.hash)));
     new ResizeObserver(() => this.resize()).observe($('main'));
   }
 
@@ -85,8 +88,11 @@ class Page {
 
   /** Open a map; `view` has what a link says of it. */
   async openMap(id, view = {}) {
+    this.opening = id;
     try {
-      this.setMap(new GridMap(await api.mapOf(id)));
+      const map = new GridMap(await api.mapOf(id));
+      if (this.opening !== id || this.live) return;
+      this.setMap(map);
     } catch (error) {
       this.onError(error.field === undefined ? new api.ServerError(error.message, 'map') : error);
       return;
@@ -103,20 +109,22 @@ class Page {
     await this.replan();
   }
 
-  setMap(map) {
+  /** Take another map; `isSame` keeps the view. */
+  setMap(map, isSame = false) {
     this.map = map;
     this.walls = new Walls(map);
     this.lethal = null;
     this.hasPlans = false;
-    this.viewport.reset();
-    for (const panel of this.panels) panel.setMap(map);
+    if (!isSame) this.viewport.reset();
+    this.base = new MapLayer(map);
+    for (const panel of this.panels) panel.setMap(map, this.base);
     this.player.setTotal(0);
     this.renderBase();
     this.resize();
   }
 
   renderBase() {
-    for (const panel of this.panels) panel.base.render(this.walls, this.lethal, this.palette);
+    this.base.render(this.walls, this.lethal, this.palette);
     this.draw();
   }
 
@@ -133,18 +141,21 @@ class Page {
   async replan() {
     this.linkSoon();
     this.showEditing();
+    $('main').setAttribute('aria-busy', 'true');
     const timer = setTimeout(() => this.sayPlanning(), SLOW_MS);
     await this.queue.ask(this.request());
     clearTimeout(timer);
+    if (!this.queue.busy) $('planning').hidden = true;
   }
 
   sayPlanning() {
+    $('planning').hidden = Boolean(this.live);
     if (this.hasPlans || this.live) return;
     showVerdict({ tone: 'draw', head: 'Planning …', rest: ' The first plan takes some seconds, while the searches are compiled.' });
   }
 
   onPlans(reply, request, isNewest) {
-    if (request.map !== this.map.id || this.live) return;
+    if (request.map !== this.map?.id || this.live) return;
     this.plans = (Array.isArray(reply.plans) ? reply.plans : []).slice(0, 3);
     this.hasPlans = true;
     this.controls.showError(null);
@@ -227,8 +238,9 @@ class Page {
     if (cell || !isDone) this.replan();
   }
 
-  painted(isDone) {
-    this.renderBase();
+  painted(indices, isDone) {
+    this.base.paint(this.walls, indices);
+    this.draw();
     if (isDone) this.replan();
   }
 
@@ -250,19 +262,11 @@ class Page {
   }
 
   settingChanged(name) {
-    if (name === 'source' && this.settings.source === 'reply' && !this.settings.reply) this.suggestReply();
+    if (name === 'source' && this.settings.source === 'reply' && !this.settings.reply) {
+      this.settings.reply = suggestedReply(this.panels[0].path, this.map);
+      this.controls.show();
+    }
     this.replan();
-  }
-
-  /** Begin a typed reply with what the last plan's corners would be as an answer. */
-  suggestReply() {
-    const path = this.panels[0].path;
-    const corners = path.filter((point, i) => i && i < path.length - 1
-      && (point[0] - path[i - 1][0] !== path[i + 1][0] - point[0] || point[1] - path[i - 1][1] !== path[i + 1][1] - point[1]));
-    const step = Math.max(1, Math.ceil(corners.length / 4));
-    const cells = corners.filter((_, i) => i % step === 0).map((cell) => `[${cell.map((value, axis) => Math.round(value + this.map.offset[axis])).join(', ')}]`);
-    this.settings.reply = `Generated Path: [${cells.join(', ')}]`;
-    this.controls.show();
   }
 
   choosePair(step) {
@@ -319,7 +323,7 @@ class Page {
 
   copyLink() {
     const fits = this.writeLink();
-    copy(location.href, fits ? 'The link is copied.' : 'The link is copied, without the walls: they are too many for a link.');
+    copy(location.href, fits ? 'The link is copied.' : 'The link is copied without walls and texts: they are too long for a link.');
   }
 
   showMode(mode) {
@@ -339,12 +343,12 @@ class Page {
     this.board.hideHint();
     for (const part of ['.title', '.figures']) this.panels[0].figure.querySelector(part).textContent = '';
     this.panels[0].figure.querySelector('.badge').hidden = true;
-    this.live = new Live({ setMap: (map) => this.setLiveMap(map), setPlan: (plan, ends) => this.setLivePlan(plan, ends), palette: () => this.palette });
+    this.live = new Live({ setMap: (map, isSame) => this.setLiveMap(map, isSame), setPlan: (plan, ends) => this.setLivePlan(plan, ends), palette: () => this.palette });
     this.live.start();
   }
 
-  setLiveMap(map) {
-    this.setMap(map);
+  setLiveMap(map, isSame) {
+    this.setMap(map, isSame);
     this.ends = { via: [] };
     this.showLegend();
   }
@@ -355,28 +359,6 @@ class Page {
     this.draw();
     this.showLegend();
   }
-}
-
-function say(sentence) {
-  $('notice').textContent = sentence;
-  $('notice').hidden = !sentence;
-}
-
-async function copy(content, done) {
-  try {
-    await navigator.clipboard.writeText(content);
-    toast(done);
-  } catch {
-    toast('The browser does not allow copying here; select the text instead.');
-  }
-}
-
-let toastTimer;
-function toast(sentence) {
-  $('toast').textContent = sentence;
-  $('toast').classList.add('shown');
-  clearTimeout(toastTimer);
-  toastTimer = setTimeout(() => $('toast').classList.remove('shown'), 2600);
 }
 
 async function begin() {

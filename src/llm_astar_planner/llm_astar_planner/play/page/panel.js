@@ -1,8 +1,8 @@
 // One map with one plan on a canvas.
 
 import { drawAxes, drawGrid, drawScaleBar } from './axes.js';
-import { int32s, points } from './codec.js';
-import { MapLayer, SearchLayer } from './layers.js';
+import { int32s, number, points, text } from './codec.js';
+import { SearchLayer } from './layers.js';
 import { drawLabel, drawMarker } from './markers.js';
 import { statusShape } from './theme.js';
 
@@ -11,6 +11,7 @@ const MARGIN = { left: 46, top: 8, right: 8, bottom: 40 };
 const SMALL = 420;
 const MOST_NAME = 1.5;
 const MAX_BOXES = 600;
+const MAX_WAYPOINTS = 500;
 const NO_MARGIN = { left: 0, top: 0, right: 0, bottom: 0 };
 
 export class Panel {
@@ -26,9 +27,10 @@ export class Panel {
     this.plan = null;
   }
 
-  setMap(map) {
+  /** Take a map and its picture, which the panels share. */
+  setMap(map, base) {
     this.map = map;
-    this.base = new MapLayer(map);
+    this.base = base;
     this.setPlan(null);
   }
 
@@ -36,7 +38,8 @@ export class Panel {
     this.plan = plan;
     this.path = points(plan?.any_angle ?? plan?.path);
     const order = int32s(plan?.expanded?.order);
-    this.search = plan ? new SearchLayer(this.map, order, plan.order_is_known !== false) : null;
+    const total = Math.max(order.length, number(plan?.figures?.expansions) ?? 0);
+    this.search = plan ? new SearchLayer(this.map, order, plan.order_is_known !== false, total) : null;
   }
 
   /** Fit the canvas to the width of its figure and to a height in pixels. */
@@ -78,10 +81,10 @@ export class Panel {
     if (this.hasAxes) this.drawPlaces(view, palette);
     if (part >= 1) this.drawPath(view, palette);
     if (this.hasAxes) this.drawNames(ends, view, palette);
-    this.drawPoints(ends, view, palette);
     if (this.hasAxes) drawScaleBar(context, this.map, view, box, palette);
     context.restore();
     if (this.hasAxes) drawAxes(context, this.map, view, box, palette);
+    this.drawPoints(ends, view, palette);
   }
 
   drawLayer(layer, view) {
@@ -173,26 +176,36 @@ export class Panel {
   }
 
   /** Write a waypoint's number, unless it would be on another's. */
-  drawNumber(number, [x, y], palette, numbered) {
+  drawNumber(label, [x, y], palette, numbered) {
     const isTaken = numbered.some((other) => Math.hypot(other[0] - x, other[1] - y) < 13);
     if (!this.hasAxes || isTaken) return;
     numbered.push([x, y]);
-    drawLabel(this.context, number, [x + 12, y - 9], palette, { size: 11 });
+    drawLabel(this.context, label, [x + 12, y - 9], palette, { size: 11 });
   }
 
   drawPoints(ends, view, palette) {
     const { context } = this;
     const size = this.hasAxes ? 1 : 0.7;
-    const waypoints = points(this.plan?.waypoints?.map((item) => [item.x, item.y, item]), 500)
-      .map((point) => ({ at: view.toPixel(point), ...point[2] }));
+    const waypoints = points(this.plan?.waypoints?.map((item) => [item.x, item.y, item]), MAX_WAYPOINTS)
+      .map((point) => ({ at: view.toPixel(point), ...point[2] })).filter(({ at }) => this.shows(at));
+    const mark = (shape, cell, radius, colour) => {
+      const at = cell ? view.toPixel(cell) : null;
+      if (at && this.shows(at)) drawMarker(context, shape, at, radius * size, colour, palette.edge, 1.8);
+    };
     for (const { at, status } of waypoints) {
       drawMarker(context, statusShape(status), at, 7.5 * size, palette.waypoint[status] ?? '#7f7f7f', palette.edge, 1.2);
     }
     const numbered = [];
-    for (const { at, number } of waypoints) this.drawNumber(String(number).slice(0, 4), at, palette, numbered);
-    for (const via of ends.via) drawMarker(context, 'triangle', view.toPixel(via), 8 * size, palette.via, palette.edge);
-    if (ends.start) drawMarker(context, 'square', view.toPixel(ends.start), 9 * size, palette.start, palette.edge, 1.8);
-    if (ends.goal) drawMarker(context, 'diamond', view.toPixel(ends.goal), 10 * size, palette.goal, palette.edge, 1.8);
+    for (const waypoint of waypoints) this.drawNumber(text(waypoint.number, 4), waypoint.at, palette, numbered);
+    for (const via of ends.via) mark('triangle', via, 8, palette.via);
+    mark('square', ends.start, 9, palette.start);
+    mark('diamond', ends.goal, 10, palette.goal);
+  }
+
+  /** Whether a pixel is on the map; a marker at its edge may stick out. */
+  shows([x, y]) {
+    const { left, top, width, height } = this.box;
+    return x >= left && y >= top && x <= left + width && y <= top + height;
   }
 }
 

@@ -1,6 +1,7 @@
 // What is shown in words and numbers: verdict, table, waypoints, clauses, command, report.
 
 import { number, shown, text } from './codec.js';
+import { MAX_ORDER } from './layers.js';
 import { drawMarker, markerIcon } from './markers.js';
 import { statusName, statusShape } from './theme.js';
 import { verdictOf } from './verdict.js';
@@ -9,7 +10,6 @@ const $ = (id) => document.getElementById(id);
 const CLAUSE_TONES = { satisfied: 'good', violated: 'bad', impossible: 'bad', guessed: 'warn' };
 const NOT_UNDERSTOOD = 'not understood';
 const MAX_ITEMS = 300;
-const MAX_FIELDS = 60;
 
 /** Return an element with text (never markup) and children. */
 export function element(tag, content = '', children = []) {
@@ -62,24 +62,33 @@ function showFigures(plans, map) {
   $('figures').replaceChildren(head, element('tbody', '', ROWS.map((row) => figureRow(row, plans, map))));
 }
 
-function figureRow([title, key, digits, hasBar], plans, map) {
+/** Return a figure of a plan, null where it has none, and its name with the unit. */
+function figureOf(plan, title, key, map) {
   const isMetres = key === 'length' && map.isMetric;
-  const valueOf = (plan) => number(plan.figures?.[isMetres ? 'length_m' : key]);
-  const isAsked = (plan) => (key === 'source_ms' ? valueOf(plan) > 0 : plan.found || key === 'expansions');
-  const values = plans.map((plan) => (isAsked(plan) ? valueOf(plan) : null));
-  const known = values.filter((value) => value !== null);
-  const [least, most] = [Math.min(...known), Math.max(...known)];
+  const value = number(plan.figures?.[isMetres ? 'length_m' : key]);
+  const isAsked = key === 'source_ms' ? value > 0 : plan.found || key === 'expansions';
   const unit = key === 'length' ? ` (${isMetres ? 'm' : 'cells'})` : '';
-  const header = element('th', title + unit);
+  return { name: title + unit, value: isAsked ? value : null };
+}
+
+function figureRow([title, key, digits, hasBar], plans, map) {
+  const figures = plans.map((plan) => figureOf(plan, title, key, map));
+  const known = figures.map(({ value }) => value).filter((value) => value !== null);
+  const [least, most] = [Math.min(...known), Math.max(...known)];
+  const header = element('th', figures[0]?.name ?? title);
   header.scope = 'row';
   const isRanked = ['expansions', 'length', 'search_ms'].includes(key) && least < most;
-  return element('tr', '', [header, ...values.map((value, i) => {
-    const shownValue = key === 'bound' && value !== null ? `× ${shown(value, digits)}` : shown(value, digits);
-    const cell = element('td', key === 'bound' && value === null && plans[i].found ? 'no proof' : shownValue);
+  return element('tr', '', [header, ...figures.map(({ value }, i) => {
+    const cell = element('td', key === 'bound' ? boundShown(value, digits, plans[i].found) : shown(value, digits));
     cell.classList.toggle('best', isRanked && value === least && plans[i].found);
     if (hasBar && value !== null) cell.append(bar(most ? value / most : 0));
     return cell;
   })]);
+}
+
+function boundShown(value, digits, isFound) {
+  if (value !== null) return `× ${shown(value, digits)}`;
+  return isFound ? 'no proof' : '–';
 }
 
 function bar(part) {
@@ -119,19 +128,26 @@ export function showInstruction(instruction) {
 
 /** Say of which searches the order of expansion is not known, so that the animation has none. */
 export function showUnordered(plans) {
-  const names = plans.filter((plan) => plan.order_is_known === false && plan.figures?.expansions).map(nameOf);
-  $('order-note').hidden = !names.length;
-  $('order-note').textContent = `The order of expansion is not known for: ${names.join(', ')}. The animation shows all its cells at once.`;
+  const names = (isMeant) => plans.filter((plan) => plan.figures?.expansions && isMeant(plan)).map(nameOf).join(', ');
+  const unordered = names((plan) => plan.order_is_known === false);
+  const cut = names((plan) => plan.figures.expansions > MAX_ORDER);
+  $('order-note').hidden = !unordered && !cut;
+  $('order-note').textContent = [
+    unordered && `The order of expansion is not known for: ${unordered}. The animation shows all these cells at once.`,
+    cut && `Only the first ${shown(MAX_ORDER)} expansions are drawn for: ${cut}.`,
+  ].filter(Boolean).join(' ');
 }
 
-/** Show the fields of a node's report. */
-export function showReport(report) {
-  const entries = Object.entries(report ?? {}).filter(([, value]) => typeof value !== 'object' && value !== '');
-  $('report-block').hidden = !entries.length;
-  $('report').replaceChildren(...entries.slice(0, MAX_FIELDS).flatMap(([name, value]) => [
-    element('dt', text(name, 60).replaceAll('_', ' ')),
-    element('dd', typeof value === 'number' && !Number.isInteger(value) ? shown(value, 3) : text(value, 400)),
-  ]));
+/** Show what a node reports of its plan. */
+export function showReport(plan, map) {
+  const figures = ROWS.map(([title, key, digits]) => {
+    const { name, value } = figureOf(plan, title, key, map);
+    return [name, value === null ? '' : shown(value, digits)];
+  });
+  const warnings = (Array.isArray(plan.warnings) ? plan.warnings : []).slice(0, MAX_ITEMS).map((warning) => ['Warning', warning]);
+  const entries = [['Plan', plan.title], ['Message', plan.message], ...figures, ...warnings].filter(([, value]) => value);
+  $('report-block').hidden = false;
+  $('report').replaceChildren(...entries.flatMap(([name, value]) => [element('dt', name), element('dd', text(value, 400))]));
 }
 
 /** Show the legend of what is on the map. */
