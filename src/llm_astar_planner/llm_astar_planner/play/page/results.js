@@ -145,7 +145,7 @@ export function showReport(plan, map) {
     return [name, value === null ? '' : shown(value, digits)];
   });
   const warnings = (Array.isArray(plan.warnings) ? plan.warnings : []).slice(0, MAX_ITEMS).map((warning) => ['Warning', warning]);
-  const entries = [['Plan', plan.title], ['Message', plan.message], ...figures, ...warnings].filter(([, value]) => value);
+  const entries = [['Plan', plan.title], ...figures, ...warnings].filter(([, value]) => value);
   $('report-block').hidden = false;
   $('report').replaceChildren(...entries.flatMap(([name, value]) => [element('dt', name), element('dd', text(value, 400))]));
 }

@@ -78,7 +78,7 @@ export function verdictOf(plans) {
   if (!chosen?.found) return failure(chosen ?? {}, plans);
   const other = plain ?? astar;
   if (chosen.instruction) return byInstruction(chosen, plans.find((plan) => plan.found && !plan.instruction));
-  if (!other) return { tone: 'win', head: 'Path found:', rest: ` ${shown(expansionsOf(chosen))} expansions.` };
+  if (!other) return { tone: 'win', head: 'Path found:', rest: ` ${text(chosen.message, 400)}.` };
   if (!plain) return byAstar(chosen, astar);
   const verdict = byWaypoints(chosen, plain);
   if (!astar) return verdict;
