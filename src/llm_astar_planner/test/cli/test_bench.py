@@ -1,24 +1,26 @@
 """`llm-astar bench`, `dataset` and `report` as a user runs them."""
 
 import csv
-import gzip
 import hashlib
 import json
-import os
 import signal
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barrier_maps
 from llm_astar_planner.benchmark.datasets.generate import generate
-from llm_astar_planner.benchmark.results import ResultsError
+from llm_astar_planner.benchmark.results import ResultsError, parse_points
 from llm_astar_planner.cli import bench as cli_bench
 from llm_astar_planner.cli.main import parse
+from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.source import SourceStatus
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter
+
+PUBLISHED_FIGURES = Path(__file__).parents[1] / 'search' / 'published_figures.csv'
 
 
 def llm_astar(*words):
@@ -265,33 +267,44 @@ def test_reports_are_rewritten_and_put_into_a_readme(dataset, out, tmp_path, cap
         llm_astar('report', tmp_path)
 
 
-@pytest.mark.skipif('LLM_ASTAR_REFERENCE' not in os.environ, reason='LLM_ASTAR_REFERENCE unset')
-def test_replayed_reference_replies_give_the_reference_aggregates(undrawn, out, tmp_path, capsys):
-    """They equal the published code's figures on its 500 samples to four decimals of a percent."""
-    folder = Path(os.environ['LLM_ASTAR_REFERENCE'])
-    with gzip.open(folder / 'golden_maps_00_49.json.gz') as file:
-        records = json.load(file)['records']
-    transcript = tmp_path / 'golden.jsonl'
-    names = ('none', 'oracle', 'noisy', 'reversed')
+def test_replayed_replies_give_the_aggregates_of_the_published_code(
+    undrawn, out, tmp_path, capsys
+):
+    """They equal those of its figures on 200 samples to four decimals of a percent."""
+    with PUBLISHED_FIGURES.open() as file:
+        published = list(csv.DictReader(file))
+    numbers = {int(row['map']) for row in published}
+    maps = load_barrier_maps(find_file('samples_1000.json', 'maps'))
+    dataset, transcript = tmp_path / 'maps.json', tmp_path / 'golden.jsonl'
+    save_barrier_maps([one for one in maps if one.id in numbers], dataset)
+    figures, replies = defaultdict(list), defaultdict(list)
+    for row in published:
+        name = row['method'] if row['method'] != 'llm_astar' else row['source']
+        points = [list(point) for point in parse_points(row['waypoints'])]
+        figures[name].append(row)
+        replies[name].append(
+            (int(row['map']), int(row['pair']), f'Generated Path: {json.dumps(points)}')
+        )
+    names = ('none', 'oracle', 'noisy', 'reversed', 'random', 'hostile')
     for name in names:
-        replies = [(r['map'], r['pair'], r['sets'][name]['text']) for r in records]
-        record(transcript, replies, model=name)
+        record(transcript, replies[name], model=name)
     words = (
-        '--dataset', folder / 'barrier_maps_00_49.json', '--source', 'replay', '--out', out,
+        '--dataset', dataset, '--source', 'replay', '--out', out,
         '--methods', 'llm_astar,dynamic_weighted_astar', '--transcript', transcript, '--json',
     )  # fmt: skip
     assert llm_astar('bench', *words) == 0
     cases = {case['case']: case for case in json.loads(capsys.readouterr().out)['cases']}
-    rows = {
-        f'llm_astar/replay/few_shot/{name}': [r['sets'][name] for r in records] for name in names
-    }
-    rows['llm_astar/none'] = rows['llm_astar/replay/few_shot/none']
-    rows['dynamic_weighted_astar/none'] = [r['dynamic_weighted_astar'] for r in records]
+    rows = {f'llm_astar/replay/few_shot/{name}': figures[name] for name in names}
+    rows['llm_astar/none'] = figures['none']
+    rows['dynamic_weighted_astar/none'] = figures['dynamic_weighted_astar']
     for case, golden in rows.items():
-        assert cases[case]['samples'] == 500
+        assert cases[case]['samples'] == 200
         assert cases[case]['valid']['value'] == 1.0
         for metric in ('operation', 'storage', 'length'):
-            ratios = [row[metric] / r['astar'][metric] for row, r in zip(golden, records)]
+            ratios = [
+                float(row[metric]) / float(plain[metric])
+                for row, plain in zip(golden, figures['astar'])
+            ]
             mean = 100 * np.exp(np.log(ratios).mean())
             assert 100 * cases[case][metric]['value'] == pytest.approx(mean, abs=5e-5)
 

@@ -1,8 +1,6 @@
 """The robot's body on a map, against the definition taken cell by cell."""
 
 import math
-import os
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +13,7 @@ from llm_astar_planner.costmap.inflation import inflate
 from llm_astar_planner.planning.path_validator import CollisionChecker, path_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
+from llm_astar_planner.resources import find_file
 from scipy import ndimage
 
 
@@ -199,9 +198,8 @@ def test_impossible_rules_are_refused_by_name(name, value):
         CostmapConfig(**{name: value})
 
 
-@pytest.mark.skipif('LLM_ASTAR_REFERENCE' not in os.environ, reason='LLM_ASTAR_REFERENCE unset')
-def test_a_robot_gets_about_a_real_depot_without_touching_it():
-    grid_map = load_map(Path(os.environ['LLM_ASTAR_REFERENCE']) / 'grids' / 'depot.yaml')
+def test_a_robot_gets_about_a_warehouse_without_touching_it():
+    grid_map = load_map(find_file('instructions/warehouse.yaml', 'maps'))
     rules = CostmapConfig(robot_radius=0.2, inflation_radius=0.55, cost_scaling_factor=3.0)
     planner = Planner(grid_map, rules)
     components = planner.costmap.components[:, :]

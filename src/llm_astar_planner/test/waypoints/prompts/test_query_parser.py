@@ -1,10 +1,8 @@
 """Queries in plain language, in the form of the dataset's sentences."""
 
-import os
-from pathlib import Path
-
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMapError, load_barrier_maps
+from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.prompts.query_parser import QueryError, parse_query
 
 SENTENCE = (
@@ -33,10 +31,8 @@ def test_a_sentence_in_the_form_of_the_dataset():
     assert bare.horizontal_barriers == ()
 
 
-@pytest.mark.skipif('LLM_ASTAR_REFERENCE' not in os.environ, reason='no reference data')
 def test_every_sentence_of_the_dataset():
-    folder = Path(os.environ['LLM_ASTAR_REFERENCE'])
-    for barrier_map in load_barrier_maps(folder / 'barrier_maps_00_49.json'):
+    for barrier_map in load_barrier_maps(find_file('samples_1000.json', 'maps')):
         for sample in barrier_map.samples:
             asked = parse_query(sample.query)
             assert asked.samples == (sample._replace(query=''),)
