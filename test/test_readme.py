@@ -1,0 +1,259 @@
+"""Every command in README.md and docs/*.md runs, in order, as its reader would run it.
+
+Each page is one shell, in a folder with what a clone has and with the files that the page takes
+for granted. A command fails if it prints a traceback or exits with another code than 0. What
+cannot run here is in CANNOT_RUN with the reason, and what takes long is shortened by SHORTER.
+
+`pytest -m slow test/test_readme.py` makes a new clone and its environment first, as the README
+says, and runs all pages there, nothing shortened; that takes about ten minutes and the network.
+"""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from reader_files import write_depot, write_movingai, write_transcript
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / 'README.md', *sorted((ROOT / 'docs').glob('*.md'))]
+FENCE = re.compile(r'^```(\w*)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+PROGRAMS = re.compile(r'^(llm-astar|ros2|make|pip|python|git|docker|export|\. )\b', re.MULTILINE)
+BAG = ROOT / 'test' / 'data' / 'version_0_1_0'
+
+# The commands that do not run, by how they begin, and why.
+CANNOT_RUN = {
+    r'git clone|sudo apt-get|make install|\. \.venv': 'the checkout and its environment are here',
+    r'make train|\.venv/bin/|PYTHONPATH=training|cp out/training': 'hours of training',
+    r'pip install': 'installs packages',
+    r'docker ': 'no Docker here; test_dockerfile.py looks at the Dockerfile',
+    r'colcon|\. install/setup.bash|ros2 |rviz2 ': 'needs a sourced ROS',
+    r'export \w+_API_KEY|llm-astar .*(llm_openai|--source endpoint)': 'needs a key',
+    r'ollama|llama-server': 'needs a server of language models',
+    r'python -m pytest': 'is what runs this',
+    r'python docs/make_play_picture': 'needs chromium; test_play_page.py looks at the page',
+    r'llm-astar play': 'runs until Ctrl-C; test_play_page.py opens it',
+    r'llm-astar watch(?!.*--count)': 'runs until Ctrl-C; test_watch.py runs it',
+    r'llm-astar watch .*jq': 'needs jq',
+    r'llm-astar evaluate .*/global_costmap/costmap': 'needs the bag of a Nav2 stack',
+    r'llm-astar instruct-bench .*house': 'needs a suite of the reader',
+    r'llm-astar record': 'runs until Ctrl-C; test_recording.py runs it',
+    r'python -m benchmarks': 'minutes, and needs maps from elsewhere',
+}
+# Blocks of Python that cannot run, by page and first line, and why.
+FRAGMENTS = {
+    ('guided-search.md', 'grid = GridGraph'): 'a fragment of the planner itself',
+    ('nav2-setup.md', 'parts = '): 'a launch file needs a sourced ROS',
+    ('nav2-setup.md', 'share = '): 'a launch file needs a sourced ROS',
+}
+# What only the slow variant runs, and where else it is run, much smaller.
+SLOW = {
+    r'llm-astar bench .*(--scales|--fail-under|x\.map)': 'test_bench.py, test_grids.py',
+    r'llm-astar instruct-bench': 'test_instruct_bench.py',
+}
+# Options that are added to the commands that match, so that they end in seconds.
+SHORTER = {r'llm-astar bench': '--limit 3 --methods guided'}
+SECONDS = 400
+
+
+def identify(page):
+    return page.name
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command of a page: its shell text, or a block of Python, and what was written."""
+
+    page: str
+    written: str
+    script: str
+
+    def __str__(self):
+        return f'{self.page}: {self.written.splitlines()[0]}'
+
+
+def shell_commands(block):
+    """Yield the commands of a block, each with the lines that continue it."""
+    text = ''
+    for line in block.splitlines():
+        text = f'{text}\n{line}' if text else line.strip()
+        try:
+            words = shlex.split(text.replace('\\\n', ' '), comments=True)
+        except ValueError:  # a quotation goes on
+            continue
+        if not text.endswith('\\'):
+            if words:
+                yield text
+            text = ''
+    assert not text, text
+
+
+def commands(page):
+    """Return the commands of a page in order."""
+    found = []
+    for language, block in FENCE.findall(page.read_text()):
+        if language == 'sh':
+            found += [Command(page.name, text, text) for text in shell_commands(block)]
+        elif language == 'python':
+            script = f"python - <<'PYTHON'\n{block}PYTHON"
+            found.append(Command(page.name, block.strip(), script))
+    return found
+
+
+def reason_not_to_run(command, slow=False):
+    """Return why a command cannot run here, None if it can."""
+    for (page, start), reason in FRAGMENTS.items():
+        if page == command.page and command.written.startswith(start):
+            return reason
+    reasons = CANNOT_RUN if slow else CANNOT_RUN | SLOW
+    return next((why for start, why in reasons.items() if re.match(start, command.written)), None)
+
+
+def shortened(command):
+    """Return a command's script, with options that end it in seconds."""
+    for pattern, options in SHORTER.items():
+        if re.match(pattern, command.written):
+            return f'{re.sub(r" +#.*", "", command.script)} {options}'
+    return command.script
+
+
+def write_files(folder):
+    """Write what a reader has: the clone's folders, maps, a transcript, and bags of drives."""
+    for name in ('config', 'maps', 'benchmarks'):
+        (folder / name).symlink_to(ROOT / name)
+    shutil.copytree(ROOT / 'docs', folder / 'docs', ignore=shutil.ignore_patterns('images'))
+    write_depot(folder)
+    write_movingai(folder)
+    write_transcript(folder / 'replies.jsonl')
+    (folder / 'drives').mkdir()
+    for name in ('run1', 'drive', 'drives/depot'):
+        (folder / name).mkdir()
+        shutil.copy(BAG / 'recorded.mcap', folder / name)
+
+
+def run_page(page, folder, programs, domain=1, slow=False):
+    """Run the commands of a page in one shell; return what each printed, and its exit code.
+
+    `programs` is the folder of python and llm-astar; `domain` is that of ROS.
+    """
+    todo = [one for one in commands(page) if not reason_not_to_run(one, slow)]
+    if not todo:
+        return []
+    write_files(folder)
+    steps = folder / 'steps'
+    steps.mkdir()
+    lines = ["trap 'kill $(jobs -p) 2>/dev/null; wait' EXIT"]
+    for number, command in enumerate(todo):
+        step = steps / str(number)
+        step.write_text((command.script if slow else shortened(command)) + '\n')
+        lines.append(f'. {step} </dev/null >{step}.out 2>&1; echo $? >{step}.code')
+    (steps / 'all').write_text('\n'.join(lines) + '\n')
+    path = f'{programs}{os.pathsep}{os.environ["PATH"]}'
+    environment = os.environ | {'PATH': path, 'ROS_DOMAIN_ID': str(domain)}
+    if slow:
+        environment.pop('PYTHONPATH', None)
+    shell = subprocess.Popen(['/bin/bash', 'steps/all'], cwd=folder, env=environment)
+    try:
+        shell.wait(SECONDS * (4 if slow else 1))
+    except subprocess.TimeoutExpired:
+        shell.terminate()
+        shell.wait(20)
+    return [(command, *outcome(steps / str(number))) for number, command in enumerate(todo)]
+
+
+def outcome(step):
+    """Return the exit code of a step, None if it did not end, and what it printed."""
+    code, printed = Path(f'{step}.code'), Path(f'{step}.out')
+    return (
+        int(code.read_text()) if code.exists() else None,
+        printed.read_text() if printed.exists() else '',
+    )
+
+
+def problem(command, code, printed):
+    """Return what is wrong with how a command ended, None for nothing."""
+    if code is None:
+        return f'{command}\ndid not end within {SECONDS} s:\n{printed}'
+    if 'Traceback (most recent call last)' in printed:
+        return f'{command}\nprints a traceback:\n{printed}'
+    return None if code == 0 else f'{command}\nexits with {code}:\n{printed}'
+
+
+def run_pages(tmp_path_factory, programs, slow=False):
+    """Run all pages, two at a time, each in a ROS domain of its own; return outcomes by page."""
+
+    def run(number):
+        folder = tmp_path_factory.mktemp(PAGES[number].stem)
+        domain = 1 + (os.getpid() + number) % 39
+        return run_page(PAGES[number], folder, programs, domain, slow)
+
+    with ThreadPoolExecutor(2) as pool:
+        return dict(zip([page.name for page in PAGES], pool.map(run, range(len(PAGES)))))
+
+
+@pytest.fixture(scope='module')
+def outcomes(tmp_path_factory):
+    return run_pages(tmp_path_factory, Path(sys.executable).parent)
+
+
+@pytest.fixture(scope='module')
+def outcomes_in_a_clone(tmp_path_factory):
+    clone = tmp_path_factory.mktemp('clone') / 'llm-astar'
+    environment = {name: value for name, value in os.environ.items() if name != 'PYTHONPATH'}
+    for command in (['git', 'clone', '--quiet', ROOT, clone], ['make', '-C', clone, 'install']):
+        subprocess.run(command, check=True, env=environment)
+    return run_pages(tmp_path_factory, clone / '.venv' / 'bin', slow=True)
+
+
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize('page', PAGES, ids=identify)
+def test_every_command_of_a_page_runs(page, outcomes):
+    problems = [problem(*outcome) for outcome in outcomes[page.name]]
+    assert not any(problems), '\n\n'.join(filter(None, problems))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize('page', PAGES, ids=identify)
+def test_every_command_of_a_page_runs_in_a_new_clone(page, outcomes_in_a_clone):
+    test_every_command_of_a_page_runs(page, outcomes_in_a_clone)
+
+
+@pytest.mark.parametrize('page', PAGES, ids=identify)
+def test_every_block_of_commands_says_sh(page):
+    for language, block in FENCE.findall(page.read_text()):
+        assert language or not PROGRAMS.search(block), block
+
+
+def test_most_commands_run_and_each_reason_is_needed():
+    every = [command for page in PAGES for command in commands(page)]
+    ran = [command for command in every if not reason_not_to_run(command)]
+    assert len(ran) >= 30
+    assert {'README.md', 'benchmark.md', 'bags.md', 'robot.md'} <= {c.page for c in ran}
+    for start in CANNOT_RUN | SLOW:
+        assert any(re.match(start, command.written) for command in every), start
+    for page, start in FRAGMENTS:
+        assert any(c.page == page and c.written.startswith(start) for c in every), start
+
+
+def test_a_command_that_fails_is_noticed(tmp_path):
+    page = tmp_path / 'page.md'
+    page.write_text(
+        '```sh\nllm-astar plan --no-such-option\necho fine   # a comment\n'
+        'python -c "raise \\\nSystemExit(3)"\n```\n```python\n1 / 0\n```\n'
+    )
+    folder = tmp_path / 'folder'
+    folder.mkdir()
+    ran = run_page(page, folder, Path(sys.executable).parent)
+    assert [code for _, code, _ in ran] == [2, 0, 3, 1]
+    problems = [problem(*outcome) for outcome in ran]
+    assert 'exits with 2' in problems[0]
+    assert problems[1] is None
+    assert 'exits with 3' in problems[2]
+    assert 'traceback' in problems[3]
