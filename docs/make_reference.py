@@ -6,11 +6,11 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import textwrap
 from collections.abc import Iterator, Sequence
 
+import yaml
 from llm_astar_planner.parameter import Parameter, Scalar
 from llm_astar_planner.planning.parameters import NODES, OTHERS, SET_BY_PLANNER
 
@@ -90,7 +90,8 @@ def yaml_entry(item: Parameter) -> Iterator[str]:
 
 def yaml_literal(value: Scalar | None) -> str:
     """Return a value as YAML has it."""
-    return value or "''" if isinstance(value, str) else json.dumps(value)
+    # A plain * would begin an alias.
+    return str(yaml.safe_dump(value, width=99)).splitlines()[0]
 
 
 def main(arguments: Sequence[str]) -> int:

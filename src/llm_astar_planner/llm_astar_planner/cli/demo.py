@@ -34,7 +34,7 @@ EPILOG = """\
 examples:
   llm-astar demo
   llm-astar demo --pair 2 --png out/pair2.png
-  llm-astar demo --map depot.yaml --start 7.5 7.5 --goal 22.5 10 --robot-radius 0.2
+  llm-astar demo --map depot.yaml --start 0.4 -0.3 --goal 15.4 2.2 --robot-radius 0.2
 
 exit codes: 0 a path, 1 no path, 2 bad usage or input
 """
