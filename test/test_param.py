@@ -137,6 +137,6 @@ def test_a_text_that_is_no_value_of_the_type_is_refused(text, kind):
 
 
 def test_values_are_shown_as_a_parameter_file_has_them():
-    assert [shown(value) for value in (True, 0.5, 'a b', '', [1, 2])] == [
-        'true', '0.5', 'a b', "''", '[1, 2]',
+    assert [shown(value) for value in (True, 0.5, 'a b', '', [1, 2], 'a\x1b[2J')] == [
+        'true', '0.5', 'a b', "''", '[1, 2]', r'"a\u001b[2J"',
     ]  # fmt: skip

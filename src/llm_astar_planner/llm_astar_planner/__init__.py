@@ -3,10 +3,15 @@
 What a user imports: Planner, PlanRequest, Plan, CostmapConfig, ResultCode, WaypointSource.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
 
+from importlib import import_module
+
+# As type checkers know it: importing typing takes a while, in which Ctrl-C is not handled yet.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from llm_astar_planner.costmap.config import CostmapConfig
     from llm_astar_planner.planning.planner import Planner
     from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode

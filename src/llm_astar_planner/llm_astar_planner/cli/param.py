@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 import textwrap
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from llm_astar_planner.parameter import ParameterError
@@ -105,7 +106,12 @@ def set_value(client: ParameterClient, node: str, name: str, text: str) -> tuple
     return plain(after), f'{name}: {shown(plain(after))} (was {shown(plain(before))})'
 
 
-ACTIONS = {'list': list_all, 'get': get, 'describe': describe, 'set': set_value}
+ACTIONS: dict[str, Callable[..., tuple[Any, str]]] = {
+    'list': list_all,
+    'get': get,
+    'describe': describe,
+    'set': set_value,
+}
 
 
 def description(name: str, one: RemoteParameter) -> str:
@@ -137,5 +143,7 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - of the parameter's type
 
 
 def shown(value: Any) -> str:  # noqa: ANN401 - of the parameter's type
-    """Return a value as YAML and `-p` take it; a text as it is."""
-    return (value or "''") if isinstance(value, str) else json.dumps(plain(value))
+    """Return a value as YAML and `-p` take it; a text as it is, unless it moves the cursor."""
+    if isinstance(value, str) and value.isprintable():
+        return value or "''"
+    return json.dumps(plain(value))

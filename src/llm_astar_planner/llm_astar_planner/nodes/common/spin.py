@@ -162,8 +162,8 @@ def deferred_signals() -> Iterator[None]:
     finally:
         for number, handler in before:
             signal.signal(number, handler)
-    for number in arrived[:1]:
-        signal.raise_signal(number)
+    for first in arrived[:1]:
+        signal.raise_signal(first)
 
 
 def run_node(

@@ -45,7 +45,7 @@ class RemoteParameter:
     descriptor: ParameterDescriptor
 
     @property
-    def type(self) -> Type:
+    def type(self) -> Parameter.Type:
         """Its type."""
         return Type(self.descriptor.type)
 
@@ -152,7 +152,7 @@ class ParameterClient:
         return future.result()
 
 
-def typed(name: str, text: str, kind: Type) -> Parameter:
+def typed(name: str, text: str, kind: Parameter.Type) -> Parameter:
     """Return a parameter with the value that a text means as one of a type.
 
     Raises RemoteParameterError for a text that is none.
