@@ -21,6 +21,7 @@ ARGUMENTS = [
 ]  # fmt: skip
 # The first plan may have to wait for kernels to be compiled.
 TIMEOUT_MS = 60_000
+expect.set_options(timeout=TIMEOUT_MS)
 DEMO = 'map=demo.json:0'
 HOSTILE = "<img src=x onerror=\"document.title='hit'\"><script>document.title='hit'</script>"
 
@@ -59,7 +60,7 @@ def open_page(browser, url):
         if stub:
             stub(page)
         page.goto(f'{url}#{fragment}')
-        expect(page.locator('#main')).to_have_attribute('aria-busy', 'false', timeout=TIMEOUT_MS)
+        expect(page.locator('#main')).to_have_attribute('aria-busy', 'false')
         return page
 
     opened.errors = errors
@@ -90,8 +91,8 @@ def expansions(page):
 
 
 def wait_for_other(page, old):
-    expect(page.locator('#figures')).not_to_have_text(old, timeout=TIMEOUT_MS)
-    expect(page.locator('#main')).to_have_attribute('aria-busy', 'false', timeout=TIMEOUT_MS)
+    expect(page.locator('#figures')).not_to_have_text(old)
+    expect(page.locator('#main')).to_have_attribute('aria-busy', 'false')
 
 
 def test_dragging_the_goal_changes_the_figures(open_page):
@@ -274,7 +275,8 @@ def test_a_running_graph_is_shown_as_its_events_come(open_page, url):
     page = open_page(DEMO, stub)
     page.get_by_role('button', name='Running graph').click()
     expect(page.locator('#verdict')).to_contain_text('Path found')
-    expect(page.locator('#report')).to_contain_text('<img src=x')
+    expect(page.locator('#verdict')).to_contain_text('<img src=x')
+    expect(page.locator('#report')).to_contain_text('Expansions')
     expect(page.locator('#waypoints')).to_contain_text('(6, 6) accepted')
     expect(page.locator('#controls')).to_be_hidden()
     page.get_by_role('button', name='Plan here').click()
