@@ -6,6 +6,10 @@ from collections import deque
 from dataclasses import replace
 from itertools import pairwise
 
+from llm_astar_planner.costmap.costmap import ClosedCostmap, Costmap
+from llm_astar_planner.instructions.enforcement import Enforcer, demands_of
+from llm_astar_planner.instructions.interpretation import RouteInstruction
+from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.planning.waypoint_filter import guiding_points, target_list
@@ -22,17 +26,24 @@ def retrace(planner: Planner, request: PlanRequest, plan: Plan) -> ExpansionOrde
 
     `plan` is the planner's answer to `request`. The searches run again as they ran for the plan,
     and what they expand is compared with what the plan says. None where the order cannot be
-    known: with an instruction, after a search by heading, and where it depended on time
-    (waypoints that came in during the search, a time limit, landmarks that were not there yet).
+    known: with an instruction that does more than to close cells, after a search by heading, and
+    where it depended on time (waypoints that came in during the search, a time limit, landmarks
+    that were not there yet).
     """
-    if request.instruction is not None or not plan.expansions:
+    costmap = planner.costmap
+    if request.instruction is not None:
+        closed = instructed_costmap(costmap, request.instruction, plan)
+        if closed is None:
+            return None
+        costmap = closed
+    if not plan.expansions:
         return None
     recorder = ExpansionRecorder(planner.costmap.blocked.shape, plan.expansions)
     cells = [plan.start, *plan.via, plan.goal]
     try:
         for start, goal in pairwise(cells):
             segment = replace(request, start=start, goal=goal, via=())
-            status = search_again(planner, segment, plan, recorder)
+            status = search_again(planner, costmap, segment, plan, recorder)
             if status is not SearchStatus.FOUND:
                 break
             recorder.next_search()
@@ -42,13 +53,35 @@ def retrace(planner: Planner, request: PlanRequest, plan: Plan) -> ExpansionOrde
     return order if order.expansions == plan.expansions else None
 
 
+def instructed_costmap(
+    costmap: Costmap, instruction: RouteInstruction, plan: Plan
+) -> Costmap | None:
+    """Return the costmap that was searched to keep to an instruction.
+
+    None where closed cells were not enough: for visits, and where no path keeps every clause.
+    """
+    route = Route(costmap, plan.start, plan.goal, instruction.places, instruction.visited)
+    demands = demands_of(instruction.interpretation.specification, route)
+    if all(demand.problem is not None for demand in demands):
+        return costmap
+    problem = Enforcer(demands, route).strict()
+    if problem is None or problem.visits is not None:
+        return None
+    return costmap if problem.closed is None else ClosedCostmap(costmap, problem.closed)
+
+
 def search_again(
-    planner: Planner, request: PlanRequest, plan: Plan, recorder: ExpansionRecorder
+    planner: Planner,
+    costmap: Costmap,
+    request: PlanRequest,
+    plan: Plan,
+    recorder: ExpansionRecorder,
 ) -> SearchStatus:
     """Run the search of one segment as the plan's; return how it ended. Raises OverflowError."""
-    graph, ends = planner.costmap.grid_graph, (request.start, request.goal)
+    graph, ends = costmap.grid_graph, (request.start, request.goal)
     if request.method == GUIDED:
-        with planner.landmarks.lend(graph) as landmarks:
+        # Landmarks hold with more cells closed, too.
+        with planner.landmarks.lend(planner.costmap.grid_graph) as landmarks:
             search = GuidedSearch(
                 graph, *ends, max_suboptimality=request.max_suboptimality, landmarks=landmarks,
                 recorder=recorder,
@@ -63,7 +96,7 @@ def search_again(
     )
     targets = target_list(plan.checked_waypoints, *ends)[1:]
     method = PAPER_METHODS[request.method]
-    return method(planner.costmap.blocked, *ends, targets, options).status
+    return method(costmap.blocked, *ends, targets, options).status
 
 
 def record_exact(search: PlainSearch, recorder: ExpansionRecorder) -> SearchStatus:

@@ -7,6 +7,12 @@ import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.benchmark.analysis.trace import trace
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    RouteInstruction,
+    Understanding,
+)
+from llm_astar_planner.instructions.specification import Avoid, Disc, Specification, Visit
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.retrace import retrace
 from llm_astar_planner.planning.types import PlanRequest
@@ -87,3 +93,34 @@ def test_an_order_that_is_not_the_plans_is_not_returned():
     other = replace(plan, expansions=plan.expansions + 1)
     assert retrace(planner, request, other) is None
     assert retrace(planner, request, replace(plan, expansions=0)) is None
+
+
+@pytest.mark.parametrize(
+    ('name', 'method'),
+    [*(('dense', name) for name in METHODS), ('paper', 'llm_astar'), ('jump points', 'guided')],
+)
+def test_the_order_of_a_search_that_avoids_an_area_is_known(name, method):
+    planner, area = PLANNERS[name], Disc(2.2, 2.2, 0.6)
+    request = PlanRequest(START, GOAL, method, REPLY, instruction=by(Avoid(region=area)))
+    plan = planner.plan(request)
+    assert plan.instruction.satisfied
+    order = retrace(planner, request, plan)
+    assert order.expansions == plan.expansions
+    assert np.array_equal(np.sort(order.order), np.flatnonzero(plan.expanded))
+    rows, columns = np.divmod(order.order, 90)
+    points = planner.grid_map.grid_to_world(np.stack((columns, rows), axis=1))
+    assert np.hypot(*(points - (area.x, area.y)).T).min() > area.radius
+
+
+def test_the_order_of_a_search_that_visits_regions_is_not_known():
+    planner = PLANNERS['dense']
+    for clause in (Visit(regions=(Disc(1.0, 3.0, 0.3),)), Avoid(region=Disc(0.2, 0.2, 0.3))):
+        request = PlanRequest(START, GOAL, 'guided', REPLY, instruction=by(clause))
+        plan = planner.plan(request)
+        assert plan.code == 0
+        assert retrace(planner, request, plan) is None
+
+
+def by(clause):
+    understood = Interpretation('', Specification((clause,)), status=Understanding.WHOLE)
+    return RouteInstruction(understood)

@@ -134,6 +134,8 @@ def test_each_clause_of_an_instruction_has_its_outcome(page):
     pair = page.get('/api/map', params={'id': ask['map']}).json()['pairs'][0]
     outcome = plan(page, **ask, **pair)['plans'][0]['instruction']
     assert 'hall' in outcome['sentence']
+    ask['instruction'] = 'avoid the study'
+    assert plan(page, **ask, **pair)['plans'][0]['order_is_known']
     statuses = {clause['clause']: clause['status'] for clause in outcome['clauses']}
     assert len(statuses) == 2
     assert statuses['visit the kitchen'] in ('satisfied', 'violated')
