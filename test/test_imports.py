@@ -40,6 +40,7 @@ ROOMS = {
     },
     'visualization': {'search', 'costmap', 'instructions', 'planning'},
     'benchmark': {
+        'parameter',
         'search',
         'costmap',
         'waypoints',

@@ -338,6 +338,8 @@ def test_the_call_command_asks_a_running_planner(graph):
         command(*here, '--to', 'press', '--instruction', 'visit the dock')
     )
     assert code == 0, errors
+    assert output.startswith('path found: ')
+    assert '\nstart      (39, 18) m\n' in output
     assert 'instruction understood by grammar: visit the dock\n  satisfied      visit' in output
     assert graph.interpretation().sentence == 'visit the dock'
 

@@ -6,13 +6,14 @@ import signal
 import subprocess
 import sys
 import threading
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 import rclpy
 from graph_tools import GOAL, START, calling, spinning, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
+from llm_astar_msgs_adapter.messages.report import ExchangeReport
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.cli.watch import to_json, to_line
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode
@@ -146,6 +147,20 @@ def test_a_line_has_the_figures_of_the_plan():
     assert 'NONE' not in line
     assert '\033' not in line
     assert json.loads(to_json(PLAN))['operation'] == 49
+
+
+EXCHANGE = ExchangeReport(
+    'endpoint:x', 'OK', '', 'x', 'cot', '[[1, 2]]', 1, 12, 3, 0.5, ((1.0, 2.0),), '', ''
+)
+
+
+def test_a_line_of_an_exchange_says_how_many_waypoints_came_or_why_none():
+    line = to_line(MonitorEvent(EventKind.EXCHANGE, 5.0, 'llm_client_node', asdict(EXCHANGE)))
+    assert line.endswith('exchange  1 waypoints from endpoint:x  12 + 3 tokens  0.50 s')
+    failed = replace(EXCHANGE, status='TIMEOUT', detail='no answer', prompt_tokens=0, waypoints=())
+    failed = replace(failed, completion_tokens=0)
+    line = to_line(MonitorEvent(EventKind.EXCHANGE, 5.0, 'llm_client_node', asdict(failed)))
+    assert line.endswith('exchange  no waypoints from endpoint:x: no answer [TIMEOUT]  0.50 s')
 
 
 def test_each_clause_of_an_instruction_has_a_line_with_what_became_of_it():

@@ -95,6 +95,8 @@ class PlanReport:
             text = f'none asked{detail}'
         elif self.source_status == 'NO_WAYPOINTS':
             text = f'none: {self.source} suggests none{detail}'
+        elif self.source_status == 'LATE':
+            text = f'none in time{detail}'
         elif self.source_status != 'OK':
             text = f'none from {self.source}{detail} [{self.source_status}]'
         else:
@@ -141,8 +143,11 @@ class ExchangeReport:
     @property
     def summary(self) -> str:
         """One line for a person."""
-        count = f'{len(self.waypoints)} waypoints by {self.label}'
-        return replace_lone_surrogates(f'{self.status}: {self.detail or count}')
+        if self.status == 'OK':
+            text = f'{len(self.waypoints)} waypoints from {self.label}'
+        else:
+            text = f'no waypoints from {self.label}: {self.detail or "none given"} [{self.status}]'
+        return replace_lone_surrogates(text)
 
 
 Report = TypeVar('Report', PlanReport, ExchangeReport)

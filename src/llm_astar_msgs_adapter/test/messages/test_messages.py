@@ -218,6 +218,31 @@ def test_a_report_without_later_fields_is_read_with_their_defaults():
     )
 
 
+def test_a_report_says_first_whether_there_is_a_path():
+    assert REPORT.summary == 'path found: 42.7 cells'
+    failed = replace(REPORT, code=206, code_name='GOAL_OCCUPIED', message='the goal is not free')
+    assert failed.summary == 'no path: the goal is not free [GOAL_OCCUPIED 206]'
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({}, '1 accepted, 1 out of bounds, from replay: x'),
+        ({'guided_by': 'none'}, '1 accepted, 1 out of bounds, from replay; the path was found'),
+        ({'source_status': 'NONE'}, 'none asked'),
+        ({'source_status': 'NONE', 'source_detail': 'why'}, 'none asked: why'),
+        ({'source_status': 'NO_WAYPOINTS'}, 'none: replay suggests none'),
+        ({'source_status': 'LATE', 'source_detail': 'why'}, 'none in time: why'),
+        (
+            {'source_status': 'TIMEOUT', 'source_detail': 'why \ud800'},
+            'none from replay: why ? [TIMEOUT]',
+        ),
+    ],
+)
+def test_a_report_says_in_one_line_what_became_of_the_waypoints(change, words):
+    assert replace(REPORT, **change).waypoint_summary.startswith(words)
+
+
 def test_a_lone_surrogate_in_a_message_does_not_break_a_report():
     report = replace(REPORT, message='half \ud800')
     message = report_to_message(report, 'planner_node', STAMP)

@@ -71,6 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
         limit = arguments.time_limit
         raise ParameterError(f'--time-limit: {limit} is not a number of seconds above 0')
     from llm_astar_planner.nodes.tools.call import calling  # noqa: PLC0415
+    from llm_astar_planner.planning.report import report_lines  # noqa: PLC0415
 
     with calling(arguments.namespace, arguments.node, arguments.time_limit) as caller:
         view = plan_view(caller, arguments.map_topic) if arguments.png else None
@@ -90,9 +91,9 @@ def run(arguments: argparse.Namespace) -> int:
         report = asdict(plan.report)
         print(json.dumps({'path': plan.points, 'seconds': plan.seconds, 'report': report}))
     else:
-        print_plan(plan)
+        print(*report_lines(plan.report, (start, goal), len(plan.points), plan.seconds), sep='\n')
         if arguments.png:
-            print(f'picture     {arguments.png}')
+            print(f'picture    {arguments.png}')
     return 0 if plan.points else 1
 
 
@@ -132,37 +133,10 @@ def draw(
 
 def print_interpretation(caller: PlannerCaller, text: str, *, as_json: bool) -> int:
     """Print what a text means, each answer as it comes; return 0, or 2 where it was refused."""
+    from llm_astar_planner.planning.report import interpretation_line  # noqa: PLC0415
+
     answer: dict[str, Any] = {}
     for answer in caller.interpret(text):
-        print(json.dumps(answer) if as_json else interpretation_line(answer), flush=True)
+        text = f'refused: {answer["error"]}' if answer.get('error') else ''
+        print(json.dumps(answer) if as_json else text or interpretation_line(answer), flush=True)
     return 2 if answer.get('error') else 0
-
-
-def interpretation_line(answer: dict[str, Any]) -> str:
-    """Return one line for a person."""
-    if answer.get('error'):
-        return f'refused: {answer["error"]}'
-    by = f' by {answer["understood_by"]}' if answer['understood_by'] else ''
-    detail = f' ({answer["detail"]})' if answer['detail'] else ''
-    return f'{answer["status"]}{by}: {answer["sentence"] or "-"}{detail}'
-
-
-def print_plan(plan: CalledPlan) -> None:
-    """Print a plan for a person."""
-    report = plan.report
-    print(report.summary)
-    for warning in report.warnings:
-        print(f'warning     {warning}')
-    if report.length is not None:
-        print(f'length      {report.length:.2f} m, {len(plan.points)} poses')
-    print(f'expansions  {report.operation}, {report.storage} states stored')
-    print(f'waypoints   {report.waypoint_summary}')
-    print(f'time        {1000 * plan.seconds:.1f} ms round trip')
-    outcome = report.instruction_report
-    if outcome:
-        print(f'instruction {interpretation_line(outcome["interpretation"])}')
-        for clause in outcome['clauses']:
-            detail = f' ({clause["detail"]})' if clause['detail'] else ''
-            print(f'  {clause["status"]:<14} {clause["clause"]}{detail}')
-        if outcome['note']:
-            print(f'  {outcome["note"]}')

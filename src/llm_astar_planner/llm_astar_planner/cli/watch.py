@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from llm_astar_msgs_adapter.messages.report import PlanReport
+from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport
 
 from llm_astar_planner.cli.flags import add_graph_options
 from llm_astar_planner.parameter import ParameterError
@@ -173,15 +173,15 @@ def instruction_words(plan: Mapping[str, Any]) -> str:
 
 
 def exchange_words(event: MonitorEvent) -> list[str]:
-    """Return the words of the line of an exchange with a source."""
-    exchange = event.values
+    """Return the words of the line of an exchange with a source; empty ones are left out."""
+    report = ExchangeReport(**event.values)
+    tokens = f'{report.prompt_tokens} + {report.completion_tokens} tokens'
     return [
         'exchange',
-        f'{exchange["status"]} by {exchange["label"]}',
-        f'{len(exchange["waypoints"])} waypoints',
-        f'{exchange["prompt_tokens"]} + {exchange["completion_tokens"]} tokens',
-        f'{exchange["seconds"]:.2f} s',
-        exchange['detail'],
+        report.summary,
+        tokens if report.prompt_tokens or report.completion_tokens else '',
+        f'{report.seconds:.2f} s',
+        report.detail if report.status == 'OK' else '',
     ]
 
 

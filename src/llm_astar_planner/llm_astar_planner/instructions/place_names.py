@@ -30,7 +30,10 @@ def find_place(name: str, places: Places) -> Place:
     if tagged:
         raise PlaceGoalError(f'{wanted!r} is said of several places: {listed(Places(tagged))}')
     if not len(places):
-        raise PlaceGoalError(f'there is no place {wanted!r}, as no places are loaded')
+        raise PlaceGoalError(
+            f'there is no place {wanted[:80]!r}, as no places are loaded: name their file with '
+            '--places, or places_file in the node'
+        )
     near = nearest_name(wanted, [name for p in places for name in (p.name, *p.aliases)])
     raise PlaceGoalError(f'there is no place {wanted[:80]!r}{near}; there is {listed(places)}')
 

@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.messages.report import PlanReport
 
 from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools.plan_view import PlanView
@@ -15,6 +14,7 @@ from llm_astar_planner.nodes.tools.planner_client import (
     PlannerClient,
     PlannerClientError,
 )
+from llm_astar_planner.planning.report import report_lines
 from llm_astar_planner.visualization.figures import save_picture
 
 # Expanded cells are published only once the planner has discovered a subscriber, so the demo
@@ -44,29 +44,7 @@ def run_demo(client: PlannerClient, start: Pose2D, goal: Pose2D, picture: Path) 
         path, report, seconds = client.call(start, goal)
         if view.has_expanded(path):
             break
-    print_plan((start, goal), report, len(path.poses), seconds)
+    print(*report_lines(report, (start, goal), len(path.poses), seconds), sep='\n')
     save_picture(view.picture(grid_map, (start, goal), path, report), picture)
     print(f'picture    {picture}')
     return report.code == 0
-
-
-def print_plan(
-    endpoints: tuple[Pose2D, Pose2D], report: PlanReport, poses: int, seconds: float
-) -> None:
-    """Print what the planner reported, what was asked, and how long it took."""
-    print(report.summary)
-    for warning in report.warnings:
-        print(f'warning    {warning}')
-    print('asked      planner_node/get_plan, as another stack would')
-    for name, place in zip(('start', 'goal'), endpoints):
-        print(f'{name:<10} ({place.x:g}, {place.y:g}) m')
-    print(f'waypoints  {report.waypoint_summary}')
-    for number, (x, y, status) in enumerate(report.waypoints, start=1):
-        print(f'waypoint {number} ({x:g}, {y:g}) m: {status.replace("_", " ")}')
-    if report.length is not None:
-        print(f'length     {report.length:.2f} m, {poses} poses')
-    print(f'expansions {report.operation}, {report.storage} states stored')
-    print(
-        f'time       {1000 * seconds:.1f} ms round trip, {1000 * report.seconds_source:.1f} ms of '
-        f'it for waypoints, {1000 * report.seconds_search:.2f} ms to search'
-    )
