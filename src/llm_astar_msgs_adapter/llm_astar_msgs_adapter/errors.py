@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import reprlib
+
 # The longest value that is shown in a message.
 SHOWN = 60
+
+
+# The repr of a nested or long value is written no further than it is shown.
+BOUNDED = reprlib.Repr()
+BOUNDED.maxstring = BOUNDED.maxother = BOUNDED.maxlong = 2 * SHOWN
+BOUNDED.maxlist = BOUNDED.maxtuple = BOUNDED.maxdict = SHOWN // 2
 
 
 class LlmAstarError(Exception):
@@ -15,7 +23,7 @@ class LlmAstarError(Exception):
 
 def short_repr(value: object) -> str:
     """Return the repr of a value for a message, cut off where it is long."""
-    return shortened(repr(value))
+    return shortened(BOUNDED.repr(value))
 
 
 def shortened(text: str, most: int = SHOWN) -> str:

@@ -6,7 +6,6 @@ and its contents may be made to take all time or memory.
 
 from __future__ import annotations
 
-import json
 import os
 import stat
 from collections.abc import Iterable
@@ -16,6 +15,7 @@ from typing import Any
 import yaml
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.json_values import parse_json
 
 # Larger than any dataset or transcript; a prompt or a yaml file of this size is none.
 MAX_BYTES = 64 * 2**20
@@ -71,9 +71,7 @@ def read_json(path: str | Path, kind: type[LlmAstarError], limit: int = MAX_BYTE
     """Return the value in a JSON file. Raises an error of this kind."""
     contents = read_bytes(path, kind, limit)
     try:
-        return json.loads(contents)
-    except RecursionError:
-        raise kind(f'{path}: not JSON: is nested too deeply') from None
+        return parse_json(contents)
     except ValueError as error:
         raise kind(f'{path}: not JSON: {error}') from None
 

@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Collection, Iterator
 from contextlib import suppress
 from heapq import heapify, heappop, heappush
-from io import SEEK_CUR, BytesIO
+from io import SEEK_CUR, SEEK_END, BytesIO
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -20,14 +20,31 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import SeekingReader
+from mcap.reader import FOOTER_SIZE, MAGIC_SIZE
 from mcap.records import Channel as McapChannel
-from mcap.records import Chunk, ChunkIndex, MessageIndex, Schema
+from mcap.records import (
+    Chunk,
+    ChunkIndex,
+    Footer,
+    McapRecord,
+    Message,
+    MessageIndex,
+    Schema,
+)
+from mcap.stream_reader import StreamReader
 
 from llm_astar_msgs_adapter.bags.files import LARGEST, BagError, Channel, Record, unzstd
 
 # Messages that are held until those of other chunks before them have been read, in bytes.
-MOST_HELD = 256 * 2**20
+MOST_HELD = 80 * 2**20
+# Of the index: chunks of the file, which take 1 kB each, and the bytes on one chunk's messages. A
+# file with more is read record by record.
+MOST_CHUNKS = 100_000
+MOST_INDEX_BYTES = 8 * 2**20
+# Of topics, types and the index at the end of a file.
+MOST_SUMMARY = 24 * 2**20
+# What a message takes besides its bytes while it is held.
+MESSAGE_BYTES = 300
 MAGIC = b'\x89MCAP0\r\n'
 RECORD = struct.Struct('<BQ')
 MESSAGE = struct.Struct('<HIQQ')
@@ -58,18 +75,43 @@ class McapReader:
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, McapChannel] = {}
         self._chunks: list[ChunkIndex] = []
+        self._described = 0
         self._size = path.stat().st_size
         self._file = path.open('rb')
         if self._file.read(len(MAGIC)) != MAGIC:
             self._file.close()
             raise BagError(f'{path}: does not begin as an mcap file does')
-        # The index is in the summary at the end of the file, if that was written.
-        self._file.seek(0)
         with suppress(*DAMAGE):
-            summary = SeekingReader(self._file).get_summary()
-            if summary is not None:
-                self._schemas, self._channels = dict(summary.schemas), dict(summary.channels)
-                self._chunks = sorted(summary.chunk_indexes, key=lambda c: c.chunk_start_offset)
+            self._read_summary()
+
+    def _read_summary(self) -> None:
+        """Read the topics and the index of chunks from the end of the file, if they are there.
+
+        The mcap library's own reader of it would open every chunk of a file that says that its
+        summary begins before them. Raises one of DAMAGE.
+        """
+        self._file.seek(-(FOOTER_SIZE + MAGIC_SIZE), SEEK_END)
+        footer = next(iter(summary_records(self._file)))
+        if not isinstance(footer, Footer) or footer.summary_start == 0:
+            return
+        self._file.seek(footer.summary_start)
+        schemas, channels, chunks = {}, {}, []
+        for record in summary_records(self._file):
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, McapChannel):
+                channels[record.id] = record
+            elif isinstance(record, ChunkIndex):
+                chunks.append(record)
+            elif isinstance(record, (Chunk, Message)):
+                raise McapError('its summary has messages')
+            if (
+                self._file.tell() - footer.summary_start > MOST_SUMMARY
+                or len(chunks) > MOST_CHUNKS
+            ):
+                raise McapError('its summary is too large')
+        self._schemas, self._channels = schemas, channels
+        self._chunks = sorted(chunks, key=lambda chunk: chunk.chunk_start_offset)
 
     @property
     def channels(self) -> list[Channel]:
@@ -123,9 +165,14 @@ class McapReader:
     def _index_of(self, chunk: ChunkIndex) -> list[tuple[int, int]]:
         """Return channel and time of a chunk's messages in their order; empty without an index."""
         found: list[tuple[int, int, int]] = []
+        left = MOST_INDEX_BYTES
         for place in chunk.message_index_offsets.values():
-            self._file.seek(place + RECORD.size)
-            index = MessageIndex.read(ReadDataStream(self._file))
+            self._file.seek(place)
+            _, length = RECORD.unpack(self._file.read(RECORD.size))
+            left -= length
+            if left < 0:
+                raise ValueError(f'its index has over {MOST_INDEX_BYTES} bytes')
+            index = MessageIndex.read(ReadDataStream(BytesIO(self._file.read(length))))
             found += [(offset, index.channel_id, time) for time, offset in index.records]
         return [(channel, time) for _, channel, time in sorted(found)]
 
@@ -142,16 +189,17 @@ class McapReader:
         while waiting:
             _, offset, _, message = heappop(waiting)
             if message is not None:
-                held -= len(message.data)
+                held -= len(message.data) + MESSAGE_BYTES
                 yield message
                 continue
             for place, inside in enumerate(self.chunk_messages(offset), start=1):
                 if inside.channel not in wanted:
                     continue
-                if held + len(inside.data) > MOST_HELD:
+                size = len(inside.data) + MESSAGE_BYTES
+                if held + size > MOST_HELD:
                     self._note_damage(f'over {MOST_HELD} bytes of its chunks are of the same time')
                     break
-                held += len(inside.data)
+                held += size
                 heappush(waiting, (inside.time, offset, place, inside))
 
     def chunk_messages(self, offset: int) -> Iterator[StoredMessage]:
@@ -201,17 +249,37 @@ class McapReader:
                 yield StoredMessage(channel, time, payload[MESSAGE.size :])
             elif opcode == Opcode.SCHEMA:
                 schema = Schema.read(stream)
-                self._schemas[schema.id] = schema
+                if self._describes(schema.id not in self._schemas, payload):
+                    self._schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
-                known = McapChannel.read(stream)
-                self._channels[known.id] = known
+                channel = McapChannel.read(stream)
+                if self._describes(channel.id not in self._channels, payload):
+                    self._channels[channel.id] = channel
         except DAMAGE as why:
             self._note_damage(
                 f'a record at byte {place} is left out: {str(why) or "it is cut off"}'
             )
 
+    def _describes(self, is_new: bool, payload: bytes) -> bool:
+        """Tell whether to keep a schema or a channel, which files repeat in each chunk.
+
+        Raises ValueError where all that are kept would take more than MOST_SUMMARY bytes.
+        """
+        if is_new:
+            self._described += len(payload)
+            if self._described > MOST_SUMMARY:
+                raise ValueError(f'topics and types take over {MOST_SUMMARY} bytes')
+        return is_new
+
     def _note_damage(self, what: str) -> None:
         self.damage = self.damage or f'{self.path}: {what}'
+
+
+def summary_records(stream: BinaryIO) -> Iterator[McapRecord]:
+    """Yield the records of a summary up to its footer. Raises one of DAMAGE."""
+    return StreamReader(
+        stream, skip_magic=True, emit_chunks=True, record_size_limit=MOST_SUMMARY
+    ).records
 
 
 def walk_records(stream: BinaryIO, size: int) -> Iterator[tuple[int, bytes, bool]]:

@@ -8,7 +8,12 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.bags.files import BagError, Channel, Record
+from llm_astar_msgs_adapter.bags.files import LARGEST, BagError, Channel, Record
+
+TABLES = ('messages', 'topics', 'message_definitions')
+# Texts are only read where they are no longer; no definition that is used is.
+SHORT = f'length({{}}) <= {2**20}'
+MOST_TOPICS = 10_000
 
 
 class SqliteReader:
@@ -26,8 +31,9 @@ class SqliteReader:
             self._connection = sqlite3.connect(uri, uri=True)
             # Without this, sqlite refuses a file that is shorter than its header says.
             self._connection.execute('PRAGMA writable_schema=ON')
+            check_tables(self._connection)
             self._channels = dict(self._read_channels())
-        except sqlite3.Error as error:
+        except (sqlite3.Error, ValueError, OverflowError) as error:
             raise BagError(f'{path}: is not a bag that sqlite3 can read: {error}') from None
 
     @property
@@ -52,7 +58,7 @@ class SqliteReader:
         order = 'id' if as_recorded else 'timestamp, id'
         query = (
             'SELECT topic_id, timestamp, data FROM messages '  # noqa: S608 - numbers alone
-            f'WHERE topic_id IN ({chosen}) ORDER BY {order}'
+            f'WHERE topic_id IN ({chosen}) AND length(data) <= {LARGEST} ORDER BY {order}'
         )
         for number, time, data in self.rows(query):
             if isinstance(time, int) and isinstance(data, bytes):
@@ -78,13 +84,31 @@ class SqliteReader:
             definitions = {
                 msgtype: (text, form)
                 for msgtype, text, form in self._connection.execute(
-                    'SELECT topic_type, encoded_message_definition, encoding '
-                    'FROM message_definitions'
+                    'SELECT topic_type, encoded_message_definition, encoding '  # noqa: S608
+                    f'FROM message_definitions WHERE {SHORT.format("encoded_message_definition")}'
                 )
             }
-        query = 'SELECT id, name, type, serialization_format FROM topics'
+        query = (
+            'SELECT id, name, type, serialization_format FROM topics '  # noqa: S608 - constants
+            f'WHERE {SHORT.format("name")} LIMIT {MOST_TOPICS}'
+        )
         for number, topic, msgtype, encoding in self._connection.execute(query):
             text, form = definitions.get(msgtype, ('', ''))
             channel = Channel(topic, msgtype, text, form, encoding)
             if all(isinstance(item, str) for item in channel):
                 yield number, channel
+
+
+def check_tables(connection: sqlite3.Connection) -> None:
+    """Raise ValueError where a bag's table is a view or has computed columns.
+
+    What these yield takes as much time and memory as their author likes.
+    """
+    for name in TABLES:
+        found = connection.execute(
+            'SELECT type, sql FROM sqlite_master WHERE lower(name) = ?', (name,)
+        ).fetchall()
+        plain = all(kind == 'table' and 'VIRTUAL' not in str(sql).upper() for kind, sql in found)
+        columns = connection.execute('SELECT hidden FROM pragma_table_xinfo(?)', (name,))
+        if not plain or any(hidden for (hidden,) in columns):
+            raise ValueError(f'{name} is no plain table')

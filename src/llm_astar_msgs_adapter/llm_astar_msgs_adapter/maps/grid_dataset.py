@@ -7,6 +7,7 @@ import binascii
 import hashlib
 import math
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -90,6 +91,7 @@ def is_grid_problem(entry: object) -> bool:
 def parse_grid_problem(entry: dict[str, Any], where: str = 'grid problem') -> GridProblem:
     """Read what `to_json` wrote. Raises GridProblemError that begins with `where`."""
     try:
+        cell_count(entry, where)
         cells = unpack_cells(entry['cells'], (entry['height'], entry['width']))
         origin = Pose2D(*entry.get('origin', ORIGIN))
         return GridProblem(
@@ -109,14 +111,23 @@ def parse_grid_problem(entry: dict[str, Any], where: str = 'grid problem') -> Gr
         raise GridProblemError(f'{where}: {shortened(str(error))}') from None
 
 
+def cell_count(entry: Mapping[str, Any], where: str) -> int:
+    """Return how many cells a grid problem says it has. Raises GridProblemError."""
+    sides = [entry.get('height'), entry.get('width')]
+    if not all(type(side) is int and 0 < side <= MAX_CELLS for side in sides):
+        raise GridProblemError(f'{where}: height, width: whole numbers above 0 are expected')
+    count: int = sides[0] * sides[1]
+    if count > MAX_CELLS:
+        raise GridProblemError(f'{where}: height, width: over {MAX_CELLS} cells')
+    return count
+
+
 def unpack_cells(text: str, shape: tuple[int, int]) -> NDArray[np.int8]:
     """Return the cells [height, width] of a text that `to_json` made of them.
 
     Takes no more memory than cells of this shape. Raises zlib.error, ValueError or TypeError.
     """
     height, width = shape
-    if not 0 < height * width <= MAX_CELLS:
-        raise ValueError(f'height, width: {height * width} cells are not 1 to {MAX_CELLS}')
     packed = base64.b64decode(text, validate=True)
     data = zlib.decompressobj().decompress(packed, height * width + 1)
     return np.frombuffer(data, dtype=np.int8).reshape(height, width)

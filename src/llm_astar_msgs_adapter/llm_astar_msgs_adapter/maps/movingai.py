@@ -21,6 +21,8 @@ MEANINGS = np.full(256, OCCUPIED, dtype=np.int8)
 MEANINGS[list(PASSABLE)] = FREE
 # A character a cell, and room for the header and the line ends.
 MAX_FILE_BYTES = 2 * MAX_CELLS
+MAX_SCENARIOS = 100_000
+MAX_SCENARIO_BYTES = 16_000_000
 # Characters of a line of the header; numbers have few.
 MAX_LINE = 200
 HEADER = ('type', 'height', 'width', 'map')
@@ -94,7 +96,10 @@ def read_rows(contents: bytes, begin: int, shape: tuple[int, int], path: Path) -
 def load_scenarios(path: str | Path) -> list[Scenario]:
     """Read a `.scen` file, its rows in order. Raises MovingAiError that names file and row."""
     path = Path(path)
-    lines = read_text(path, MovingAiError, 'ascii', 'replace').splitlines()
+    text = read_text(path, MovingAiError, 'ascii', 'replace', MAX_SCENARIO_BYTES)
+    if text.count('\n') > MAX_SCENARIOS:
+        raise MovingAiError(f'{path}: over {MAX_SCENARIOS} rows')
+    lines = text.splitlines()
     if not lines or not lines[0].lower().startswith('version'):
         raise MovingAiError(f'{path}: version: is missing in the first line')
     rows = [line for line in lines[1:] if line.strip()]

@@ -5,13 +5,13 @@ Nothing here imports ROS: a message is any object with the fields of its type.
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_msgs_adapter.json_values import parse_json
 from llm_astar_msgs_adapter.maps.grid_map import (
     FREE,
     OCCUPIED,
@@ -154,8 +154,8 @@ def values_of_report(message: Any) -> dict[str, Any]:  # noqa: ANN401 - live or 
     if len(message.status) != 1:
         return {}
     try:
-        return {item.key: json.loads(item.value) for item in message.status[0].values}
-    except (ValueError, RecursionError):
+        return {item.key: parse_json(item.value) for item in message.status[0].values}
+    except ValueError:
         return {}
 
 
@@ -167,6 +167,6 @@ def status_values(status: Any) -> dict[str, Any]:  # noqa: ANN401 - live or deco
 def json_or_text(text: str) -> Any:  # noqa: ANN401 - any JSON value
     """Return the JSON value of a text, or the text itself where it is not JSON."""
     try:
-        return json.loads(text)
+        return parse_json(text)
     except ValueError:
         return text

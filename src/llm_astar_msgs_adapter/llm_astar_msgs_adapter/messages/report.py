@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, TypeVar
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.json_values import parse_json
 
 # The levels of diagnostic_msgs/DiagnosticStatus.
 OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
@@ -169,8 +169,8 @@ def report_from_message(message: Any, kind: type[Report]) -> Report:  # noqa: AN
                 raise ReportError(f'{kind.__name__}: {field.name}: is missing')
             continue
         try:
-            values[field.name] = lists_to_tuples(json.loads(texts[field.name]))
-        except ValueError:
+            values[field.name] = lists_to_tuples(parse_json(texts[field.name]))
+        except (ValueError, RecursionError):
             raise ReportError(f'{kind.__name__}: {field.name}: is not JSON') from None
     return kind(**values)
 

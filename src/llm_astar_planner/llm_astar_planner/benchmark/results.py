@@ -15,10 +15,11 @@ import json
 import math
 import os
 import platform
-from collections.abc import Iterable, Mapping, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from types import NoneType
 from typing import Any, NamedTuple
@@ -56,6 +57,9 @@ MAPS_FILE = 'maps.json'
 # The places that instructions of the run name, if there were any.
 PLACES_FILE = 'places.geojson'
 
+# Rows of a folder, which take about 1 kB each, and characters of one.
+MAX_ROWS = 200_000
+MAX_LINE_CHARS = 16_000_000
 # What the fields of metadata.json are, where they are there.
 METADATA_TYPES: dict[str, tuple[type, ...]] = {
     'version': (str,), 'parameters': (dict,), 'dataset': (dict,), 'machine': (dict,),
@@ -96,7 +100,7 @@ PAPER_ASTAR = Variant('astar')
 RowKey = tuple[int, int, int, Variant]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Row:
     """One sample planned with one variant: a line of results.csv, whose columns are the fields.
 
@@ -249,8 +253,7 @@ class ResultsFolder:
         simultaneous runs leave behind, the last one counts. Raises ResultsError.
         """
         text = read_text(self.results, ResultsError)
-        complete = text[: text.rfind('\n') + 1]
-        reader = csv.DictReader(io.StringIO(complete))
+        reader = csv.DictReader(complete_lines(text))
         names = list(reader.fieldnames or [])
         if names != [name for name in COLUMNS if name in names or name not in ADDED_COLUMNS]:
             message = (
@@ -259,10 +262,12 @@ class ResultsFolder:
             )
             raise ResultsError(message)
         try:
-            rows = {row.key: row for row in map(parse_row, reader)}
+            rows = {row.key: row for row in islice(map(parse_row, reader), MAX_ROWS + 1)}
         except (csv.Error, ValueError) as error:
             message = f'{self.results}: line {reader.line_num}: {error}'
             raise ResultsError(message) from None
+        if len(rows) > MAX_ROWS:
+            raise ResultsError(f'{self.results}: over {MAX_ROWS} rows')
         return sorted(rows.values(), key=lambda row: row.key[:3])
 
     def rewrite(self, rows: Iterable[Row]) -> None:
@@ -439,12 +444,26 @@ def format_csv(lines: Iterable[Sequence[str]]) -> str:
     return buffer.getvalue()
 
 
+def complete_lines(text: str) -> Iterator[str]:
+    """Yield the lines of a text with their line ends, but for a last one without.
+
+    Raises ValueError for a line of over MAX_LINE_CHARS characters.
+    """
+    begin = 0
+    while end := text.find('\n', begin) + 1:
+        if end - begin > MAX_LINE_CHARS:
+            raise ValueError(f'over {MAX_LINE_CHARS} characters')
+        yield text[begin:end]
+        begin = end
+
+
 def parse_row(record: Mapping[str, str]) -> Row:
     """Read a CSV record, with the method names of older versions. Raises ValueError."""
     if None in record or None in record.values():  # more or fewer cells than columns
         message = f'{len([name for name in record if name])} values are expected'
         raise ValueError(message)
-    values: dict[str, Any] = dict(record)
+    # Most texts stand in many rows: they are kept once.
+    values: dict[str, Any] = {name: sys.intern(text) for name, text in record.items()}
     for name, kind in COLUMNS.items():
         if name not in record:
             continue

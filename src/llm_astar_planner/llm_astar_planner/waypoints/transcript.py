@@ -22,6 +22,7 @@ from typing import Any, Protocol, TypeGuard
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.files import read_text
+from llm_astar_msgs_adapter.json_values import parse_json
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
@@ -38,6 +39,9 @@ from llm_astar_planner.waypoints.source import (
 _LOG = logging.getLogger(__name__)
 # The paper scales its maps by up to 10; searching more scales would only cost time.
 MAX_SCALE = 10
+# Of a transcript: a few thousand exchanges with long prompts.
+MAX_BYTES = 32_000_000
+MAX_LINES = 100_000
 # The first field of a line: one about waypoints, and one about an instruction.
 FIRST_FIELDS = (b'"map"', b'"text"')
 # Replies with these statuses come from no model, so there is nothing to record.
@@ -125,14 +129,17 @@ def read_records(path: Path) -> Iterator[tuple[str, object]]:
     A last line that has no line end and does not parse was cut off while it was written: it is
     skipped with a logged warning. Raises TranscriptError for anything else that is malformed.
     """
-    lines = read_text(path, TranscriptError, errors='replace').split('\n')
+    text = read_text(path, TranscriptError, errors='replace', limit=MAX_BYTES)
+    if text.count('\n') > MAX_LINES:
+        raise TranscriptError(f'{path}: over {MAX_LINES} lines')
+    lines = text.split('\n')
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
         where = f'{path}: line {number}'
         try:
-            record = json.loads(line)
-        except (ValueError, RecursionError) as error:
+            record = parse_json(line)
+        except ValueError as error:
             if number == len(lines):
                 _LOG.warning('%s: cut off while it was written; skipped', where)
                 continue
@@ -232,16 +239,18 @@ def repair_last_line(path: Path) -> None:
     if not path.stat().st_size:
         return
     with path.open('rb') as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        first = data.readline()
+        first = file.readline(MAX_BYTES)
         if not first.startswith(b'{') or not any(name in first for name in FIRST_FIELDS):
             raise TranscriptError(f'{path}: is no transcript, and is left as it is')
         start = data.rfind(b'\n', 0) + 1
+        if len(data) - start > MAX_BYTES:
+            raise TranscriptError(f'{path}: its last line is over {MAX_BYTES / 1e6:.3g} MB')
         last = data[start:]
     if not last:
         return
     try:
-        json.loads(last)
-    except (ValueError, RecursionError):
+        parse_json(last)
+    except ValueError:
         with path.with_name(f'{path.name}.cut').open('ab') as aside:
             aside.write(last + b'\n')
         os.truncate(path, start)

@@ -7,7 +7,7 @@ requests that wait for their recorded plan are kept.
 from __future__ import annotations
 
 import csv
-import json
+import io
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -19,6 +19,7 @@ from llm_astar_msgs_adapter.bags.files import JUMP
 from llm_astar_msgs_adapter.bags.reading import Bag, BagMessage
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.files import read_text
+from llm_astar_msgs_adapter.json_values import parse_json
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, updated
@@ -33,6 +34,8 @@ RESPONSES = (2, 3)
 MAX_CALLS = 1000
 # What a message may raise whose type the bag defines otherwise than ROS does.
 UNFIT = (LlmAstarError, AttributeError, TypeError, ValueError, LookupError, OverflowError)
+MAX_REQUESTS = 100_000
+MAX_LIST_BYTES = 8_000_000
 # Columns that a list of requests must have.
 COLUMNS = ('start_x', 'start_y', 'goal_x', 'goal_y')
 
@@ -151,8 +154,8 @@ class RequestReader:
 
     def _on_barriers(self, message: BagMessage) -> None:
         try:
-            self._barriers = parse_barrier_map(json.loads(message.value.data), 'its barriers')
-        except (BarrierMapError, ValueError, RecursionError) as error:
+            self._barriers = parse_barrier_map(parse_json(message.value.data), 'its barriers')
+        except (BarrierMapError, ValueError) as error:
             self._leave_out(f'{self._when(message)}: {error}', 'barrier maps')
 
     def _on_event(self, message: BagMessage) -> None:
@@ -254,7 +257,7 @@ def load_requests(path: str | Path) -> list[ListedRequest]:
     request without a time is made on the last map. Raises RequestListError.
     """
     path = Path(path)
-    text = read_text(path, RequestListError, 'utf-8-sig')
+    text = read_text(path, RequestListError, 'utf-8-sig', limit=MAX_LIST_BYTES)
     entries = read_json(text, path) if path.suffix == '.json' else read_csv(text, path)
     requests = []
     for number, entry in enumerate(entries, 1):
@@ -266,6 +269,8 @@ def load_requests(path: str | Path) -> list[ListedRequest]:
         time = math.inf if given in (None, '') else read_number(given, f'{where}: time')
         start, goal = Pose2D(start_x, start_y), Pose2D(goal_x, goal_y)
         requests.append(ListedRequest(number, time, start, goal))
+        if number > MAX_REQUESTS:
+            raise RequestListError(f'{path}: over {MAX_REQUESTS} requests')
     if not requests:
         raise RequestListError(f'{path}: lists no requests')
     return requests
@@ -273,7 +278,7 @@ def load_requests(path: str | Path) -> list[ListedRequest]:
 
 def read_csv(text: str, path: Path) -> Iterable[Mapping[str, Any]]:
     """Return the entries of a CSV list. Raises RequestListError where a column is missing."""
-    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
     if missing:
         raise RequestListError(f'{path}: its first line must name {", ".join(missing)}, too')
@@ -283,9 +288,7 @@ def read_csv(text: str, path: Path) -> Iterable[Mapping[str, Any]]:
 def read_json(text: str, path: Path) -> Iterable[Mapping[str, Any]]:
     """Yield the entries of a JSON list with the columns of a CSV one. Raises RequestListError."""
     try:
-        entries = json.loads(text)
-    except RecursionError:
-        raise RequestListError(f'{path}: not JSON: is nested too deeply') from None
+        entries = parse_json(text)
     except ValueError as error:
         raise RequestListError(f'{path}: not JSON: {error}') from None
     if not isinstance(entries, list):

@@ -19,9 +19,12 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
 )
 from llm_astar_msgs_adapter.maps.grid_dataset import (
     GridProblem,
+    GridProblemError,
+    cell_count,
     is_grid_problem,
     parse_grid_problem,
 )
+from llm_astar_msgs_adapter.maps.grid_map import MAX_CELLS
 
 from llm_astar_planner.benchmark.datasets.grids import is_grid_dataset, load_grid_problem
 
@@ -108,6 +111,12 @@ def load_kept_maps(path: str | Path) -> list[ProblemMap]:
     entries = read_json(path, BarrierMapError)
     if not isinstance(entries, list):
         raise BarrierMapError(f'{path}: a JSON list of maps is expected')
+    cells = 0
+    for index, entry in enumerate(entries):
+        if is_grid_problem(entry):
+            cells += cell_count(entry, f'{path}: map at index {index}')
+        if cells > MAX_CELLS:
+            raise GridProblemError(f'{path}: its maps have over {MAX_CELLS} cells')
     return [
         parse_grid_problem(entry, f'{path}: map at index {index}')
         if is_grid_problem(entry)

@@ -33,10 +33,12 @@ except ImportError:  # pip installs it, but rosdep has no key for it
 
 WEIGHTS_FILE = 'weights.npz'
 FORMAT = 1
+# Of the arrays; the shipped ones have a tenth.
+MAX_BYTES = 64_000_000
 # What numpy and the archive raise for a file that is none.
 WEIGHTS_ERRORS = (
     OSError, EOFError, ValueError, TypeError, LookupError, ArithmeticError, AttributeError,
-    NotImplementedError, RuntimeError, struct.error, zlib.error, zipfile.BadZipFile,
+    NotImplementedError, RuntimeError, MemoryError, struct.error, zlib.error, zipfile.BadZipFile,
 )  # fmt: skip
 _EPSILON = np.float32(1e-5)
 # The limit on BLAS threads is per process, so only one pass at a time may set and restore it.
@@ -85,6 +87,9 @@ def packaged_weights() -> Weights:
 def read_weights(data: bytes, name: str = 'weights') -> Weights:
     """Read a file that `write_weights` wrote. Raises WeightsError."""
     try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if sum(item.file_size for item in archive.infolist()) > MAX_BYTES:
+                raise ValueError(f'it would fill over {MAX_BYTES} bytes')
         with np.load(io.BytesIO(data), allow_pickle=False) as held:
             header = json.loads(held['header'].tobytes())
             arrays = {key: held[key].astype(np.float32) for key in held if key != 'header'}
