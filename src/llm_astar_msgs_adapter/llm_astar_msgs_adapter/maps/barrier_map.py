@@ -104,9 +104,15 @@ class BarrierMap:
         """Multiply every coordinate by `factor` >= 1, the paper's scaled environments.
 
         Barriers stay one cell thick. Queries are dropped, since they name the old coordinates.
+        Raises BarrierMapError for less than 1 and for more cells than a map may have.
         """
         if factor < 1:
             raise BarrierMapError(f'scale: {factor} is not 1 or more')
+        (x0, x1), (y0, y1) = self.range_x, self.range_y
+        if (x1 - x0) * (y1 - y0) * factor**2 > MAX_CELLS:
+            raise BarrierMapError(
+                f'scale: {factor} gives map {self.id} over {MAX_CELLS} cells; choose a smaller one'
+            )
         if factor == 1:
             return self
 

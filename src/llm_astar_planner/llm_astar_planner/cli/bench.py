@@ -150,9 +150,12 @@ def benchmark_config(
         raise ValueError('--instruction is about metres, so it needs --scales 1')
     barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
     sources = source_specs(args, folder, barrier_maps, GRID_BASELINES if grids else None)
+    samples = select_samples(maps, str(dataset), args.maps, args.limit, args.seed)
+    for sample in {sample.barrier_map.id: sample for sample in samples}.values():
+        sample.barrier_map.scale(scales[-1])
     return BenchmarkConfig(
         dataset,
-        select_samples(maps, str(dataset), args.maps, args.limit, args.seed),
+        samples,
         args.methods,
         sources,
         SearchSettings(

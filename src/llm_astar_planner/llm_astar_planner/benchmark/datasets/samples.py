@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr, shortened
 from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,
@@ -28,6 +28,8 @@ from llm_astar_msgs_adapter.maps.grid_map import MAX_CELLS
 
 from llm_astar_planner.benchmark.datasets.grids import is_grid_dataset, load_grid_problem
 
+# Numbers that ranges may name, and digits of each.
+MAX_NUMBERS, MAX_DIGITS = 1_000_000, 15
 # A map with its samples: barriers as in the paper, or a grid.
 ProblemMap = BarrierMap | GridProblem
 
@@ -133,14 +135,22 @@ def draw(samples: Sequence[BenchmarkSample], count: int, seed: int) -> list[Benc
 
 
 def parse_ranges(text: str, option: str) -> list[int]:
-    """Parse whole numbers such as `1-10` or `0-9,12`, ascending. Raises SelectionError."""
+    """Parse whole numbers such as `1-10` or `0-9,12`, ascending.
+
+    Raises SelectionError, also for more than MAX_NUMBERS.
+    """
+    shown = f'{option} {shortened(text)}'
     numbers: set[int] = set()
     for part in text.split(','):
         first, dash, last = part.strip().partition('-')
-        if not (first.isdecimal() and (last.isdecimal() or not dash)):
-            message = f'{option} {text}: {part!r} is not a number or a range such as 50-99'
-            raise SelectionError(message)
-        numbers.update(range(int(first), int(last or first) + 1))
+        is_range = first.isdecimal() and (last.isdecimal() or not dash)
+        if not is_range or max(len(first), len(last)) > MAX_DIGITS:
+            what = short_repr(part)
+            raise SelectionError(f'{shown}: {what} is not a number or a range such as 50-99')
+        chosen = range(int(first), int(last or first) + 1)
+        if len(chosen) + len(numbers) > MAX_NUMBERS:
+            raise SelectionError(f'{shown}: names over {MAX_NUMBERS} numbers; choose fewer')
+        numbers.update(chosen)
     if not numbers:
-        raise SelectionError(f'{option} {text}: is empty')
+        raise SelectionError(f'{shown}: is empty')
     return sorted(numbers)

@@ -17,7 +17,10 @@ def test_selections_by_map_and_by_limit(dataset):
     assert parse_ranges('1-3,7', '--scales') == [1, 2, 3, 7]
 
 
-@pytest.mark.parametrize('text', ['', 'a', '3-', '5-1', '1,,2', '-4'])
+@pytest.mark.parametrize(
+    'text',
+    ['', 'a', '3-', '5-1', '1,,2', '-4', '0-99999999999999', '9' * 5000, '0-600000,700000-1200000'],
+)
 def test_bad_ranges_are_named(text):
     with pytest.raises(SelectionError, match='--maps'):
         parse_ranges(text, '--maps')
