@@ -1,20 +1,29 @@
 """Floods: more callers, maps and instructions than the nodes can follow. Nothing grows."""
 
 import contextlib
+import gc
 import itertools
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
-from graph_tools import PATIENCE, calling, running, wait_for
+from geometry_msgs.msg import PoseStamped
+from graph_tools import PATIENCE, calling, process, running, set_parameter, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.maps.places import NO_PLACES
 from llm_astar_msgs_adapter.messages.writing import grid_to_message, pose_to_message
+from llm_astar_planner.instructions.interpretation import Understanding
+from llm_astar_planner.nodes import llm_client_node
+from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import CALLS, LATCHED, RELIABLE
 from llm_astar_planner.nodes.llm_client_node import CALLERS, QUERY_THREADS, LlmClientNode
+from llm_astar_planner.nodes.planner.instruction_client import InstructionClient
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
+from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetPlan
@@ -183,3 +192,131 @@ def test_floods_of_callers_maps_and_instructions_leave_a_planner_that_answers():
         assert most[0] - before <= 40
         wait_for(lambda: caller.call(*ENDS)[1].map_digest == maps.newest, 'the newest map')
         wait_for(lambda: threading.active_count() <= before + 24, 'the end of the threads')
+        # Hundreds of maps have come and gone, and nothing keeps them.
+        gc.collect()
+        kept = [one for one in gc.get_objects() if type(one) is Planner]
+        assert sum(one.grid_map.width == SIDE for one in kept) <= 5
+
+
+def test_changes_of_parameters_leave_few_threads_that_wait_for_a_server(chat_server, monkeypatch):
+    chat_server.script = [chat_server.wait(PATIENCE)]
+    values = {'source': 'endpoint', 'base_url': chat_server.base_url, 'model': 'tiny'}
+    node = LlmClientNode(
+        namespace='/changed_client',
+        parameter_overrides=[Parameter(name, value=value) for name, value in values.items()],
+    )
+    try:
+        node.on_map(map_number(0))
+        most = threading.active_count() + 10
+        monkeypatch.setattr(llm_client_node, 'MOST_THREADS', most)
+        monkeypatch.setattr('llm_astar_planner.waypoints.async_query.IDLE_SECONDS', 0.2)
+        reasons = []
+        for number in range(40):
+            changed = Parameter('temperature', value=number / 100)
+            reasons.append(node.set_parameters([changed])[0].reason)
+            node.ask(request(0.02))
+        # Those of the server itself included.
+        assert threading.active_count() <= most + 15
+        assert reasons[:3] == [''] * 3
+        assert reasons[-1] == llm_client_node.REPLACED_TOO_OFTEN
+        chat_server.stopping.set()
+        wait_for(lambda: threading.active_count() < most, 'the end of the threads')
+        assert node.set_parameters([Parameter('temperature', value=1.0)])[0].successful
+    finally:
+        node.destroy_node()
+
+
+def test_a_question_whose_answer_is_of_no_use_any_more_ends_at_once():
+    node = rclpy.create_node('asking', namespace='/dropped')
+    node.create_subscription(String, 'model/interpret', lambda _: None, RELIABLE)
+    with running(node):
+        client = InstructionClient(Entities(node), 'model')
+        wait_for(lambda: client.ready, 'who is asked')
+        answers = []
+        thread = threading.Thread(
+            target=lambda: answers.append(client.interpret('waltz', NO_PLACES, 10 * PATIENCE))
+        )
+        thread.start()
+        wait_for(lambda: client._answers, 'the question')
+        client.drop()
+        thread.join(PATIENCE)
+        assert answers[0].status is Understanding.PENDING
+        assert 'was changed while it was asked' in answers[0].detail
+
+
+def state_of(process):
+    """Return the memory in MB and the threads of a process."""
+    lines = Path(f'/proc/{process.pid}/status').read_text().splitlines()
+    values = dict(line.split(':', 1) for line in lines)
+    return int(values['VmRSS'].split()[0]) / 1000, int(values['Threads'])
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_the_memory_of_a_planner_is_flat_over_100_map_changes():
+    side, generator, seen = 600, np.random.default_rng(1), []
+    with (
+        process('planner_node', '-p', 'inflation_radius:=3.0', files=()) as node,
+        calling() as caller,
+    ):
+        maps = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        for _ in range(100):
+            cells = np.zeros((side, side), dtype=np.int8)
+            for x, y in generator.integers(10, side - 60, (60, 2)):
+                cells[y : y + 30, x : x + 30] = 100
+            grid_map = GridMap(cells)
+            maps.publish(grid_to_message(grid_map, Time()))
+            caller.wait_until_ready(grid_map.digest, seconds=PATIENCE)
+            caller.call(Pose2D(2.5, 2.5), Pose2D(side - 2.5, side - 2.5))
+            seen.append(state_of(node))
+    (before, _), (after, threads) = seen[20], seen[-1]
+    assert after - before < 64.0
+    assert threads < 64
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_floods_of_everything_leave_memory_and_threads_of_both_nodes_flat(chat_server):
+    chat_server.script = [chat_server.wait(PATIENCE)]
+    values = {'source': 'endpoint', 'base_url': chat_server.base_url, 'timeout_s': 1.0}
+    options = [word for name, value in values.items() for word in ('-p', f'{name}:={value}')]
+    numbers = itertools.count()
+    with (
+        process('llm_client_node', *options, files=()) as client,
+        process('planner_node', files=()) as planner,
+        calling() as caller,
+    ):
+        maps = MapFlood(caller)
+        maps()
+        caller.wait_until_ready(client='llm_client_node', seconds=PATIENCE)
+        topics = (
+            'planner_node/instruction',
+            'planner_node/interpret',
+            'llm_client_node/interpret',
+        )
+        texts = [caller.node.create_publisher(String, topic, RELIABLE) for topic in topics]
+        goals = caller.node.create_publisher(PoseStamped, 'goal_pose', RELIABLE)
+        services = [
+            caller.node.create_client(GetPlan, name, qos_profile=CALLS)
+            for name in ('llm_client_node/get_waypoints', 'planner_node/get_plan')
+        ]
+        assert all(service.wait_for_service(PATIENCE) for service in services)
+
+        def publish():
+            for publisher in texts:
+                publisher.publish(String(data=f'waltz around the thing {next(numbers)}'))
+            goals.publish(request().goal)
+            temperature = (next(numbers) % 199) / 100
+            if next(numbers) % 7 == 0:
+                set_parameter(caller, 'llm_client_node', 'temperature', temperature)
+
+        seen = []
+        for _ in range(4):
+            floods = [flood(maps, 5.0, 10.0), flood(publish, 50.0, 10.0)]
+            while any(thread.is_alive() for thread in floods):
+                for service in services:
+                    answers(service, [request(0.3)] * AT_ONCE)
+            seen.append((state_of(planner), state_of(client)))
+    for first, last in zip(seen[1], seen[-1]):
+        assert last[0] - first[0] < 64.0, seen
+        assert last[1] <= llm_client_node.MOST_THREADS + 64, seen

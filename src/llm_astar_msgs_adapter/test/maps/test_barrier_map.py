@@ -72,6 +72,8 @@ def test_scaling_multiplies_every_coordinate():
     assert scaled.samples == (Sample((3, 3), (27, 21), ''),)
     with pytest.raises(BarrierMapError, match='scale'):
         scaled.scale(0)
+    with pytest.raises(BarrierMapError, match='scale: 100000 gives map'):
+        scaled.scale(100000)
 
 
 def test_open_ended_drops_the_last_cell_of_every_barrier():

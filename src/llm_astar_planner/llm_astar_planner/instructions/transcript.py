@@ -19,6 +19,7 @@ from llm_astar_planner.instructions.interpretation import Interpretation
 from llm_astar_planner.waypoints.transcript import (
     TranscriptError,
     TranscriptWriter,
+    check_names,
     check_type,
     is_about_instruction,
     read_records,
@@ -97,4 +98,5 @@ def parse_exchange(record: Mapping[str, Any], where: str) -> Exchange:
         if field.name not in record:
             raise TranscriptError(f'{where}: {field.name}: is missing')
         check_type(record[field.name], _TYPES[str(field.type)], f'{where}: {field.name}')
+    check_names(record, where, 'model')
     return Exchange(**{field.name: record[field.name] for field in fields(Exchange)})

@@ -8,6 +8,7 @@ from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
 from llm_astar_planner.waypoints.llm.credentials import KEY_NAMES, Endpoint
 from llm_astar_planner.waypoints.llm.protocol import RESPONSE_FORMATS
 from llm_astar_planner.waypoints.prompts.template import load_template
+from llm_astar_planner.waypoints.source import name_problem
 
 DEFAULT_PROMPT = 'few_shot'
 # As `waypoints.baselines` has them.
@@ -45,7 +46,9 @@ class SourceSettings:
         read_only=True,
     )
     model: str = parameter(
-        '', 'Model to ask; for `replay`, the model whose exchanges are replayed, empty for any'
+        '',
+        'Model to ask; for `replay`, the model whose exchanges are replayed, empty for any',
+        check=lambda name: f'model: {problem}' if (problem := name_problem(name)) else None,
     )
     prompt: str = parameter(
         '',

@@ -8,6 +8,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
+from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
 from llm_astar_planner.search.stop import StopFlag
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from llm_astar_planner.costmap.costmap import Costmap
 
 Waypoint = tuple[float, float]
+# Characters of the name of a model or a prompt, which stands in logs, tables and file names.
+MAX_NAME = 200
 
 
 class SampleKey(NamedTuple):
@@ -53,6 +56,13 @@ class SourceStatus(str, Enum):
     def is_failure(self) -> bool:
         """Whether a source was asked and could not answer."""
         return self.value not in ('OK', 'NONE', 'NO_WAYPOINTS', 'LATE')
+
+
+def name_problem(name: str) -> str | None:
+    """Say why a text cannot be the name of a model or a prompt; None where it can."""
+    if len(name) <= MAX_NAME and name.isprintable():
+        return None
+    return f'{short_repr(name)} is no name of at most {MAX_NAME} printable characters'
 
 
 @dataclass(frozen=True)

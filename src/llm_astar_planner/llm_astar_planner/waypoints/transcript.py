@@ -15,7 +15,7 @@ import logging
 import mmap
 import os
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeGuard
@@ -34,6 +34,7 @@ from llm_astar_planner.waypoints.source import (
     WaypointQuery,
     WaypointReply,
     WaypointSource,
+    name_problem,
 )
 
 _LOG = logging.getLogger(__name__)
@@ -156,6 +157,7 @@ def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
         if name not in values:
             raise TranscriptError(f'{where}: {name}: is missing')
         check_type(values[name], types, f'{where}: {name}')
+    check_names(values, where, 'model', 'prompt')
     for name in ('scale', 'unit'):
         if values[name] < 1:
             raise TranscriptError(f'{where}: {name}: {values[name]} is not 1 or more')
@@ -177,6 +179,14 @@ def check_type(value: object, types: tuple[type, ...], name: str) -> None:
     if isinstance(value, bool) or not isinstance(value, types):
         expected = ' or '.join(kind.__name__ for kind in types)
         raise TranscriptError(f'{name}: {expected} is expected, not {str(value)[:60]!r}')
+
+
+def check_names(values: Mapping[str, Any], where: str, *fields: str) -> None:
+    """Raise TranscriptError where a field is no name: it stands in logs and tables."""
+    for field in fields:
+        problem = name_problem(values[field])
+        if problem:
+            raise TranscriptError(f'{where}: {field}: {problem}')
 
 
 def parse_message(value: object, name: str) -> Message:

@@ -70,6 +70,10 @@ def test_settings_are_checked_by_name():
         ({'response_format': 'xml'}, "'xml' is not one of text, json_object, json_schema"),
         ({'prompt': 'mine'}, "prompt: 'mine' is none of few_shot, cot, repe"),
         ({'base_url': 'nowhere'}, 'base_url: '),
+        ({'api_key_env': 'HOME'}, 'api_key_env: the name must match'),
+        ({'model': 'm' * 100_000}, 'model: .* is no name of at most 200 printable'),
+        ({'model': 'gpt\udcff'}, 'model: .* is no name'),
+        ({'model': 'gpt\x1b[31m'}, 'model: .* is no name'),
         ({'source': 'replay'}, 'transcript: '),
     ):
         with pytest.raises(SettingsError, match=words):

@@ -109,6 +109,8 @@ def test_nothing_but_a_regular_file_is_recorded_to(tmp_path):
         ({'messages': ['hello']}, r'line 2: messages\[0\]: an object'),
         ({'status': 'fine'}, "line 2: status: 'fine' is none of OK, "),
         ({'unit': 'x'}, 'line 2: unit: int is expected'),
+        ({'model': 'gpt\x1b[2J'}, 'line 2: model: .* is no name'),
+        ({'prompt': 'p' * 100_000}, 'line 2: prompt: .* is no name'),
     ],
 )
 def test_a_bad_field_is_named(tmp_path, change, words):

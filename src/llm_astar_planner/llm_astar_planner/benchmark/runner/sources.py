@@ -15,7 +15,7 @@ from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SettingsError, So
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.learned.source import EmbeddedSource
 from llm_astar_planner.waypoints.prompts.template import load_template
-from llm_astar_planner.waypoints.source import WaypointSource
+from llm_astar_planner.waypoints.source import WaypointSource, name_problem
 from llm_astar_planner.waypoints.transcript import read_transcript
 
 # The baselines that are cheap on any grid, because they need no visibility graph.
@@ -100,6 +100,9 @@ def model_sources(
     for model, prompt in pairs:
         source = make_source(replace(settings, model=model, prompt=prompt), dataset)
         label = prompt if is_replay else prompt_label(prompt, settings.repair_rounds)
+        problem = name_problem(label)
+        if problem:
+            raise SettingsError(f'prompt: {problem}')
         specs.append(SourceSpec(source, settings.source, label, model))
     return specs
 

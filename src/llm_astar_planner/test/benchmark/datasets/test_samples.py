@@ -19,7 +19,17 @@ def test_selections_by_map_and_by_limit(dataset):
 
 @pytest.mark.parametrize(
     'text',
-    ['', 'a', '3-', '5-1', '1,,2', '-4', '0-99999999999999', '9' * 5000, '0-600000,700000-1200000'],
+    [
+        '',
+        'a',
+        '3-',
+        '5-1',
+        '1,,2',
+        '-4',
+        '0-99999999999999',
+        '9' * 5000,
+        '0-600000,7-1200000',
+    ],
 )
 def test_bad_ranges_are_named(text):
     with pytest.raises(SelectionError, match='--maps'):
