@@ -77,6 +77,8 @@ export class Controls {
       ? `${(map.width * map.resolution).toFixed(1)} × ${(map.height * map.resolution).toFixed(1)} m, ${map.resolution} m a cell`
       : `${map.width} × ${map.height} cells`;
     $('map-about').textContent = size;
+    const [xs, ys] = [map.width, map.height].map((cells, axis) => `${map.offset[axis]} to ${cells - 1 + map.offset[axis]}`);
+    $('reply-about').textContent = `In cells: x ${xs}, y ${ys}. Ctrl+Enter plans with it.`;
     const hasPlaces = map.places.length > 0;
     const first = hasPlaces ? map.places[0].name : '';
     $('instruction').placeholder = hasPlaces ? `avoid the ${first}` : 'keep 2 m away from the walls';

@@ -184,7 +184,7 @@ class Page {
     panel.figure.querySelector('.figures').textContent = plan.found ? `${shown(expansions)} expansions, ${figure}` : `no path, ${shown(expansions)} expansions`;
     const badge = panel.figure.querySelector('.badge');
     badge.textContent = 'fewest expansions';
-    badge.hidden = !(plan.found && expansions === least && counts.filter((count) => count === least).length === 1);
+    badge.hidden = !(plan.found && expansions === least && counts.length > 1 && counts.filter((count) => count === least).length === 1);
   }
 
   onError(error) {

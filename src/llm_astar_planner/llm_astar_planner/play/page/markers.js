@@ -40,11 +40,17 @@ export function drawMarker(context, shape, [x, y], radius, fill, edge, width = 1
   context.stroke();
 }
 
+/** Return how wide a label is, in pixels. */
+export function labelWidth(context, label, size) {
+  context.font = `600 ${size}px system-ui, sans-serif`;
+  return context.measureText(label).width;
+}
+
 /** Draw a small text that stays readable on anything. */
 export function drawLabel(context, label, [x, y], colours, options = {}) {
-  const { size = 12, colour = colours.axis, align = 'center', weight = '600' } = options;
-  context.font = `${weight} ${size}px system-ui, sans-serif`;
-  context.textAlign = align;
+  const { size = 12, colour = colours.axis } = options;
+  context.font = `600 ${size}px system-ui, sans-serif`;
+  context.textAlign = 'center';
   context.textBaseline = 'middle';
   context.lineJoin = 'round';
   context.lineWidth = 3.5;

@@ -3,13 +3,12 @@
 import { drawAxes, drawGrid, drawScaleBar } from './axes.js';
 import { int32s, number, points, text } from './codec.js';
 import { SearchLayer } from './layers.js';
-import { drawLabel, drawMarker } from './markers.js';
+import { drawLabel, drawMarker, labelWidth } from './markers.js';
 import { statusShape } from './theme.js';
 
 const MARGIN = { left: 46, top: 8, right: 8, bottom: 40 };
-// Pixels of width below which names are smaller; how much wider than its place a name may be.
+// Pixels of width below which names are smaller, and within their places.
 const SMALL = 420;
-const MOST_NAME = 1.5;
 const MAX_BOXES = 600;
 const MAX_WAYPOINTS = 500;
 const NO_MARGIN = { left: 0, top: 0, right: 0, bottom: 0 };
@@ -126,7 +125,8 @@ export class Panel {
 
   /** Write the names of the places, each where neither another name nor a marker is. */
   drawNames(ends, view, palette) {
-    const marked = [ends.start, ends.goal, ...ends.via].filter(Boolean);
+    const waypoints = points(this.plan?.waypoints?.map((item) => [item.x, item.y]), MAX_WAYPOINTS);
+    const marked = [ends.start, ends.goal, ...ends.via, ...waypoints].filter(Boolean);
     const taken = marked.map((cell) => {
       const [x, y] = view.toPixel(cell);
       return { x, y, half: 10 };
@@ -155,24 +155,22 @@ export class Panel {
     return { x: left + width - 60, y: top + height - 20, half: this.map.isMetric ? 55 : 0 };
   }
 
+  /** Write a name in or near its place, if it is not much wider and another spot is free. */
   drawName(name, polygon, view, palette, taken) {
-    const [centre, middle] = view.toPixel(middleOf(polygon));
-    const width = view.scale * (Math.max(...polygon.map((point) => point[0])) - Math.min(...polygon.map((point) => point[0])));
-    const { size, half } = this.nameSize(name);
+    const [xs, ys] = [0, 1].map((axis) => polygon.map((point) => view.toPixel(point)[axis]));
+    const [width, height] = [xs, ys].map((values) => Math.max(...values) - Math.min(...values));
+    const { size, most } = this.box.width < SMALL ? { size: 10.5, most: 1.05 } : { size: 12, most: 1.5 };
+    const half = labelWidth(this.context, name, size) / 2;
+    if (2 * half > most * width) return;
     const { left, width: room } = this.box;
-    const x = Math.min(left + room - half, Math.max(left + half, centre));
-    if (2 * half > MOST_NAME * width) return;
+    const x = Math.min(left + room - half, Math.max(left + half, Math.min(...xs) + width / 2));
+    const middle = Math.min(...ys) + height / 2;
     const isFree = (y) => taken.every((box) => Math.abs(box.x - x) >= box.half + half || Math.abs(box.y - y) >= 16);
-    const y = [0, 17, -17, 34, -34].map((shift) => middle + shift).find(isFree);
+    const y = [0, 17, -17, 34, -34].filter((shift) => Math.abs(shift) <= Math.max(17, height / 2 - 8))
+      .map((shift) => middle + shift).find(isFree);
     if (y === undefined) return;
     taken.push({ x, y, half });
     drawLabel(this.context, name, [x, y], palette, { size, colour: palette.place });
-  }
-
-  /** Return the size of a name in pixels: its height and half its width. */
-  nameSize(name) {
-    const size = this.box.width < SMALL ? 10.5 : 12;
-    return { size, half: 0.3 * size * name.length };
   }
 
   /** Write a waypoint's number, unless it would be on another's. */
@@ -207,9 +205,4 @@ export class Panel {
     const { left, top, width, height } = this.box;
     return x >= left && y >= top && x <= left + width && y <= top + height;
   }
-}
-
-function middleOf(polygon) {
-  const [xs, ys] = [0, 1].map((axis) => polygon.map((point) => point[axis]));
-  return [xs, ys].map((values) => (Math.min(...values) + Math.max(...values)) / 2);
 }

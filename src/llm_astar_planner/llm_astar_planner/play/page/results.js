@@ -1,6 +1,6 @@
 // What is shown in words and numbers: verdict, table, waypoints, clauses, command, report.
 
-import { number, shown, text } from './codec.js';
+import { number, points, shown, text } from './codec.js';
 import { MAX_ORDER } from './layers.js';
 import { drawMarker, markerIcon } from './markers.js';
 import { statusName, statusShape } from './theme.js';
@@ -46,6 +46,7 @@ export function showReply(reply, map, palette) {
 const ROWS = [
   ['Expansions', 'expansions', 0, true],
   ['Length', 'length', 2, false],
+  ['At any angle', 'any_angle', 2, false],
   ['Proven within', 'bound', 3, false],
   ['Search (ms)', 'search_ms', 2, true],
   ['Waypoints (ms)', 'source_ms', 1, false],
@@ -59,15 +60,25 @@ function showFigures(plans, map) {
     cell.scope = 'col';
     return cell;
   })])]);
-  $('figures').replaceChildren(head, element('tbody', '', ROWS.map((row) => figureRow(row, plans, map))));
+  $('figures').replaceChildren(head, element('tbody', '', ROWS
+    .filter(([, key]) => key !== 'any_angle' || plans.some((plan) => plan.any_angle))
+    .map((row) => figureRow(row, plans, map))));
+}
+
+/** Return the length of a path in cells. */
+function lengthOf(path) {
+  return path.slice(1).reduce((sum, [x, y], i) => sum + Math.hypot(x - path[i][0], y - path[i][1]), 0);
 }
 
 /** Return a figure of a plan, null where it has none, and its name with the unit. */
 function figureOf(plan, title, key, map) {
-  const isMetres = key === 'length' && map.isMetric;
-  const value = number(plan.figures?.[isMetres ? 'length_m' : key]);
+  const isLength = ['length', 'any_angle'].includes(key);
+  const isMetres = isLength && map.isMetric;
+  const value = key === 'any_angle'
+    ? lengthOf(points(plan.any_angle)) * (isMetres ? map.resolution : 1) || null
+    : number(plan.figures?.[isMetres ? 'length_m' : key]);
   const isAsked = key === 'source_ms' ? value > 0 : plan.found || key === 'expansions';
-  const unit = key === 'length' ? ` (${isMetres ? 'm' : 'cells'})` : '';
+  const unit = isLength ? ` (${isMetres ? 'm' : 'cells'})` : '';
   return { name: title + unit, value: isAsked ? value : null };
 }
 

@@ -31,7 +31,7 @@ function byWaypoints(chosen, plain) {
     return { tone: 'draw', head, rest: ` the search did without, ${shown(own)} expansions.` };
   }
   if (own < its) return { tone: 'win', head: 'The waypoints win:', rest: ` ${shown(own)} expansions instead of ${shown(its)} (${fewer(own, its)})${found}.` };
-  if (own > its) return { tone: 'lose', head: 'The search without waypoints wins:', rest: ` ${shown(its)} expansions; with them it took ${shown(own)}${found}.` };
+  if (own > its) return { tone: 'lose', head: 'The search without waypoints wins:', rest: ` ${shown(its)} expansions instead of ${shown(own)}${path ? `; the waypoints led to ${path}` : ''}.` };
   return { tone: 'draw', head: 'A draw:', rest: ` ${shown(own)} expansions with waypoints and without.` };
 }
 
