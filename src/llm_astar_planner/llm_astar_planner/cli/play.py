@@ -30,7 +30,9 @@ figures beside those without waypoints and of A*. Its address holds the whole vi
 it again, and it gives the `llm-astar plan` command that makes the same plan.
 
 Ctrl-C ends the server. Only this machine reaches it; --host 0.0.0.0 opens it to the network, whose
-members may then plan on the listed maps, but read no other file.
+members may then plan on the listed maps and watch the graph of --live, but read no other file.
+
+exit codes: 0 ended with Ctrl-C, 1 a library is missing, 2 bad usage, a bad map or a port in use
 """
 
 

@@ -168,14 +168,7 @@ def live_plan_json(
     path = np.rint(grid_map.world_to_grid(points)).astype(int).tolist()
     waypoints = report['waypoints']
     places = grid_map.world_to_grid([(x, y) for x, y, _ in waypoints]).round(3).tolist()
-    length = report['length']
-    figures = {name: report[field] for name, field in FIGURES.items()}
-    figures |= {
-        'length_m': length,
-        'length': None if length is None else length / grid_map.resolution,
-        'search_ms': 1000.0 * report['seconds_search'],
-        'source_ms': 1000.0 * report['seconds_source'],
-    }
+    figures = live_figures_json(report, grid_map.resolution)
     return {
         'role': 'live',
         'title': f'{report["method"]}, waypoints by {report["guided_by"]}',
@@ -192,6 +185,17 @@ def live_plan_json(
         'figures': figures,
         'report': figures | {name: report[name] for name in REPORTED},
         'instruction': live_instruction_json(report['instruction_report']),
+    }
+
+
+def live_figures_json(report: dict[str, Any], resolution: float) -> dict[str, Any]:
+    """Return the figures of a report: lengths in cells and metres, times in milliseconds."""
+    length = report['length']
+    return {name: report[field] for name, field in FIGURES.items()} | {
+        'length_m': length,
+        'length': None if length is None else length / resolution,
+        'search_ms': 1000.0 * report['seconds_search'],
+        'source_ms': 1000.0 * report['seconds_source'],
     }
 
 

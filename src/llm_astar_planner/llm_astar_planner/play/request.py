@@ -93,13 +93,7 @@ def read_request(body: object, maps: Maps) -> PlayRequest:
     values['corner_cutting'] = play_map.barriers is not None
     given = read_settings(body)
     reply = read_text(body, 'reply', MAX_REPLY)
-    source = body.get('source', 'none')
-    if source not in SOURCES:
-        raise PlayError(
-            f'source: {short_repr(source)} is not one of {", ".join(SOURCES)}', 'source'
-        )
-    if source == REPLY and reply is None:
-        raise PlayError("reply: is missing; write a model's answer such as [[5, 5]]", REPLY)
+    source = read_source(body.get('source', 'none'), reply)
     return PlayRequest(
         play_map,
         read_cell(body.get('start'), 'start', play_map.grid_map),
@@ -111,6 +105,16 @@ def read_request(body: object, maps: Maps) -> PlayRequest:
         tuple(read_cells(body.get('via'), 'via', play_map.grid_map, MAX_VIA)),
         read_walls(body.get('walls'), play_map.grid_map),
     )
+
+
+def read_source(source: object, reply: str | None) -> str:
+    """Return the name of a source; that of a typed reply needs one. Raises PlayError."""
+    if not isinstance(source, str) or source not in SOURCES:
+        known = ', '.join(SOURCES)
+        raise PlayError(f'source: {short_repr(source)} is not one of {known}', 'source')
+    if source == REPLY and reply is None:
+        raise PlayError("reply: is missing; write a model's answer such as [[5, 5]]", REPLY)
+    return source
 
 
 def read_settings(body: Mapping[str, Any]) -> dict[str, Any]:
