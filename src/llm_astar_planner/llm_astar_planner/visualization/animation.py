@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont
 from PIL import Image, ImageDraw, ImageFont
@@ -93,7 +93,7 @@ class Stage:
         self.window = pictures[0].window
         figure = Figure(dpi=DPI, layout='constrained')
         self.panels = panels_for(figure, pictures, (0.58, 0.55))
-        self.canvas = FigureCanvasAgg(figure)
+        self.figure = figure
         for axes, search in zip(self.panels, self.searches):
             draw(axes, search.picture)
             axes.set(xticks=[], yticks=[], xlabel='', ylabel='')
@@ -114,8 +114,9 @@ class Stage:
 
     def render(self) -> Image.Image:
         """Return the figure as it is, on nothing."""
-        self.canvas.draw()
-        return Image.fromarray(np.asarray(self.canvas.buffer_rgba()).copy(), 'RGBA')
+        buffer = io.BytesIO()
+        self.figure.savefig(buffer, format='png', dpi=DPI)
+        return Image.open(buffer).convert('RGBA')
 
     def frame(self, count: int) -> Image.Image:
         """Return the picture after `count` expansions of each search."""

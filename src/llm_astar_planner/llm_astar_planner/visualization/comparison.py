@@ -20,6 +20,8 @@ from llm_astar_planner.visualization.figures import (
 # Maps that are so many times as wide as high are drawn below each other.
 WIDE = 2.6
 MAX_PANEL_HEIGHT = 4.4
+# Inches of a picture that is one of several on a page.
+PANEL_WIDTH = 4.6
 
 
 def panels_for(
@@ -55,4 +57,15 @@ def comparison_figure(pictures: Sequence[Picture]) -> Figure:
     add_legend(figure, panels)
     for axes, picture in zip(panels, pictures):
         write_labels(axes, picture)
+    return figure
+
+
+def panel_figure(picture: Picture) -> Figure:
+    """Draw a plan without title, axes and legend, for a page that has its own."""
+    aspect = picture.window.height / picture.window.width
+    figure = Figure(figsize=(PANEL_WIDTH, min(aspect, 1.6) * PANEL_WIDTH), layout='constrained')
+    axes = figure.add_subplot()
+    draw(axes, picture)
+    axes.set(xticks=[], yticks=[], xlabel='', ylabel='', title='')
+    write_labels(axes, picture)
     return figure

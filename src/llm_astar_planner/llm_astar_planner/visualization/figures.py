@@ -58,7 +58,15 @@ METHOD_NAMES = {
 # Outlines of the robot drawn along one path.
 MAX_OUTLINES = 100
 # The order of a legend; what is not here comes first.
-LEGEND = ('path', 'footprint', 'expanded', 'inflated zone', 'obstacle', 'unknown')
+LEGEND = (
+    'path',
+    "robot's own plan",
+    'footprint',
+    'expanded',
+    'inflated zone',
+    'obstacle',
+    'unknown',
+)
 CASING = [Stroke(linewidth=4.4, foreground=style.PATH_OUTLINE), Normal()]
 
 
@@ -71,6 +79,7 @@ class Picture:
     their names, `instructed` says what became of an instruction, the `footprint` is drawn along
     the path, and `inflated`, bool [height, width], is what the robot's body closes. `shown` is
     the part of the map that is drawn, None to choose it; `has_scale_bar` is for maps in metres.
+    `recorded` [n, 2] is another path, the one that a bag holds.
     """
 
     grid_map: GridMap
@@ -88,6 +97,7 @@ class Picture:
     via: Sequence[Cell] = ()
     shown: raster.Window | None = None
     has_scale_bar: bool = True
+    recorded: NDArray[np.float64] | None = None
 
     @property
     def in_metres(self) -> bool:
@@ -244,6 +254,9 @@ def draw(axes: Axes, picture: Picture) -> None:
     """Draw on axes in map coordinates, in metres or with cell centres at whole numbers."""
     draw_cells(axes, picture)
     draw_places(axes, picture.places, picture.project)
+    if picture.recorded is not None and len(picture.recorded):
+        x, y = picture.on_axes(picture.recorded).T
+        axes.plot(x, y, color=style.RECORDED, linewidth=5, alpha=0.6, label="robot's own plan")
     if len(picture.path):
         x, y = picture.on_axes(picture.path).T
         axes.plot(x, y, color=style.PATH, linewidth=2.4, path_effects=CASING, label='path')

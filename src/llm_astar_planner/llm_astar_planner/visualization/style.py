@@ -24,6 +24,8 @@ FREE, UNKNOWN, EXPANDED = '#ffffff', '#e9ebef', '#fcd98f'
 INFLATED, OBSTACLE = '#a9aeb8', '#262a33'
 # A path on its pale outline.
 PATH, PATH_OUTLINE = '#0050b5', '#ffffff'
+# A path that a bag holds, for comparison.
+RECORDED = '#e07b00'
 # The robot's outline along a path.
 FOOTPRINT = '#5c8fd6'
 
@@ -65,6 +67,7 @@ def page_colours() -> dict[str, str | dict[str, str]]:
         'inflated': INFLATED,
         'expanded': EXPANDED,
         'path': PATH,
+        'recorded': RECORDED,
         'start': START.colour,
         'goal': GOAL.colour,
         'via': VIA.colour,

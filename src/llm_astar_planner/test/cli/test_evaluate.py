@@ -24,8 +24,8 @@ from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barr
 from llm_astar_planner.benchmark.bags.tasks import SampleIdAllocator
 from llm_astar_planner.benchmark.datasets.generate import MapRules, generate
 from llm_astar_planner.benchmark.report import write as report_writer
-from llm_astar_planner.benchmark.report.figures import comparison_figure
 from llm_astar_planner.cli.main import main
+from llm_astar_planner.visualization.comparison import comparison_figure
 from rosbags.highlevel import AnyReader
 
 TIMES = {'seconds_source', 'seconds_search'}
@@ -305,9 +305,9 @@ def test_a_request_is_drawn_by_the_rules_it_was_planned_by(tmp_path, out, monkey
     monkeypatch.undo()
     drawn = []
 
-    def figure(grid_map, plans, *rest):
-        drawn.extend(plans)
-        return comparison_figure(grid_map, plans, *rest)
+    def figure(pictures):
+        drawn.extend(pictures)
+        return comparison_figure(pictures)
 
     monkeypatch.setattr(report_writer, 'comparison_figure', figure)
     dataset, bag = tmp_path / 'maps.json', tmp_path / 'bag'
@@ -317,8 +317,12 @@ def test_a_request_is_drawn_by_the_rules_it_was_planned_by(tmp_path, out, monkey
     assert llm_astar('evaluate', bag, *options) == 0
     rows = rows_in(out)
     assert [
-        any(float(row['operation']) == plan.expansions for row in rows if row['method'] == method)
-        for method, plan in zip(('astar', 'llm_astar'), drawn, strict=True)
+        any(
+            picture.title.endswith(f', {float(row["operation"]):,.0f} expansions')
+            for row in rows
+            if row['method'] == method
+        )
+        for method, picture in zip(('astar', 'llm_astar'), drawn, strict=True)
     ] == [True, True]
     assert llm_astar('evaluate', bag, *options, '--resume', '--no-corner-cutting') == 2
     assert 'these differ: paper_corners (True before)' in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""The benchmark's figures and animations, drawn without pyplot: headless and thread-safe."""
+"""The benchmark's figures, drawn without pyplot: headless and thread-safe."""
 
 from __future__ import annotations
 
@@ -7,21 +7,18 @@ from pathlib import Path
 
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
 
-from llm_astar_planner.benchmark.analysis.summary import Growth, VariantSummary, is_baseline
-from llm_astar_planner.benchmark.analysis.trace import Trace, trace
-from llm_astar_planner.benchmark.report.sentences import method_label
+from llm_astar_planner.benchmark.analysis.summary import Growth, VariantSummary
+from llm_astar_planner.benchmark.analysis.trace import trace
+from llm_astar_planner.benchmark.report.sentences import variant_label
 from llm_astar_planner.benchmark.results import Variant
-from llm_astar_planner.planning.types import Plan
+from llm_astar_planner.search.methods import WAYPOINT_METHODS
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.visualization import style
-from llm_astar_planner.visualization.figures import draw, picture_of
 from llm_astar_planner.visualization.style import OBSTACLE, PATH
 
 START, GOAL, STAR = style.START.colour, style.GOAL.colour, style.WAYPOINTS['accepted'].colour
@@ -34,32 +31,6 @@ SHOWCASE = BarrierMap(
 )
 SHOWCASE_ENDPOINTS: tuple[Cell, Cell] = (2, 5), (9, 5)
 SHOWCASE_WAYPOINTS: tuple[Cell, ...] = ((2, 8), (7, 8))
-# Of animations: frames, milliseconds per frame and of the last one; pixels between two searches
-# and of the headline.
-FRAMES, FRAME_MS, LAST_MS = 60, 80, 2500
-GAP, HEADING = 12, 18
-
-
-def comparison_figure(
-    grid_map: GridMap, plans: Sequence[Plan], titles: Sequence[str], endpoints: tuple[Cell, Cell]
-) -> Figure:
-    """Draw plans of one sample and their expanded cells side by side, as the paper's Figure 2."""
-    panel, aspect = 6.2, grid_map.height / grid_map.width
-    height = panel * aspect + 1.4
-    figure = Figure(figsize=(panel * len(plans), height))
-    # Room for the legend below; legends outside the axes came with matplotlib 3.7.
-    legend = 0.7 / height
-    figure.set_layout_engine('constrained', rect=(0.0, legend, 1.0, 1.0 - legend))
-    panels = np.atleast_1d(figure.subplots(1, len(plans)))
-    for axes, plan, title in zip(panels, plans, titles):
-        draw(axes, picture_of(plan, grid_map, *endpoints))
-        found = f'length {plan.length:.2f}' if len(plan.path) else plan.code.name
-        axes.set_title(f'{title}\noperation {plan.expansions}, storage {plan.storage}, {found}')
-    marks = {
-        text: handle for axes in panels for handle, text in zip(*axes.get_legend_handles_labels())
-    }
-    figure.legend(list(marks.values()), list(marks), loc='lower center', ncol=6, frameon=False)
-    return figure
 
 
 def growth_figure(growths: Sequence[Growth]) -> Figure:
@@ -72,8 +43,8 @@ def growth_figure(growths: Sequence[Growth]) -> Figure:
         chosen = [growth for growth in growths if growth.quantity == quantity]
         scales = np.array(sorted({scale for growth in chosen for scale in growth.scales}))
         for power, name in ((1, 'scale'), (2, 'scale²')):
-            axes.plot(scales, scales**power, ':', color='#9aa0ac', linewidth=1)
-            axes.annotate(name, (scales[-1], scales[-1] ** power), color='#6b7280', fontsize=8)
+            axes.plot(scales, scales**power, ':', color=style.BASELINE, linewidth=1)
+            axes.annotate(name, (scales[-1], scales[-1] ** power), color=style.SOFT, fontsize=8)
         for index, growth in enumerate(chosen):
             axes.plot(
                 growth.scales, growth.factors, marker='osD^vP*X'[index % 8], markersize=4,
@@ -90,7 +61,7 @@ def growth_figure(growths: Sequence[Growth]) -> Figure:
 def ratio_figure(summaries: Sequence[VariantSummary]) -> Figure:
     """Draw each variant's operation and length ratio with its interval; A* is the line at 100."""
     shown = [summary for summary in summaries if summary.operation.mean.value > 0][::-1]
-    figure = Figure(figsize=(11.0, 0.34 * len(shown) + 1.3), layout='constrained')
+    figure = Figure(figsize=(8.0, 0.3 * len(shown) + 1.0), layout='constrained')
     panels = figure.subplots(1, 2, sharey=True)
     for axes, quantity in zip(panels, ('operation', 'length')):
         for position, summary in enumerate(shown):
@@ -98,15 +69,21 @@ def ratio_figure(summaries: Sequence[VariantSummary]) -> Figure:
             value, low, high = (100 * end for end in mean)
             # Without an interval there are no arms; rounding may put the ends of a point past it.
             arms = np.maximum(np.nan_to_num([[value - low], [high - value]]), 0.0)
-            colour = '#6b7280' if is_baseline(summary.variant) else PATH
+            colour = style.CHART if has_waypoints(summary.variant) else style.SOFT
             axes.errorbar(
                 value, position, xerr=arms, fmt='o', color=colour, markersize=5, capsize=3
             )
-        axes.axvline(100.0, color='#9aa0ac', linewidth=1, linestyle=':')
-        axes.set_xlabel(f'{quantity} ratio to A* (%), 95 % interval')
+        axes.axvline(100.0, color=style.BASELINE, linewidth=1, linestyle=':')
+        name = {'operation': 'expansions', 'length': 'path length'}[quantity]
+        axes.set_xlabel(f'{name}, % of A* (95 % interval)')
         axes.grid(axis='x', alpha=0.25)
     panels[0].set_yticks(range(len(shown)), [variant_label(summary.variant) for summary in shown])
     return figure
+
+
+def has_waypoints(variant: Variant) -> bool:
+    """Tell whether a variant was given waypoints."""
+    return variant.method in WAYPOINT_METHODS and variant.source != 'none'
 
 
 def showcase_figure(
@@ -157,19 +134,11 @@ def map_figure(barrier_map: BarrierMap) -> Figure:
     draw_cells(axes, blocked)
     for pair, sample in enumerate(barrier_map.samples):
         start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-        axes.plot(*zip(start, goal), color='#9aa0ac', linewidth=0.6, linestyle=':')
+        axes.plot(*zip(start, goal), color=style.BASELINE, linewidth=0.6, linestyle=':')
         mark_points(axes, (start, goal), ())
         axes.annotate(str(pair), start, textcoords='offset points', xytext=(4, 3), fontsize=7)
     axes.set_title(f'map {barrier_map.id}', fontsize=9)
     return figure
-
-
-def variant_label(variant: Variant) -> str:
-    """Return a variant's name for a legend."""
-    guide = ', '.join(part for part in variant[1:] if part and part != 'none')
-    alone = variant.method == 'llm_astar' and variant.source == 'none'
-    name = method_label(variant.method) + (', no waypoints' if alone else '')
-    return f'{name}, {guide}' if guide else name
 
 
 def cell_image(
@@ -203,59 +172,3 @@ def mark_points(axes: Axes, endpoints: tuple[Cell, Cell], waypoints: Sequence[Ce
         axes.plot(*point, '*', color=STAR, markersize=13, markeredgecolor='black')
     for cell, colour in zip(endpoints, (START, GOAL)):
         axes.plot(*cell, 's', color=colour, markersize=6, markeredgecolor='white')
-
-
-def save_animation(
-    path: str | Path,
-    blocked: NDArray[np.bool_],
-    searches: Sequence[tuple[str, Trace, Sequence[Cell]]],
-    endpoints: tuple[Cell, Cell],
-) -> None:
-    """Write a GIF of searches that expand side by side at the same pace.
-
-    `searches` are (title, trace, waypoints).
-    """
-    longest = max(len(traced.order) for _, traced, _ in searches)
-    counts = np.unique(np.linspace(0, longest, FRAMES).astype(int))
-    frames = [animation_frame(blocked, searches, endpoints, int(count)) for count in counts]
-    durations = [FRAME_MS] * (len(frames) - 1) + [LAST_MS]
-    frames[0].save(
-        path, save_all=True, append_images=frames[1:], duration=durations, loop=0, optimize=True
-    )
-
-
-def animation_frame(
-    blocked: NDArray[np.bool_],
-    searches: Sequence[tuple[str, Trace, Sequence[Cell]]],
-    endpoints: tuple[Cell, Cell],
-    count: int,
-) -> Image.Image:
-    """Draw every search after `count` expansions."""
-    height, width = blocked.shape
-    size = max(4, 480 // width)
-    canvas = Image.new(
-        'RGB', ((width * size + GAP) * len(searches) - GAP, height * size + HEADING), 'white'
-    )
-    pen = ImageDraw.Draw(canvas)
-    radius = 0.6 * size
-    for number, (title, traced, waypoints) in enumerate(searches):
-        left = number * (width * size + GAP)
-        expanded = traced.order[:count]
-        cells = cell_image(blocked, (expanded, GREY if waypoints else PINK))[::-1]
-        large = np.kron((cells * 255).astype(np.uint8), np.ones((size, size, 1), dtype=np.uint8))
-        canvas.paste(Image.fromarray(large), (left, HEADING))
-        pen.text((left + 2, 3), f'{title}: {len(expanded)} expansions', fill='black')
-
-        def centre(cell: Cell, left: int = left) -> tuple[float, float]:
-            return left + (cell[0] + 0.5) * size, HEADING + (height - cell[1] - 0.5) * size
-
-        if count >= len(traced.order) and traced.path:
-            pen.line([centre(cell) for cell in traced.path], fill=PATH, width=3)
-        for point in waypoints:
-            x, y = centre(point)
-            diamond = [(x, y - radius), (x + radius, y), (x, y + radius), (x - radius, y)]
-            pen.polygon(diamond, fill=STAR, outline='black')
-        for cell, colour in zip(endpoints, (START, GOAL)):
-            x, y = centre(cell)
-            pen.rectangle((x - radius, y - radius, x + radius, y + radius), fill=colour)
-    return canvas.convert('P', palette=Image.Palette.ADAPTIVE, colors=32)

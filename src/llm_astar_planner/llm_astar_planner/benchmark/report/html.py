@@ -1,46 +1,70 @@
-"""The report as one self-contained HTML page: tables, inline figures, a browser of samples."""
+"""The report as one self-contained HTML page: the finding, figures, folded tables, samples."""
 
 from __future__ import annotations
 
-import base64
-import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
-import shapely
 from jinja2 import Environment, PackageLoader
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
-from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from markupsafe import Markup
-from PIL import Image
 
 from llm_astar_planner.benchmark.analysis.summary import (
     Growth,
     PairedComparison,
     VariantSummary,
-    by_variant,
-    report_order,
+    is_baseline,
 )
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.benchmark.report import markdown as tables
-from llm_astar_planner.benchmark.report.figures import variant_label
+from llm_astar_planner.benchmark.report.figures import has_waypoints
+from llm_astar_planner.benchmark.report.page_data import browser_data, data_url
 from llm_astar_planner.benchmark.report.sentences import (
     growth_sentence,
     headline,
     recorded_sentence,
     sentence,
+    variant_label,
 )
 from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.visualization.figures import drawable_map
+from llm_astar_planner.visualization import style
 
-# RGBA of walls and of unknown cells.
-WALL_COLOUR, UNKNOWN_COLOUR = (31, 36, 48, 255), (154, 160, 172, 96)
 MEDIA_TYPES = {'.png': 'image/png', '.gif': 'image/gif'}
+# How the files of single methods of the drawn sample begin.
+PANEL = 'panel_'
+PICTURE_TITLES = {
+    'search': 'The searches at work, animated',
+    'growth': 'Growth with the scale of the map, drawn',
+    'showcase': 'LLM-A* target by target, an example',
+}
+# Variants in the first figure, and the sources that it shows where there are more.
+MAX_BARS = 12
+SHOWN_SOURCES = ('none', 'oracle', 'random')
+GLYPHS = {
+    'square': '■',
+    'diamond': '◆',
+    'triangle': '▲',
+    'star': '★',
+    'plus': '✚',
+    'triangle down': '▼',
+    'cross': '✖',
+    'hexagon': '⬢',
+}
+
+
+class Bar(NamedTuple):
+    """A bar of the first figure: all ends in percent of the longest one."""
+
+    label: str
+    work: str
+    length: str
+    end: float
+    low: float
+    high: float
+    has_waypoints: bool
 
 
 def html_report(
@@ -63,132 +87,132 @@ def html_report(
     environment = Environment(
         loader=PackageLoader('llm_astar_planner', 'benchmark/report'), autoescape=True
     )
-    growth_head, growth_rows = tables.growth_table(growths)
+    bars, mark = work_bars(summaries)
     page: str = environment.get_template('report.html.j2').render(
         title=tables.report_title(metadata),
         headline=without_code_marks(headline(comparisons)),
         recorded=without_code_marks(recorded_sentence(rows) or ''),
         provenance=without_code_marks(tables.provenance(metadata, summaries)),
+        bars=bars,
+        mark_100=mark,
         sentences=[
             without_code_marks(sentence(comparison))
             for comparison in comparisons
             if comparison.samples
         ],
-        main=(tables.TABLE_HEAD, tables.main_table(summaries)),
-        added=(tables.COMPARISON_HEAD, tables.comparison_table(comparisons)),
-        spread=(tables.SPREAD_HEAD, tables.spread_table(summaries)),
-        waypoints=(tables.WAYPOINT_HEAD, tables.waypoint_table(summaries)),
-        paths=(tables.PATH_HEAD, tables.path_table(summaries)),
+        tables=report_tables(summaries, comparisons, growths, metadata),
         left_out=list(metadata.get('left_out') or []),
         notes=list(metadata.get('notes') or []),
-        growth=(growth_head, growth_rows),
         grown=growth_sentence(growths) or '',
-        paper=(tables.TABLE_HEAD, () if metadata.get('bags') else tables.PAPER_TABLE),
-        pictures=[
-            (data_url(path.read_bytes(), MEDIA_TYPES[path.suffix]), caption)
-            for path, caption in pictures
-        ],
+        style=style,
+        glyphs=GLYPHS,
+        zone=[(style.INFLATED, 'inflated zone')] if costmap and costmap.robot_radius else [],
         data=script_json(browser_data(rows, maps, costmap, places)),
+        colours=script_json(style.page_colours()),
+        **page_pictures(pictures),
     )
     return page
 
 
-def browser_data(
-    rows: Sequence[Row],
-    maps: Sequence[ProblemMap],
-    costmap: CostmapConfig | None,
-    places: Places,
-) -> dict[str, Any]:
-    """Return what the browser of samples shows: maps, variants, and the rows of scale 1."""
-    variants = dict(sorted(by_variant(rows).items(), key=lambda item: report_order(item[0])))
-    stored = {problem.id: len(problem.samples) for problem in maps}
-    shown = [row for row in rows if row.scale == 1 and row.pair < stored.get(row.map, 0)]
-    samples = sorted({(row.map, row.pair) for row in shown})
-    wanted = {map_id for map_id, _ in samples}
-    entries = []
-    for sample in samples:
-        of_sample = [found.get(sample) for found in variants.values()]
-        row = next(item for item in of_sample if item is not None)
-        request = f'{row.bag}, request {row.request}' if row.bag else ''
-        entries.append([*sample, list(map(row_data, of_sample)), request, row.recorded_path])
-    return {
-        'maps': {
-            m.id: map_data(m, costmap) | {'places': places_data(m, places)}
-            for m in maps
-            if m.id in wanted
-        },
-        'cases': [variant_label(variant) for variant in variants],
-        'samples': entries,
-    }
+def page_pictures(pictures: Sequence[tuple[Path, str]]) -> dict[str, Any]:
+    """Return the pictures that the page shows: the panels of one sample, and others."""
+    panels, others, where = [], [], ''
+    for path, caption in pictures:
+        if path.stem == 'compare':
+            where = caption
+        elif path.stem != 'ratios':
+            data = data_url(path.read_bytes(), MEDIA_TYPES[path.suffix])
+            if path.name.startswith(PANEL):
+                panels.append((data, caption))
+            else:
+                others.append((data, caption, PICTURE_TITLES.get(path.stem, caption)))
+    return {'panels': panels, 'pictures': others, 'where': where}
 
 
-def map_data(problem: ProblemMap, costmap: CostmapConfig | None) -> dict[str, Any]:
-    """Return a map in cells, counted from its corner: its barriers, or a picture of its grid."""
-    pairs = [
-        [*problem.to_cell(sample.start), *problem.to_cell(sample.goal), sample.query]
-        for sample in problem.samples
-    ]
-    if not isinstance(problem, BarrierMap):
-        grid_map = drawable_map(problem.to_grid(), costmap)
-        size = [grid_map.width, grid_map.height]
-        return {'size': size, 'h': [], 'v': [], 'image': grid_image(grid_map), 'pairs': pairs}
-    (x_min, x_max), (y_min, y_max) = problem.range_x, problem.range_y
-    return {
-        'size': [x_max - x_min, y_max - y_min],
-        'h': [[y - y_min, a - x_min, b - x_min] for y, a, b in problem.horizontal_barriers],
-        'v': [[x - x_min, a - y_min, b - y_min] for x, a, b in problem.vertical_barriers],
-        'pairs': pairs,
-    }
+def work_bars(summaries: Sequence[VariantSummary]) -> tuple[list[Bar], float]:
+    """Return the bars of the expansions against A*, and where 100 % is on their scale."""
+    shown = [summary for summary in summaries if summary.operation.mean.value > 0]
+    if len(shown) > MAX_BARS:
+        shown = [item for item in shown if is_shown(item)]
+    ends_of = [end for item in shown for end in item.operation.mean if end == end]  # noqa: PLR0124 - NaN
+    longest = max([1.0, *ends_of])
+    bars = []
+    for summary in shown:
+        mean, length = summary.operation.mean, summary.length.mean
+        low, high = (end if end == end else mean.value for end in mean[1:])  # noqa: PLR0124 - NaN
+        label, led = variant_label(summary.variant), has_waypoints(summary.variant)
+        end, low, high = (min(100.0, 100 * end / longest) for end in (mean.value, low, high))
+        texts = f'{100 * mean.value:.1f} %', f'{100 * (length.value - 1):+.2f} %'
+        bars.append(Bar(label, *texts, end, low, high, led))
+    return bars, 100.0 / longest
 
 
-def places_data(problem: ProblemMap, places: Places) -> list[list[Any]]:
-    """Return names and rings of places in cells; a point is a ring of one corner."""
-    if not len(places):
-        return []
-    grid_map = problem.to_grid()
-    found: list[list[Any]] = []
-    for place in places:
-        rings = []
-        for part in shapely.get_parts(place.geometry):
-            corners = shapely.get_coordinates(getattr(part, 'exterior', part))
-            rings.append(grid_map.world_to_grid(corners).round(2).tolist())
-        middle = place.geometry.representative_point()
-        (centre,) = grid_map.world_to_grid([(middle.x, middle.y)]).round(2).tolist()
-        found.append([place.name, centre, rings])
-    return found
+def is_shown(summary: VariantSummary) -> bool:
+    """Tell whether a variant is in the first figure where there are many."""
+    source = summary.variant.source
+    return source in SHOWN_SOURCES or not (is_baseline(summary.variant) or '-best-' in source)
 
 
-def grid_image(grid_map: GridMap) -> str:
-    """Draw a grid with one pixel per cell and row 0 at the bottom; return it as a data URL."""
-    pixels = np.zeros((*grid_map.cells.shape, 4), dtype=np.uint8)
-    pixels[grid_map.cells < FREE] = UNKNOWN_COLOUR
-    pixels[grid_map.blocked()] = WALL_COLOUR
-    buffer = io.BytesIO()
-    Image.fromarray(pixels[::-1]).quantize().save(buffer, 'PNG')
-    return data_url(buffer.getvalue(), 'image/png')
+class ReportTable(NamedTuple):
+    """A folded table: its title, a note, head and rows, and what all rows have in common."""
+
+    title: str
+    note: str
+    head: tuple[str, ...]
+    rows: tables.Table
+    common: str
 
 
-def row_data(row: Row | None) -> list[Any] | None:
-    """Return what the browser shows of a row; None where the variant did not run on a sample."""
-    if row is None:
-        return None
-    numbers = [None if value != value else round(value, 3) for value in (  # noqa: PLR0124 - NaN
-        row.operation, row.storage, row.length,
-    )]  # fmt: skip
-    return [
-        row.code, *numbers, row.source_status, row.waypoints, row.verdicts, row.path,
-        row.instruction,
+def report_tables(
+    summaries: Sequence[VariantSummary],
+    comparisons: Sequence[PairedComparison],
+    growths: Sequence[Growth],
+    metadata: Mapping[str, Any],
+) -> list[ReportTable]:
+    """Return the tables of the page that have rows."""
+    paper = () if metadata.get('bags') else tables.PAPER_TABLE
+    every: list[tuple[str, str, tuple[str, ...], tables.Table]] = [
+        ('The table', tables.TABLE_NOTE, tables.TABLE_HEAD, tables.main_table(summaries)),
+        ('What waypoints added over none', '', tables.COMPARISON_HEAD,
+         tables.comparison_table(comparisons)),
+        ('What the means hide', '', tables.SPREAD_HEAD, tables.spread_table(summaries)),
+        ('Waypoints, tokens, cost', '', tables.WAYPOINT_HEAD, tables.waypoint_table(summaries)),
+        ('The paths', '', tables.PATH_HEAD, tables.path_table(summaries)),
+        ('Growth with the scale of the map', tables.GROWTH_NOTE, *tables.growth_table(growths)),
+        ('Table 1 of the paper, as printed', tables.PAPER_NOTE, tables.TABLE_HEAD, list(paper)),
     ]  # fmt: skip
+    return [
+        ReportTable(title, note, *without_constant_columns(head, rows))
+        for title, note, head, rows in every
+        if rows
+    ]
+
+
+def without_constant_columns(
+    head: tuple[str, ...], rows: tables.Table
+) -> tuple[tuple[str, ...], tables.Table, str]:
+    """Return a table without the columns that say the same in every row, and what they say.
+
+    A cell with a dash has no value. The first column and those of a single row are kept.
+    """
+    values = [sorted(set(column) - {'-'}) for column in zip(*rows)]
+    kept = [
+        number
+        for number, found in enumerate(values)
+        if number == 0 or len(found) > 1 or (found and len(rows) == 1)
+    ]
+    common = [
+        f'{head[number]} {found[0]}'
+        for number, found in enumerate(values)
+        if found and number not in kept
+    ]
+    shown = [tuple(row[number] for number in kept) for row in rows]
+    return tuple(head[number] for number in kept), shown, ', '.join(common)
 
 
 def without_code_marks(text: str) -> str:
     """Remove Markdown's code marks from a sentence."""
     return text.replace('`', '')
-
-
-def data_url(content: bytes, media_type: str) -> str:
-    """Return content as a URL that holds it."""
-    return f'data:{media_type};base64,{base64.b64encode(content).decode()}'
 
 
 def script_json(values: Mapping[str, Any]) -> Markup:

@@ -25,6 +25,7 @@ from llm_astar_planner.benchmark.report.sentences import (
     method_label,
     recorded_sentence,
     sentence,
+    variant_label,
 )
 from llm_astar_planner.benchmark.results import Row
 
@@ -66,6 +67,18 @@ PATH_HEAD = (
     RECORDED_HEAD, 'worst', *INSTRUCTION_HEAD,
 )  # fmt: skip
 COMPARISON_HEAD = ('Variant', 'Operation / none (%)', 'Length / none (%)', 'Effect')
+TABLE_NOTE = (
+    'Geometric means of the ratios to A* on the same sample, in percent, with 95 % confidence '
+    'intervals by bootstrap over maps. The rows without a model show what a model is worth.'
+)
+GROWTH_NOTE = (
+    'Mean growth factors against the same samples at scale 1. The slope is that of log growth '
+    'over log scale: 1 is linear in the scale, 2 proportional to the area.'
+)
+PAPER_NOTE = (
+    "On the paper's own 1000 samples, so it can only be compared with the rows above if they are "
+    'of the same samples.'
+)
 # The lines of a README between which `replace_section` writes.
 SECTION_BEGIN, SECTION_END = '<!-- results:begin -->', '<!-- results:end -->'
 Table = list[tuple[str, ...]]
@@ -87,8 +100,7 @@ def markdown_report(
         recorded_sentence(rows) or '',
         provenance(metadata, summaries),
         '## The table',
-        'Geometric means of the ratios to A* on the same sample, in percent, with 95 % confidence '
-        'intervals by bootstrap over maps. The rows without a model show what a model is worth.',
+        TABLE_NOTE,
         markdown_table(TABLE_HEAD, main_table(summaries)),
         '## What waypoints added over none',
         markdown_table(COMPARISON_HEAD, comparison_table(comparisons)),
@@ -106,8 +118,7 @@ def markdown_report(
     if growths:
         parts += [
             '## Growth with the scale of the map',
-            'Mean growth factors against the same samples at scale 1. The slope is that of log '
-            'growth over log scale: 1 is linear in the scale, 2 proportional to the area.',
+            GROWTH_NOTE,
             markdown_table(*growth_table(growths)),
             growth_sentence(growths) or '',
         ]
@@ -115,8 +126,7 @@ def markdown_report(
     if not metadata.get('bags'):
         parts += [
             '## Table 1 of the paper, as printed',
-            "On the paper's own 1000 samples, so it can only be compared with the rows above if "
-            'they are of the same samples.',
+            PAPER_NOTE,
             markdown_table(TABLE_HEAD, PAPER_TABLE),
         ]
     return '\n\n'.join(part for part in parts if part) + '\n'
@@ -160,7 +170,7 @@ def comparison_table(comparisons: Sequence[PairedComparison]) -> Table:
     """Return the rows of the comparison with no waypoints."""
     return [
         (
-            str(comparison.variant),
+            variant_label(comparison.variant),
             percent(comparison.operation),
             percent(comparison.length),
             effect_on(comparison.operation),
@@ -174,7 +184,7 @@ def spread_table(summaries: Sequence[VariantSummary]) -> Table:
     """Return the rows on percentiles, maxima and times."""
     return [
         (
-            str(summary.variant),
+            variant_label(summary.variant),
             *(number(100 * value) for value in summary.operation.spread[2:]),
             percent_of(summary.operation_exact),
             worst_percent(summary.operation_exact),
@@ -193,7 +203,7 @@ def waypoint_table(summaries: Sequence[VariantSummary]) -> Table:
     """Return the rows on waypoints, tokens and cost, for variants with a source."""
     return [
         (
-            str(summary.variant),
+            variant_label(summary.variant),
             number(summary.waypoints),
             ', '.join(f'{name} {100 * part:.1f}' for name, part in summary.verdicts.items())
             or '-',
@@ -211,7 +221,7 @@ def path_table(summaries: Sequence[VariantSummary]) -> Table:
     """Return the rows on clearance, turns and unknown cells of the paths."""
     return [
         (
-            str(summary.variant),
+            variant_label(summary.variant),
             number(summary.least_clearance),
             number(summary.clearance.mean),
             number(summary.turns.mean, 1),
@@ -233,7 +243,7 @@ def growth_table(growths: Sequence[Growth]) -> tuple[tuple[str, ...], Table]:
     for growth in growths:
         factors = dict(zip(growth.scales, growth.factors))
         cells = (number(factors.get(scale, math.nan)) for scale in scales)
-        name, count = str(growth.variant), str(growth.samples)
+        name, count = variant_label(growth.variant), str(growth.samples)
         rows.append((name, growth.quantity, count, *cells, number(growth.slope)))
     return head, rows
 
@@ -246,14 +256,22 @@ def provenance(metadata: Mapping[str, Any], summaries: Sequence[VariantSummary])
     size = ''
     if most is not None:
         size = f'{counted(most.samples, "sample")} of {counted(most.maps, "map")} from '
-    return (
-        f'{size}`{dataset.get("file")}` (sha256 {str(dataset.get("sha256"))[:12]}), '
-        f'seed {parameters.get("seed")}, heuristic {parameters.get("heuristic")}, '
-        f'llm_astar_planner {metadata.get("version")}; run in '
-        f'{float(metadata.get("seconds") or 0.0):.1f} s with {parameters.get("jobs")} at once on '
-        f'{machine.get("cores")} cores of {machine.get("processor")}, '
-        f'Python {machine.get("python")}.'
-    )
+    heuristic = parameters.get('heuristic')
+    sha = f' (sha256 {str(dataset["sha256"])[:12]})' if dataset.get('sha256') else ''
+    facts = [
+        f'{size}`{dataset["file"]}`{sha}' if 'file' in dataset else size.removesuffix(' from '),
+        f'seed {parameters["seed"]}' if 'seed' in parameters else '',
+        f'heuristic {heuristic}' if heuristic else '',
+        f'llm_astar_planner {metadata["version"]}' if 'version' in metadata else '',
+    ]
+    text = ', '.join(fact for fact in facts if fact)
+    if machine:
+        text += (
+            f'; run in {float(metadata.get("seconds") or 0.0):.1f} s with '
+            f'{parameters.get("jobs", 1)} at once on {machine.get("cores")} cores of '
+            f'{machine.get("processor")}, Python {machine.get("python")}'
+        )
+    return f'{text}.' if text else ''
 
 
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -13,6 +13,7 @@ from llm_astar_planner.benchmark.analysis.summary import (
     is_learned,
 )
 from llm_astar_planner.benchmark.results import WAYPOINTS_ONLY, Row, Variant
+from llm_astar_planner.search.methods import WAYPOINT_METHODS
 
 # A slope of log work over log scale below this counts as near linear.
 NEAR_LINEAR = 1.25
@@ -43,6 +44,14 @@ EFFECT_SENTENCES = {
 def method_label(method: str) -> str:
     """Return a method's name for people."""
     return METHOD_LABELS.get(method, method.replace('_', ' '))
+
+
+def variant_label(variant: Variant) -> str:
+    """Return a variant's name for people."""
+    guide = ', '.join(part for part in variant[1:] if part and part != 'none')
+    has_none = variant.method in WAYPOINT_METHODS and variant.source == 'none'
+    name = method_label(variant.method) + (', no waypoints' if has_none else '')
+    return f'{name}, {guide}' if guide else name
 
 
 def counted(number: int, thing: str) -> str:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
 from llm_astar_planner.benchmark.analysis.statistics import Interval, Spread
 from llm_astar_planner.benchmark.analysis.summary import (
@@ -18,36 +16,29 @@ from llm_astar_planner.benchmark.analysis.summary import (
     PairedComparison,
     Price,
     VariantSummary,
-    by_variant,
     compare_with_none,
     growth,
-    is_baseline,
     summarise,
 )
-from llm_astar_planner.benchmark.analysis.trace import trace
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.benchmark.report.figures import (
-    comparison_figure,
     growth_figure,
     ratio_figure,
-    save_animation,
     showcase_figure,
-    variant_label,
 )
-from llm_astar_planner.benchmark.report.html import html_report
+from llm_astar_planner.benchmark.report.html import PANEL, html_report
 from llm_astar_planner.benchmark.report.markdown import markdown_report
+from llm_astar_planner.benchmark.report.median import draw_median
 from llm_astar_planner.benchmark.report.sentences import headline, sentence
-from llm_astar_planner.benchmark.results import (
-    PAPER_ASTAR,
-    ResultsError,
-    ResultsFolder,
-    Row,
-    parse_points,
-)
-from llm_astar_planner.benchmark.runner.engine import SearchSettings, plan_again
+from llm_astar_planner.benchmark.results import ResultsError, ResultsFolder, Row
+from llm_astar_planner.benchmark.runner.engine import SearchSettings
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning.waypoint_filter import target_list
-from llm_astar_planner.visualization.figures import drawable_map
+from llm_astar_planner.visualization.animation import save_animation
+from llm_astar_planner.visualization.comparison import (
+    comparison_figure,
+    on_one_window,
+    panel_figure,
+)
 
 DPI = 90
 Pictures = list[tuple[Path, str]]
@@ -78,7 +69,7 @@ def write_report(
     }
     folder.write_json('summary.json', summary)
     pictures = draw_all(folder.path, rows, maps, (summaries, growths), metadata)
-    names = [(path.name, caption) for path, caption in pictures]
+    names = [(path.name, caption) for path, caption in pictures if not path.name.startswith(PANEL)]
     text = markdown_report(summaries, comparisons, growths, metadata, rows=rows, pictures=names)
     folder.write_text('report.md', text)
     page = html_report(
@@ -129,8 +120,10 @@ def draw_all(
     pictures: Pictures = []
     if summaries:
         path = folder / 'ratios.png'
-        ratio_figure(summaries).savefig(path, dpi=DPI)
-        pictures.append((path, 'Operation and length against A*: models red, the rest grey.'))
+        ratio_figure(summaries).savefig(path, dpi=DPI, bbox_inches='tight')
+        pictures.append(
+            (path, 'Expansions and length against A*: blue with waypoints, the rest grey.')
+        )
     if growths:
         path = folder / 'growth.png'
         growth_figure(growths).savefig(path, dpi=DPI)
@@ -147,60 +140,24 @@ def draw_all(
 def draw_median_sample(
     folder: Path, rows: Sequence[Row], maps: Sequence[ProblemMap], settings: SearchSettings
 ) -> Pictures:
-    """Draw the sample whose saving over A* is the median: neither the best nor the worst."""
-    stored = {item.id: len(item.samples) for item in maps}
-    # A plan is drawn by planning again, without an instruction.
-    drawable = [row for row in rows if row.pair < stored.get(row.map, 0) and not row.instruction]
-    chosen = median_sample(drawable)
-    if chosen is None:
+    """Draw a sample whose saving over A* is about the median: neither the best nor the worst."""
+    sample = draw_median(rows, maps, settings)
+    if sample is None:
         return []
-    base, row = chosen
-    barrier_map = next(item for item in maps if item.id == row.map)
-    sample = barrier_map.samples[row.pair]
-    endpoints = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-    grid_map = drawable_map(barrier_map.to_grid(), settings.costmap)
-    plans = [plan_again(barrier_map, sample, item, settings) for item in (base, row)]
-    titles = [variant_label(item.variant) for item in (base, row)]
-    where = f'Map {row.map}, pair {row.pair}, the sample of median saving'
     path = folder / 'compare.png'
-    comparison_figure(grid_map, plans, titles, endpoints).savefig(path, dpi=DPI)
-    pictures: Pictures = [(path, f'{where}: what {titles[0]} and {titles[1]} expanded.')]
-    if not isinstance(barrier_map, BarrierMap):
-        # The animation replays the paper's rules, which do not hold on a grid.
-        return pictures
-    waypoints = [(int(x), int(y)) for x, y in parse_points(row.waypoints)]
-    targets = target_list(plans[1].checked_waypoints, *endpoints)[1:]
-    blocked = grid_map.blocked()
-    plain, guided = trace(blocked, *endpoints), trace(blocked, *endpoints, targets)
-    path = folder / 'search.gif'
-    searches = [(titles[0], plain, ()), (titles[1], guided, waypoints)]
-    save_animation(path, blocked, searches, endpoints)
-    pictures.append((path, f'{where}: both searches at the same pace.'))
+    comparison_figure(sample.pictures).savefig(path, dpi=DPI, bbox_inches='tight')
+    pictures: Pictures = [(path, f'{sample.where}: what each method expanded.')]
+    for number, picture in enumerate(on_one_window(sample.pictures), start=1):
+        path = folder / f'{PANEL}{number}.png'
+        panel_figure(picture).savefig(path, dpi=DPI, bbox_inches='tight', pad_inches=0.03)
+        pictures.append((path, picture.title))
+    if sample.searches:
+        path = folder / 'search.gif'
+        save_animation(path, sample.searches)
+        pictures.append(
+            (path, f'{sample.where}: all searches with the same number of expansions in a frame.')
+        )
     return pictures
-
-
-def median_sample(rows: Sequence[Row]) -> tuple[Row, Row] | None:
-    """Return the rows of A* and LLM-A* for the sample with the median ratio of expansions."""
-    variants = by_variant(rows)
-    guided = [
-        variant
-        for variant in variants
-        if variant.method == 'llm_astar' and variant.source != 'none'
-    ]
-    if not guided:
-        return None
-    chosen = min(guided, key=lambda variant: (is_baseline(variant), variant.source != 'oracle'))
-    base = variants.get(PAPER_ASTAR, {})
-    ratios = {
-        sample: row.operation / base[sample].operation
-        for sample, row in variants[chosen].items()
-        if row.found and row.waypoints and sample in base and base[sample].found
-    }
-    if not ratios:
-        return None
-    median = statistics.median_low(ratios.values())
-    sample = next(sample for sample, ratio in ratios.items() if ratio == median)
-    return base[sample], variants[chosen][sample]
 
 
 def search_settings(metadata: Mapping[str, Any]) -> SearchSettings:

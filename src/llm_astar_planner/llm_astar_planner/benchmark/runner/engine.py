@@ -236,11 +236,19 @@ def plan_again(
     barrier_map: ProblemMap, sample: Sample, row: Row, settings: SearchSettings
 ) -> Plan:
     """Plan a row of scale 1 again with its recorded waypoints, to get the expanded cells."""
+    planner, request = request_again(barrier_map, sample, row, settings)
+    return planner.plan(request)
+
+
+def request_again(
+    barrier_map: ProblemMap, sample: Sample, row: Row, settings: SearchSettings
+) -> tuple[Planner, PlanRequest]:
+    """Return the planner and the request of a row of scale 1, with its recorded waypoints."""
     planner = planner_for(replace(barrier_map, samples=()), settings.costmap_for(barrier_map))
     endpoints = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
     reply = WaypointReply(parse_points(row.waypoints), label=row.source)
     source = AnsweredSource(row.source, reply) if row.waypoints else None
-    return planner.plan(make_request(endpoints, row.method, source, settings))
+    return planner, make_request(endpoints, row.method, source, settings)
 
 
 def make_request(

@@ -1,5 +1,6 @@
 """Reports have all their files, and the page needs no network."""
 
+import html
 import json
 import math
 import re
@@ -15,8 +16,10 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import by_variant
 from llm_astar_planner.benchmark.datasets.generate import generate
-from llm_astar_planner.benchmark.report.html import html_report
+from llm_astar_planner.benchmark.report.html import html_report, without_constant_columns
 from llm_astar_planner.benchmark.report.markdown import markdown_table, percent, replace_section
+from llm_astar_planner.benchmark.report.median import median_rows
+from llm_astar_planner.benchmark.report.page_data import browser_data
 from llm_astar_planner.benchmark.report.write import write_report
 from llm_astar_planner.benchmark.results import ResultsFolder, Variant, describe_run
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -97,6 +100,66 @@ def test_the_page_is_self_contained_and_quotes_what_models_wrote(reported):
     assert len(data['cases']) == 4
 
 
+def test_the_page_begins_with_the_finding_and_two_figures(reported):
+    path, summary = reported
+    page = (path / 'report.html').read_text()
+    body = html.unescape(page[page.index('<body>') :])
+    finding = body.index(summary['headline'].replace('`', ''))
+    bars, panels = body.index('class="bars"'), body.index('class="panels"')
+    assert finding < bars < panels < body.index('<details>')
+    assert body.count('<figcaption>A*\n') == 1
+    assert body.count('</table>') == body.count('</table></div>')
+    # Every table is folded, but for the rows of the chosen sample.
+    assert body[: body.index('<details>')].count('<table') == 0
+    text = re.sub(r'<[^>]*>', ' ', re.sub(r'<script.*?</script>', '', body, flags=re.DOTALL))
+    assert not re.search(r'\b(None|nan|NaN|undefined)\b', text)
+    assert len(page) < 1_000_000
+
+
+def test_guided_is_drawn_beside_astar_and_the_paper(reported):
+    path, _ = reported
+    rows = [*rows_with(0.8), *(replace(row, method='guided') for row in rows_with(0.8))]
+    chosen = median_rows([row for row in rows if row.variant != Variant('guided')])
+    assert [row.method for row in chosen] == ['astar', 'llm_astar', 'guided']
+    assert len({row.key[:2] for row in chosen}) == 1
+    assert (path / 'panel_2.png').is_file()
+
+
+def test_a_column_that_says_the_same_in_every_row_is_a_note():
+    rows = [('a', '1', '-', '7'), ('b', '1', '-', '8'), ('c', '-', '-', '9')]
+    head, shown, common = without_constant_columns(('name', 'one', 'no', 'all'), rows)
+    assert (head, shown) == (('name', 'all'), [('a', '7'), ('b', '8'), ('c', '9')])
+    assert common == 'one 1'
+    assert without_constant_columns(('name', 'one'), [('a', '1')])[1] == [('a', '1')]
+
+
+def test_the_samples_of_a_large_run_are_thinned_out_to_what_a_page_can_hold(monkeypatch):
+    rows, maps = rows_with(0.8), list(generate(1, 20))
+    monkeypatch.setattr('llm_astar_planner.benchmark.report.page_data.BUDGET', 8_000)
+    data = browser_data(rows, maps, None)
+    assert len(json.dumps(data, separators=(',', ':'))) <= 8_000
+    assert 1 <= len(data['samples']) < data['total'] == 40
+    assert set(data['maps']) == {sample[0] for sample in data['samples']}
+
+
+def test_the_page_fits_the_width_of_a_phone(reported):
+    playwright = pytest.importorskip('playwright.sync_api')
+    chromium = shutil.which('chromium')
+    if chromium is None:
+        pytest.skip('there is no chromium')
+    unfold = 'document.querySelectorAll("details").forEach(item => { item.open = true; })'
+    sizes = """[...document.querySelectorAll('.bar span, figcaption, td')]
+      .map(item => parseFloat(getComputedStyle(item).fontSize))"""
+    with playwright.sync_playwright() as browsers:
+        browser = browsers.chromium.launch(executable_path=chromium, args=['--no-sandbox'])
+        page = browser.new_page(viewport={'width': 390, 'height': 800})
+        page.goto((reported[0] / 'report.html').as_uri())
+        page.evaluate(unfold)
+        assert page.evaluate('document.documentElement.scrollWidth') <= 390
+        assert min(page.evaluate(sizes)) >= 12
+        browser.close()
+
+
 def test_a_report_can_be_written_without_rows():
     page = html_report([], [], [], {}, rows=[], maps=[])
     assert 'nothing to compare' in page
@@ -111,7 +174,7 @@ def test_the_page_works_in_a_browser_offline(reported, tmp_path):
       document.getElementById('after').click();
       document.querySelectorAll('#rows tr')[3].click();
       document.title = [document.querySelectorAll('#rows tr').length,
-        document.querySelectorAll('#board circle').length,
+        document.querySelectorAll('#board .mark').length,
         document.getElementById('pair').value].join(' ');
     });</script></body>"""
     path = tmp_path / 'probe.html'
