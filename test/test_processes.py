@@ -57,6 +57,13 @@ def test_the_help_of_a_node_lists_its_parameters_and_starts_nothing(name, capsys
     assert 'docs/reference.md' in said
 
 
+def test_a_name_that_no_node_has_is_refused(capsys):
+    assert start('planer_node', []) == 2
+    assert capsys.readouterr().err.startswith(
+        "error: 'planer_node' is no node; there are map_node"
+    )
+
+
 def test_a_help_among_the_ros_arguments_is_not_for_the_node(monkeypatch):
     """As ROS would say itself: `--ros-args --help` is unknown to it."""
     started = []
@@ -85,6 +92,21 @@ def test_nodes_without_rclpy_say_so_in_one_line():
         assert 'rclpy' in said
         assert '`llm-astar doctor`' in said
         assert said.count('\n') == 1
+
+
+def test_a_node_without_a_home_logs_elsewhere_and_says_so(tmp_path):
+    environment = {key: os.environ[key] for key in os.environ if not key.startswith('ROS_LOG')}
+    environment |= {'HOME': '/proc/none', 'TMPDIR': str(tmp_path)}
+    node = python(f'{PROGRAMS["map_node"]}\nraise SystemExit(run())', env=environment)
+    folder = tmp_path / f'ros_{os.getuid()}' / 'log'
+    assert node.stdout.readline().startswith(
+        f'there is no home to write to, so ROS logs to {folder}'
+    )
+    assert 'published demo.json' in node.stdout.readline()
+    node.send_signal(signal.SIGINT)
+    assert node.communicate(timeout=PATIENCE)[0] == ''
+    assert node.returncode == 0
+    assert any(folder.iterdir())
 
 
 def interrupted(name, seconds):

@@ -32,6 +32,9 @@ def start(name: str, argv: Sequence[str]) -> int:
     from llm_astar_planner.nodes import MODULES  # noqa: PLC0415
     from llm_astar_planner.nodes.common.child import follow_parent  # noqa: PLC0415
 
+    if name not in MODULES:
+        sys.stderr.write(f'error: {name!r} is no node; there are {", ".join(MODULES)}\n')
+        return 2
     follow_parent()
     own = argv[: argv.index('--ros-args')] if '--ros-args' in argv else argv
     if name in PARAMETER_NODES and {'-h', '--help'} & set(own):
@@ -49,4 +52,4 @@ planner_node = partial(main, 'planner_node')
 benchmark_node = partial(main, 'benchmark_node')
 
 if __name__ == '__main__':
-    raise SystemExit(main(sys.argv[1], sys.argv[2:]))
+    raise SystemExit(main(''.join(sys.argv[1:2]), sys.argv[2:]))
