@@ -16,6 +16,7 @@ from llm_astar_planner.nodes.tools.parameter_client import (
     typed,
 )
 
+PATIENCE = 60.0
 SPACE = f'/param_{os.getpid()}'
 NODE = f'{SPACE}/map_node'
 COMMAND = (sys.executable, '-m', 'llm_astar_planner.cli', 'param')
@@ -26,7 +27,7 @@ def client():
     """A client in the graph of a running map_node."""
     with (
         process('map_node', namespace=SPACE, files=()),
-        parameter_client(SPACE, [], 10.0) as client,
+        parameter_client(SPACE, [], PATIENCE) as client,
     ):
         yield client
 
@@ -75,7 +76,7 @@ def test_what_a_node_does_not_have_or_take_is_named(param, words, message):
 
 @pytest.mark.usefixtures('client')
 def test_the_command_prints_json_and_names_the_nodes_there_are():
-    options = (('map_node', '--json'), ('map_nod', '--time-limit', '2'))
+    options = (('map_node', '--json', '--time-limit', '60'), ('map_nod', '--time-limit', '2'))
     known, unknown = (
         subprocess.Popen(
             [*COMMAND, 'get', name, 'map_file', '--namespace', SPACE, *more],

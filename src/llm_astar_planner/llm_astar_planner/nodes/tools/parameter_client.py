@@ -133,12 +133,17 @@ class ParameterClient:
         deadline = time.monotonic() + self._seconds
         while not client.services_are_ready():
             if time.monotonic() > deadline:
-                known = self.nodes()
-                near = nearest_name(full, known)
-                running = f'; running: {", ".join(known)}' if known else '; no node is running'
-                raise RemoteParameterError(f'there is no node {full}{near or running}')
+                raise RemoteParameterError(self.missing(full))
             self._executor.spin_once(timeout_sec=0.05)
         return client
+
+    def missing(self, name: str) -> str:
+        """Return why a node cannot be asked, in a sentence."""
+        known = self.nodes()
+        if name in known:
+            return f'{name} runs, but its parameters did not respond within {self._seconds:g} s'
+        running = f'; running: {", ".join(known)}' if known else '; no node is running'
+        return f'there is no node {name}{nearest_name(name, known) or running}'
 
     def result(self, future: Future, node: str) -> Any:  # noqa: ANN401 - of the service
         """Return the response of a node."""
