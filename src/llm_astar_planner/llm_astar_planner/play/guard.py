@@ -71,6 +71,10 @@ class Guard:
         origin = headers.get('origin')
         if origin is not None and origin.lower() != f'http://{host[0].lower()}':
             return 403, f'Origin: {origin[:80]} is another site; open the page of this server'
+        # Pictures and scripts are asked for without an Origin; a link may be followed.
+        site, mode = headers.get('sec-fetch-site', 'none'), headers.get('sec-fetch-mode')
+        if site not in ('none', 'same-origin') and mode != 'navigate':
+            return 403, 'Sec-Fetch-Site: is another site; open the page of this server'
         if method in ('GET', 'HEAD'):
             return None
         kind = headers.get('content-type', '').partition(';')[0].strip().lower()

@@ -159,6 +159,13 @@ def test_pages_of_other_sites_are_refused(page, origin):
     assert answer.status_code == 403
 
 
+def test_a_link_of_another_site_may_be_followed_but_nothing_be_embedded(page):
+    for mode, status in (('no-cors', 403), ('cors', 403), ('navigate', 200)):
+        headers = {'Sec-Fetch-Site': 'cross-site', 'Sec-Fetch-Mode': mode}
+        assert page.get('/', headers=headers).status_code == status
+        assert page.get('/api/options', headers=headers).status_code == status
+
+
 def test_the_page_of_this_site_is_not(page, play_url):
     assert page.post('/api/plan', json=DEMO, headers={'Origin': play_url}).status_code == 200
 
