@@ -10,7 +10,8 @@ export class ServerError extends Error {
   }
 }
 
-const GONE = 'The server does not answer. Is "llm-astar play" still running? Start it again and reload.';
+const GONE =
+  'The server does not answer. Is "llm-astar play" still running? Start it again and reload.';
 
 async function fetched(path, options) {
   let response;
@@ -21,7 +22,10 @@ async function fetched(path, options) {
   }
   const body = await response.json().catch(() => null);
   if (response.ok && body) return body;
-  throw new ServerError(body?.error ?? `The server answered with HTTP ${response.status}.`, body?.field);
+  throw new ServerError(
+    body?.error ?? `The server answered with HTTP ${response.status}.`,
+    body?.field,
+  );
 }
 
 /** Return what the server offers to choose from. */
@@ -31,11 +35,12 @@ export const options = () => fetched('api/options');
 export const mapOf = (id) => fetched(`api/map?id=${encodeURIComponent(id)}`);
 
 /** Return the plans for a request. */
-export const plan = (request) => fetched('api/plan', {
-  method: 'POST',
-  headers: { 'Content-Type': 'application/json' },
-  body: JSON.stringify(request),
-});
+export const plan = (request) =>
+  fetched('api/plan', {
+    method: 'POST',
+    headers: { 'Content-Type': 'application/json' },
+    body: JSON.stringify(request),
+  });
 
 /** Plans one request at a time; of those that come meanwhile only the newest is sent. */
 export class PlanQueue {

@@ -5,24 +5,32 @@ import { drawLabel } from './markers.js';
 const LEAST_PIXELS = 58;
 
 /** Return a step of 1, 2 or 5 times a power of ten that is at least `least`. */
-export function niceStep(least) {
+function niceStep(least) {
   const power = 10 ** Math.floor(Math.log10(least));
   return [1, 2, 5, 10].map((factor) => factor * power).find((step) => step >= least * 0.999);
 }
 
 /** Return the numbers on an axis with their pixels. */
 function ticks(map, axis, view, box) {
-  const [from, to] = axis === 0 ? [box.left, box.left + box.width] : [box.top + box.height, box.top];
+  const [from, to] =
+    axis === 0 ? [box.left, box.left + box.width] : [box.top + box.height, box.top];
   const cellAt = (pixel) => view.toCell(axis === 0 ? [pixel, 0] : [0, pixel])[axis];
   const unit = map.isMetric ? map.resolution : 1;
   const step = Math.max(niceStep((LEAST_PIXELS / view.scale) * unit), map.isMetric ? 0 : 1);
   const [low, high] = [cellAt(from), cellAt(to)].map((cell) => map.axisValue(axis, cell));
   const zero = map.axisValue(axis, 0);
   const found = [];
-  for (let value = Math.ceil(low / step) * step; value <= high && found.length < 60; value += step) {
+  for (
+    let value = Math.ceil(low / step) * step;
+    value <= high && found.length < 60;
+    value += step
+  ) {
     const cell = (value - zero) / unit;
     const decimals = Math.max(0, Math.min(3, -Math.floor(Math.log10(step) + 1e-9)));
-    found.push({ pixel: view.toPixel([cell, cell])[axis], label: value.toFixed(decimals).replace(/^-0(\.0*)?$/, '0') });
+    found.push({
+      pixel: view.toPixel([cell, cell])[axis],
+      label: value.toFixed(decimals).replace(/^-0(\.0*)?$/, '0'),
+    });
   }
   return found;
 }
@@ -69,8 +77,10 @@ export function drawGrid(context, map, view, palette) {
   const [right, top] = view.toPixel([map.width - 0.5, map.height - 0.5]);
   context.strokeStyle = palette.grid;
   context.lineWidth = 1;
-  for (let x = 1; x < map.width; x += 1) line(context, left + x * view.scale, bottom, left + x * view.scale, top);
-  for (let y = 1; y < map.height; y += 1) line(context, left, bottom - y * view.scale, right, bottom - y * view.scale);
+  for (let x = 1; x < map.width; x += 1)
+    line(context, left + x * view.scale, bottom, left + x * view.scale, top);
+  for (let y = 1; y < map.height; y += 1)
+    line(context, left, bottom - y * view.scale, right, bottom - y * view.scale);
 }
 
 /** Draw how long a length on the map is, in metres. */
@@ -80,7 +90,10 @@ export function drawScaleBar(context, map, view, box, palette) {
   const length = (metres / map.resolution) * view.scale;
   const y = box.top + box.height - 14;
   const x = box.left + box.width - 14;
-  for (const [width, colour] of [[6, palette.halo], [2.5, palette.place]]) {
+  for (const [width, colour] of [
+    [6, palette.halo],
+    [2.5, palette.place],
+  ]) {
     context.lineWidth = width;
     context.strokeStyle = colour;
     context.beginPath();

@@ -25,10 +25,12 @@ export class Board {
 
   setTool(tool) {
     this.tool = tool;
-    for (const button of $('tools').children) button.setAttribute('aria-pressed', String(button.dataset.tool === tool));
+    for (const button of $('tools').children)
+      button.setAttribute('aria-pressed', String(button.dataset.tool === tool));
     $('brush-row').hidden = !['wall', 'erase'].includes(tool);
     this.canvas.style.cursor = tool === 'move' ? 'default' : 'crosshair';
-    for (const { button } of this.handles) button.style.pointerEvents = this.isPainting ? 'none' : '';
+    for (const { button } of this.handles)
+      button.style.pointerEvents = this.isPainting ? 'none' : '';
   }
 
   get isPainting() {
@@ -36,16 +38,23 @@ export class Board {
   }
 
   listen() {
-    $('tools').addEventListener('click', (event) => event.target.dataset.tool && this.setTool(event.target.dataset.tool));
+    $('tools').addEventListener(
+      'click',
+      (event) => event.target.dataset.tool && this.setTool(event.target.dataset.tool),
+    );
     this.canvas.addEventListener('pointerdown', (event) => this.onDown(event));
     this.canvas.addEventListener('pointermove', (event) => this.readOut(this.cellOf(event)));
     this.canvas.addEventListener('pointerleave', () => this.readOut(null));
     this.canvas.addEventListener('keydown', (event) => this.onKey(event));
     this.canvas.addEventListener('wheel', (event) => this.onWheel(event), { passive: false });
     // A finger scrolls the page, unless it paints or the map is zoomed in.
-    this.canvas.addEventListener('touchstart', (event) => {
-      if (this.tool !== 'move' || this.panel.viewport.zoom > 1) event.preventDefault();
-    }, { passive: false });
+    this.canvas.addEventListener(
+      'touchstart',
+      (event) => {
+        if (this.tool !== 'move' || this.panel.viewport.zoom > 1) event.preventDefault();
+      },
+      { passive: false },
+    );
   }
 
   positionOf(event) {
@@ -66,7 +75,8 @@ export class Board {
     const index = cell[1] * map.width + cell[0];
     const blocked = walls ? walls.isBlocked(index) : map.isBlocked(index);
     const isUnknown = map.isUnknown(index) && walls?.edits.get(index) === undefined;
-    $('readout').textContent = `${map.described(cell)}: ${isUnknown ? 'unknown' : blocked ? 'obstacle' : 'free'}`;
+    $('readout').textContent =
+      `${map.described(cell)}: ${isUnknown ? 'unknown' : blocked ? 'obstacle' : 'free'}`;
   }
 
   onDown(event) {
@@ -98,19 +108,26 @@ export class Board {
     walls.begin();
     walls.paint(cell, this.brush, this.tool === 'wall');
     this.callbacks.painted(walls.stroke.keys(), false);
-    this.follow(this.canvas, event, (move) => {
-      const next = this.cellOf(move);
-      this.strokeTo(last, next, walls);
-      last = next;
-      this.callbacks.painted(walls.stroke.keys(), false);
-    }, () => this.callbacks.painted([], walls.end()));
+    this.follow(
+      this.canvas,
+      event,
+      (move) => {
+        const next = this.cellOf(move);
+        this.strokeTo(last, next, walls);
+        last = next;
+        this.callbacks.painted(walls.stroke.keys(), false);
+      },
+      () => this.callbacks.painted([], walls.end()),
+    );
   }
 
   /** Paint every cell between two. */
   strokeTo(from, to, walls) {
     const steps = Math.max(Math.abs(to[0] - from[0]), Math.abs(to[1] - from[1]), 1);
     for (let i = 1; i <= steps; i += 1) {
-      const cell = [0, 1].map((axis) => Math.round(from[axis] + ((to[axis] - from[axis]) * i) / steps));
+      const cell = [0, 1].map((axis) =>
+        Math.round(from[axis] + ((to[axis] - from[axis]) * i) / steps),
+      );
       walls.paint(cell, this.brush, this.tool === 'wall');
     }
   }
@@ -119,11 +136,16 @@ export class Board {
     if (this.panel.viewport.zoom === 1) return;
     const { map } = this.callbacks.state();
     const held = this.positionOf(event);
-    this.follow(this.canvas, event, (move) => {
-      const now = this.positionOf(move);
-      this.panel.viewport.pan(held[0] - now[0], held[1] - now[1], map);
-      this.callbacks.panned();
-    }, () => {});
+    this.follow(
+      this.canvas,
+      event,
+      (move) => {
+        const now = this.positionOf(move);
+        this.panel.viewport.pan(held[0] - now[0], held[1] - now[1], map);
+        this.callbacks.panned();
+      },
+      () => {},
+    );
   }
 
   onWheel(event) {
@@ -162,9 +184,13 @@ export class Board {
     button.style.left = `${x}px`;
     button.style.top = `${y}px`;
     button.hidden = x < left || y < top || x > left + width || y > top + height;
-    const title = typeof name === 'number' ? `Via point ${name + 1}` : name === 'start' ? 'Start' : 'Goal';
+    const title =
+      typeof name === 'number' ? `Via point ${name + 1}` : name === 'start' ? 'Start' : 'Goal';
     const extra = typeof name === 'number' ? ', Delete removes it' : '';
-    button.setAttribute('aria-label', `${title} at ${map.described(cell)}. Arrow keys move it${extra}.`);
+    button.setAttribute(
+      'aria-label',
+      `${title} at ${map.described(cell)}. Arrow keys move it${extra}.`,
+    );
     if (name === 'goal') this.placeHint(x, y, !button.hidden);
   }
 
@@ -202,16 +228,22 @@ export class Board {
   drag(name, button, event) {
     if (event.button) return;
     const { map } = this.callbacks.state();
-    this.follow(button, event, (move) => {
-      const cell = map.clamped(this.cellOf(move));
-      this.readOut(cell);
-      this.callbacks.moved(name, cell, false);
-    }, () => this.callbacks.moved(name, null, true));
+    this.follow(
+      button,
+      event,
+      (move) => {
+        const cell = map.clamped(this.cellOf(move));
+        this.readOut(cell);
+        this.callbacks.moved(name, cell, false);
+      },
+      () => this.callbacks.moved(name, null, true),
+    );
   }
 
   onHandleKey(name, event) {
     const { map, ends } = this.callbacks.state();
-    if (typeof name === 'number' && ['Delete', 'Backspace'].includes(event.key)) this.callbacks.removed(name);
+    if (typeof name === 'number' && ['Delete', 'Backspace'].includes(event.key))
+      this.callbacks.removed(name);
     const arrow = ARROWS[event.key];
     if (!arrow) return;
     event.preventDefault();

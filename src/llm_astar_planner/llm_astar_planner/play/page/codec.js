@@ -1,6 +1,6 @@
 // Decoding of what the server sends. All of it is data: numbers are checked, texts are bounded.
 
-export const MAX_TEXT = 2000;
+const MAX_TEXT = 2000;
 
 /** Return a value as text of at most `limit` characters; an ellipsis says that some was cut. */
 export function text(value, limit = MAX_TEXT) {
@@ -16,8 +16,9 @@ export function number(value) {
 /** Return up to `limit` points [x, y] of a value; what is no point is left out. */
 export function points(value, limit = 200000) {
   if (!Array.isArray(value)) return [];
-  return value.slice(0, limit).filter(
-    (item) => Array.isArray(item) && Number.isFinite(item[0]) && Number.isFinite(item[1]));
+  return value
+    .slice(0, limit)
+    .filter((item) => Array.isArray(item) && Number.isFinite(item[0]) && Number.isFinite(item[1]));
 }
 
 /** Return the bytes of a base64 text, none where it is no such text. */
@@ -55,5 +56,8 @@ export function bits(base64, count) {
 export function shown(value, digits = 0) {
   const known = number(value);
   if (known === null) return '–';
-  return known.toLocaleString('en', { minimumFractionDigits: digits, maximumFractionDigits: digits });
+  return known.toLocaleString('en', {
+    minimumFractionDigits: digits,
+    maximumFractionDigits: digits,
+  });
 }

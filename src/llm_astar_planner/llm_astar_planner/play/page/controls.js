@@ -20,7 +20,14 @@ export class Controls {
     this.onChange = onChange;
     this.fill();
     $('map').addEventListener('change', () => onMap($('map').value));
-    for (const name of ['method', 'source', 'heuristic', ...NUMBERS, 'any_angle', 'corner_cutting']) {
+    for (const name of [
+      'method',
+      'source',
+      'heuristic',
+      ...NUMBERS,
+      'any_angle',
+      'corner_cutting',
+    ]) {
       $(name).addEventListener('change', () => this.changed(name));
     }
     for (const name of ['reply', 'instruction']) this.listenToText(name);
@@ -32,7 +39,8 @@ export class Controls {
     $(name).maxLength = this.options.limits?.text ?? 4000;
     $(`use-${name}`).addEventListener('click', () => this.changed(name));
     $(name).addEventListener('keydown', (event) => {
-      const isSent = event.key === 'Enter' && (event.ctrlKey || event.metaKey || name === 'instruction');
+      const isSent =
+        event.key === 'Enter' && (event.ctrlKey || event.metaKey || name === 'instruction');
       if (!isSent || event.shiftKey) return;
       event.preventDefault();
       this.changed(name);
@@ -48,10 +56,13 @@ export class Controls {
     const nameOf = (name) => (name === 'reply' ? 'a typed reply' : name);
     $('map').replaceChildren(...this.options.maps.map((map) => option(map.id, map.name)));
     for (const name of ['method', 'source']) {
-      $(name).replaceChildren(...this.options[`${name}s`].map((item) => option(item.name, nameOf(text(item.name, 60)))));
+      $(name).replaceChildren(
+        ...this.options[`${name}s`].map((item) => option(item.name, nameOf(text(item.name, 60)))),
+      );
     }
     $('heuristic').replaceChildren(...this.options.heuristics.map((name) => option(name, name)));
-    if (this.options.limits?.radius_m) $('robot_radius').max = String(this.options.limits.radius_m);
+    if (this.options.limits?.radius_m)
+      $('robot_radius').max = String(this.options.limits.radius_m);
   }
 
   changed(name) {
@@ -77,27 +88,40 @@ export class Controls {
       ? `${(map.width * map.resolution).toFixed(1)} × ${(map.height * map.resolution).toFixed(1)} m, ${map.resolution} m a cell`
       : `${map.width} × ${map.height} cells`;
     $('map-about').textContent = size;
-    const [xs, ys] = [map.width, map.height].map((cells, axis) => `${map.offset[axis]} to ${cells - 1 + map.offset[axis]}`);
+    const [xs, ys] = [map.width, map.height].map(
+      (cells, axis) => `${map.offset[axis]} to ${cells - 1 + map.offset[axis]}`,
+    );
     $('reply-about').textContent = `In cells: x ${xs}, y ${ys}. Ctrl+Enter plans with it.`;
     const hasPlaces = map.places.length > 0;
     const first = hasPlaces ? map.places[0].name : '';
-    $('instruction').placeholder = hasPlaces ? `avoid the ${first}` : 'keep 2 m away from the walls';
-    $('instruction-about').textContent = hasPlaces ? 'Press a place to write its name.' : 'This map has no named places.';
-    $('places').replaceChildren(...map.places.slice(0, MAX_CHIPS).map((place) => this.chip(place.name)));
+    $('instruction').placeholder = hasPlaces
+      ? `avoid the ${first}`
+      : 'keep 2 m away from the walls';
+    $('instruction-about').textContent = hasPlaces
+      ? 'Press a place to write its name.'
+      : 'This map has no named places.';
+    $('places').replaceChildren(
+      ...map.places.slice(0, MAX_CHIPS).map((place) => this.chip(place.name)),
+    );
     this.show();
   }
 
   /** Return what fits the map where nothing else is asked: the paper's rules, or a small robot. */
   mapDefaults() {
     return this.map.isMetric
-      ? { robot_radius: RADIUS_M, corner_cutting: false } : { robot_radius: 0, corner_cutting: true };
+      ? { robot_radius: RADIUS_M, corner_cutting: false }
+      : { robot_radius: 0, corner_cutting: true };
   }
 
   /** Return the settings for a link: null where they are those that fit the map. */
   linkSettings() {
     const usual = this.mapDefaults();
-    return Object.fromEntries(Object.entries(this.settings)
-      .map(([name, value]) => [name, value === usual[name] ? null : value]));
+    return Object.fromEntries(
+      Object.entries(this.settings).map(([name, value]) => [
+        name,
+        value === usual[name] ? null : value,
+      ]),
+    );
   }
 
   chip(name) {
@@ -105,7 +129,10 @@ export class Controls {
     button.type = 'button';
     button.addEventListener('click', () => {
       const field = $('instruction');
-      field.value = `${field.value || 'go through'} ${field.value ? '' : 'the '}${name}`.replace(/\s+/g, ' ');
+      field.value = `${field.value || 'go through'} ${field.value ? '' : 'the '}${name}`.replace(
+        /\s+/g,
+        ' ',
+      );
       field.focus();
     });
     return button;
@@ -115,7 +142,8 @@ export class Controls {
   show() {
     for (const [name, value] of Object.entries(this.settings)) {
       if ($(name).type === 'checkbox') $(name).checked = Boolean(value);
-      else if (document.activeElement !== $(name) || $(name).tagName === 'SELECT') $(name).value = String(value ?? '');
+      else if (document.activeElement !== $(name) || $(name).tagName === 'SELECT')
+        $(name).value = String(value ?? '');
     }
     const { method, source } = this.settings;
     this.showRow('guided', method === 'guided');
@@ -124,7 +152,9 @@ export class Controls {
     $('reply-row').hidden = source !== 'reply';
     $('method-about').textContent = this.aboutOf('methods', method);
     const isUsed = WITH_WAYPOINTS.includes(method);
-    $('source-about').textContent = isUsed ? this.aboutOf('sources', source) : 'This method uses no waypoints.';
+    $('source-about').textContent = isUsed
+      ? this.aboutOf('sources', source)
+      : 'This method uses no waypoints.';
     $('source').disabled = !isUsed;
   }
 
@@ -143,8 +173,9 @@ export class Controls {
     for (const input of $('controls').elements) input.removeAttribute('aria-invalid');
     if (!error) return;
     const field = ON_STAGE.includes(error.field) ? 'stage' : error.field;
-    const place = document.querySelector(`[data-error="${CSS.escape(field || 'stage')}"]`)
-      ?? document.querySelector('[data-error="stage"]');
+    const place =
+      document.querySelector(`[data-error="${CSS.escape(field || 'stage')}"]`) ??
+      document.querySelector('[data-error="stage"]');
     place.textContent = text(error.message, 600);
     place.hidden = false;
     if (error.field in this.settings) $(error.field).setAttribute('aria-invalid', 'true');

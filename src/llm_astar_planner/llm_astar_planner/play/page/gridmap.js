@@ -15,22 +15,32 @@ export class GridMap {
     this.width = raw.width;
     this.height = raw.height;
     const size = this.width * this.height;
-    if (!(Number.isInteger(size) && size > 0 && size <= MAX_CELLS)) throw new Error('The map has no size that can be shown.');
+    if (!(Number.isInteger(size) && size > 0 && size <= MAX_CELLS))
+      throw new Error('The map has no size that can be shown.');
     this.cells = bytes(raw.cells);
     if (this.cells.length !== size) throw new Error('The map is incomplete.');
     this.resolution = number(raw.resolution) ?? 1;
     this.isMetric = raw.unit === 'm';
     this.origin = [0, 1, 2].map((i) => number(raw.origin?.[i]) ?? 0);
     this.offset = [0, 1].map((i) => number(raw.offset?.[i]) ?? 0);
-    this.pairs = (Array.isArray(raw.pairs) ? raw.pairs : []).slice(0, 10)
+    this.pairs = (Array.isArray(raw.pairs) ? raw.pairs : [])
+      .slice(0, 10)
       .filter((pair) => this.has(pair.start) && this.has(pair.goal));
-    this.places = (Array.isArray(raw.places) ? raw.places : []).slice(0, 400)
+    this.places = (Array.isArray(raw.places) ? raw.places : [])
+      .slice(0, 400)
       .map((place) => ({ name: text(place.name, 80), polygon: points(place.polygon, 2000) }));
   }
 
   has(cell) {
-    return Array.isArray(cell) && Number.isInteger(cell[0]) && Number.isInteger(cell[1])
-      && cell[0] >= 0 && cell[1] >= 0 && cell[0] < this.width && cell[1] < this.height;
+    return (
+      Array.isArray(cell) &&
+      Number.isInteger(cell[0]) &&
+      Number.isInteger(cell[1]) &&
+      cell[0] >= 0 &&
+      cell[1] >= 0 &&
+      cell[0] < this.width &&
+      cell[1] < this.height
+    );
   }
 
   isBlocked(index) {

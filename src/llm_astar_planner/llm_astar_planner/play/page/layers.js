@@ -54,7 +54,8 @@ export class MapLayer extends Layer {
       const row = (this.height - 1 - y) * this.width;
       for (let x = 0, index = y * this.width; x < this.width; x += 1, index += 1) {
         const value = cells[index];
-        this.pixels[row + x] = lethal?.[index] && !this.isSolid[value] ? this.closed : this.ofValue[value];
+        this.pixels[row + x] =
+          lethal?.[index] && !this.isSolid[value] ? this.closed : this.ofValue[value];
       }
     }
     this.paint(walls, walls?.edits.keys() ?? []);
@@ -62,12 +63,20 @@ export class MapLayer extends Layer {
 
   setColours(palette) {
     const [free, inflated] = [rgb(palette.free), rgb(palette.inflated)];
-    const mixed = (part) => pixelOf(free.map((from, i) => Math.round(from + part * (inflated[i] - from))));
-    this.isSolid = Uint8Array.from({ length: 256 }, (_, value) => value >= OCCUPIED && value !== UNKNOWN);
-    this.ofValue = Uint32Array.from({ length: 256 }, (_, value) => mixed((COST_PART * value) / 100));
+    const mixed = (part) =>
+      pixelOf(free.map((from, i) => Math.round(from + part * (inflated[i] - from))));
+    this.isSolid = Uint8Array.from(
+      { length: 256 },
+      (_, value) => value >= OCCUPIED && value !== UNKNOWN,
+    );
+    this.ofValue = Uint32Array.from({ length: 256 }, (_, value) =>
+      mixed((COST_PART * value) / 100),
+    );
     this.ofValue.fill(pixelOf(rgb(palette.obstacle)), OCCUPIED);
     this.ofValue[UNKNOWN] = pixelOf(rgb(palette.unknown));
-    [this.closed, this.wall, this.freed] = ['inflated', 'wall', 'freed'].map((name) => pixelOf(rgb(palette[name])));
+    [this.closed, this.wall, this.freed] = ['inflated', 'wall', 'freed'].map((name) =>
+      pixelOf(rgb(palette[name])),
+    );
   }
 
   /** Draw some cells again, by their indices. */
@@ -91,7 +100,9 @@ export class SearchLayer extends Layer {
     super(map.width, map.height);
     const size = map.width * map.height;
     const seen = new Uint8Array(size);
-    this.order = order.filter((index) => index >= 0 && index < size && !seen[index] && (seen[index] = 1));
+    this.order = order.filter(
+      (index) => index >= 0 && index < size && !seen[index] && (seen[index] = 1),
+    );
     this.isKnown = isKnown;
     this.total = order.length < total && order.length >= MAX_ORDER ? total : this.order.length;
     this.newest = Math.max(LEAST_NEWEST, Math.round(NEWEST_PART * this.order.length));
@@ -101,14 +112,17 @@ export class SearchLayer extends Layer {
 
   /** Show the first part (0 to 1) of the expansions; an unknown order is shown at once. */
   show(part, palette) {
-    const target = this.isKnown ? Math.min(this.order.length, Math.round(part * this.total)) : this.order.length;
+    const target = this.isKnown
+      ? Math.min(this.order.length, Math.round(part * this.total))
+      : this.order.length;
     const isNew = palette !== this.palette;
     if (target === this.count && !isNew) return;
     const first = isNew ? 0 : Math.max(0, Math.min(this.count, target) - this.newest);
     const last = isNew ? this.order.length : Math.max(this.count, target);
     const hot = target < this.order.length ? target - this.newest : target;
     const [old, newest] = [palette.expanded, palette.newest].map((colour) => pixelOf(rgb(colour)));
-    for (let i = first; i < last; i += 1) this.put(this.order[i], i >= target ? 0 : i >= hot ? newest : old);
+    for (let i = first; i < last; i += 1)
+      this.put(this.order[i], i >= target ? 0 : i >= hot ? newest : old);
     this.count = target;
     this.palette = palette;
     this.finish();

@@ -5,10 +5,17 @@ const MAX_FRAGMENT = 60_000;
 const LARGE = ['walls', 'freed', 'reply', 'instruction'];
 const MAX_VIA = 100;
 const DEFAULTS = {
-  method: 'llm_astar', source: 'embedded', heuristic: 'euclidean', weight: 2, max_suboptimality: 1.1,
-  any_angle: false, reply: '', instruction: '',
+  method: 'llm_astar',
+  source: 'embedded',
+  heuristic: 'euclidean',
+  weight: 2,
+  max_suboptimality: 1.1,
+  any_angle: false,
+  reply: '',
+  instruction: '',
   // Null: as fits the map.
-  robot_radius: null, corner_cutting: null,
+  robot_radius: null,
+  corner_cutting: null,
 };
 const NUMBERS = ['weight', 'max_suboptimality', 'robot_radius'];
 const TEXTS = ['method', 'source', 'heuristic', 'reply', 'instruction'];
@@ -18,7 +25,7 @@ const SWITCHES = ['any_angle', 'corner_cutting'];
 export const defaultSettings = () => ({ ...DEFAULTS });
 
 /** Return sorted cell indices as runs: gap and length in base 36, joined by dots. */
-export function encodeRuns(indices) {
+function encodeRuns(indices) {
   const runs = [];
   let end = 0;
   for (let i = 0; i < indices.length;) {
@@ -34,12 +41,16 @@ export function encodeRuns(indices) {
 /** Return the cell indices of runs that are below `size`, at most `limit` of them. */
 export function decodeRuns(encoded, size, limit) {
   const indices = [];
-  const numbers = encoded.slice(0, MAX_FRAGMENT).split('.').map((item) => parseInt(item, 36));
+  const numbers = encoded
+    .slice(0, MAX_FRAGMENT)
+    .split('.')
+    .map((item) => parseInt(item, 36));
   let at = 0;
   for (let i = 0; i + 1 < numbers.length; i += 2) {
     if (!(numbers[i] >= 0 && numbers[i + 1] > 0)) break;
     at += numbers[i];
-    for (let n = numbers[i + 1]; n > 0 && at < size && indices.length < limit; n -= 1) indices.push(at++);
+    for (let n = numbers[i + 1]; n > 0 && at < size && indices.length < limit; n -= 1)
+      indices.push(at++);
   }
   return indices;
 }
@@ -75,8 +86,13 @@ export function fromFragment(fragment) {
   for (const name of SWITCHES) if (query.has(name)) settings[name] = query.get(name) === '1';
   const via = (query.get('via') ?? '').split(';').slice(0, MAX_VIA).map(cellOf).filter(Boolean);
   return {
-    map: query.get('map'), start: cellOf(query.get('start')), goal: cellOf(query.get('goal')),
-    settings, via, walls: query.get('walls') ?? '', freed: query.get('freed') ?? '',
+    map: query.get('map'),
+    start: cellOf(query.get('start')),
+    goal: cellOf(query.get('goal')),
+    settings,
+    via,
+    walls: query.get('walls') ?? '',
+    freed: query.get('freed') ?? '',
   };
 }
 

@@ -7,10 +7,14 @@ import { say } from './toast.js';
 import { verdictOf } from './verdict.js';
 
 const $ = (id) => document.getElementById(id);
-const WAITING = { tone: 'draw', head: 'Waiting for a plan.', rest: ' Send a goal to the planner, and it appears here.' };
+const WAITING = {
+  tone: 'draw',
+  head: 'Waiting for a plan.',
+  rest: ' Send a goal to the planner, and it appears here.',
+};
 
 export class Live {
-  /** Take what draws: `setMap(map, isSame)` (whether it lies as the one before), `setPlan(plan, ends)`, and `palette()`. */
+  /** Take the stage that shows the graph. */
   constructor(stage) {
     this.stage = stage;
     this.source = null;
@@ -21,7 +25,8 @@ export class Live {
   start() {
     showVerdict(WAITING);
     this.source = new EventSource('api/live');
-    const on = (name, handle) => this.source.addEventListener(name, (event) => this.take(event, handle));
+    const on = (name, handle) =>
+      this.source.addEventListener(name, (event) => this.take(event, handle));
     on('map', (data) => this.onMap(data));
     on('plan', (data) => this.onPlan(data));
     on('status', (data) => this.onStatus(data));
@@ -47,7 +52,8 @@ export class Live {
     const isSame = this.map !== null && map.layout === this.map.layout;
     this.map = map;
     this.stage.setMap(map, isSame);
-    if (isSame && this.plan) this.stage.setPlan(...this.plan);
+    this.stage.showLegend();
+    if (isSame && this.plan) this.stage.setLivePlan(...this.plan);
   }
 
   onStatus(data) {
@@ -58,14 +64,20 @@ export class Live {
     if (!this.map) return;
     const path = points(plan.any_angle ?? plan.path);
     const ends = {
-      start: points([plan.start])[0] ?? path[0], goal: points([plan.goal])[0] ?? path.at(-1), via: points(plan.via, 1000),
+      start: points([plan.start])[0] ?? path[0],
+      goal: points([plan.goal])[0] ?? path.at(-1),
+      via: points(plan.via, 1000),
     };
     this.plan = [plan, ends];
-    this.stage.setPlan(plan, ends);
+    this.stage.setLivePlan(plan, ends);
     showVerdict(verdictOf([{ ...plan, role: 'chosen' }]));
     showReport(plan, this.map);
     showInstruction(plan.instruction);
-    showWaypoints(Array.isArray(plan.waypoints) ? plan.waypoints : [], this.map, this.stage.palette());
+    showWaypoints(
+      Array.isArray(plan.waypoints) ? plan.waypoints : [],
+      this.map,
+      this.stage.palette,
+    );
   }
 }
 
@@ -75,7 +87,8 @@ export function listenToModes(onMode) {
   $('modes').addEventListener('click', (event) => {
     const { mode } = event.target.dataset;
     if (!mode) return;
-    for (const button of $('modes').children) button.setAttribute('aria-pressed', String(button === event.target));
+    for (const button of $('modes').children)
+      button.setAttribute('aria-pressed', String(button === event.target));
     onMode(mode);
   });
 }

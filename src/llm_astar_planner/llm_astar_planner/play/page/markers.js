@@ -2,19 +2,35 @@
 
 const TAU = 2 * Math.PI;
 
-const polygon = (sides, turn = 0) => Array.from({ length: sides }, (_, i) => {
-  const angle = turn + (i * TAU) / sides;
-  return [Math.cos(angle), Math.sin(angle)];
-});
+const polygon = (sides, turn = 0) =>
+  Array.from({ length: sides }, (_, i) => {
+    const angle = turn + (i * TAU) / sides;
+    return [Math.cos(angle), Math.sin(angle)];
+  });
 const star = Array.from({ length: 10 }, (_, i) => {
   const angle = -TAU / 4 + (i * TAU) / 10;
   const radius = i % 2 ? 0.5 : 1.2;
   return [radius * Math.cos(angle), radius * Math.sin(angle)];
 });
-const plus = [[-0.35, -1], [0.35, -1], [0.35, -0.35], [1, -0.35], [1, 0.35], [0.35, 0.35],
-  [0.35, 1], [-0.35, 1], [-0.35, 0.35], [-1, 0.35], [-1, -0.35], [-0.35, -0.35]];
-const turned = (shape, angle) => shape.map(([x, y]) => [
-  x * Math.cos(angle) - y * Math.sin(angle), x * Math.sin(angle) + y * Math.cos(angle)]);
+const plus = [
+  [-0.35, -1],
+  [0.35, -1],
+  [0.35, -0.35],
+  [1, -0.35],
+  [1, 0.35],
+  [0.35, 0.35],
+  [0.35, 1],
+  [-0.35, 1],
+  [-0.35, 0.35],
+  [-1, 0.35],
+  [-1, -0.35],
+  [-0.35, -0.35],
+];
+const turned = (shape, angle) =>
+  shape.map(([x, y]) => [
+    x * Math.cos(angle) - y * Math.sin(angle),
+    x * Math.sin(angle) + y * Math.cos(angle),
+  ]);
 
 const SHAPES = {
   square: polygon(4, TAU / 8).map(([x, y]) => [1.15 * x, 1.15 * y]),

@@ -38,7 +38,9 @@ export class Panel {
     this.path = points(plan?.any_angle ?? plan?.path);
     const order = int32s(plan?.expanded?.order);
     const total = Math.max(order.length, number(plan?.figures?.expansions) ?? 0);
-    this.search = plan ? new SearchLayer(this.map, order, plan.order_is_known !== false, total) : null;
+    this.search = plan
+      ? new SearchLayer(this.map, order, plan.order_is_known !== false, total)
+      : null;
   }
 
   /** Fit the canvas to the width of its figure and to a height in pixels. */
@@ -90,7 +92,13 @@ export class Panel {
     const [left, top] = view.toPixel([-0.5, this.map.height - 0.5]);
     this.context.imageSmoothingEnabled = view.scale * this.ratio < 1;
     this.context.imageSmoothingQuality = 'high';
-    this.context.drawImage(layer.canvas, left, top, this.map.width * view.scale, this.map.height * view.scale);
+    this.context.drawImage(
+      layer.canvas,
+      left,
+      top,
+      this.map.width * view.scale,
+      this.map.height * view.scale,
+    );
   }
 
   drawPath(view, palette) {
@@ -98,7 +106,10 @@ export class Panel {
     if (path.length < 2) return;
     context.lineJoin = 'round';
     context.lineCap = 'round';
-    for (const [width, colour] of [[6, palette.outline], [3, palette.path]]) {
+    for (const [width, colour] of [
+      [6, palette.outline],
+      [3, palette.path],
+    ]) {
       context.beginPath();
       for (const point of path) context.lineTo(...view.toPixel(point));
       context.lineWidth = this.hasAxes ? width : 0.75 * width;
@@ -125,7 +136,10 @@ export class Panel {
 
   /** Write the names of the places, each where neither another name nor a marker is. */
   drawNames(ends, view, palette) {
-    const waypoints = points(this.plan?.waypoints?.map((item) => [item.x, item.y]), MAX_WAYPOINTS);
+    const waypoints = points(
+      this.plan?.waypoints?.map((item) => [item.x, item.y]),
+      MAX_WAYPOINTS,
+    );
     const marked = [ends.start, ends.goal, ...ends.via, ...waypoints].filter(Boolean);
     const taken = marked.map((cell) => {
       const [x, y] = view.toPixel(cell);
@@ -144,7 +158,11 @@ export class Panel {
       const [from, to] = [this.path[i - 1], this.path[i]].map(view.toPixel);
       const steps = Math.max(1, Math.ceil(Math.hypot(to[0] - from[0], to[1] - from[1]) / 12));
       for (let n = 0; n < steps && boxes.length < MAX_BOXES; n += 1) {
-        boxes.push({ x: from[0] + ((to[0] - from[0]) * n) / steps, y: from[1] + ((to[1] - from[1]) * n) / steps, half: 2 });
+        boxes.push({
+          x: from[0] + ((to[0] - from[0]) * n) / steps,
+          y: from[1] + ((to[1] - from[1]) * n) / steps,
+          half: 2,
+        });
       }
     }
     return boxes;
@@ -159,15 +177,19 @@ export class Panel {
   drawName(name, polygon, view, palette, taken) {
     const [xs, ys] = [0, 1].map((axis) => polygon.map((point) => view.toPixel(point)[axis]));
     const [width, height] = [xs, ys].map((values) => Math.max(...values) - Math.min(...values));
-    const { size, most } = this.box.width < SMALL ? { size: 10.5, most: 1.05 } : { size: 12, most: 1.5 };
+    const { size, most } =
+      this.box.width < SMALL ? { size: 10.5, most: 1.05 } : { size: 12, most: 1.5 };
     const half = labelWidth(this.context, name, size) / 2;
     if (2 * half > most * width) return;
     const { left, width: room } = this.box;
     const x = Math.min(left + room - half, Math.max(left + half, Math.min(...xs) + width / 2));
     const middle = Math.min(...ys) + height / 2;
-    const isFree = (y) => taken.every((box) => Math.abs(box.x - x) >= box.half + half || Math.abs(box.y - y) >= 16);
-    const y = [0, 17, -17, 34, -34].filter((shift) => Math.abs(shift) <= Math.max(17, height / 2 - 8))
-      .map((shift) => middle + shift).find(isFree);
+    const isFree = (y) =>
+      taken.every((box) => Math.abs(box.x - x) >= box.half + half || Math.abs(box.y - y) >= 16);
+    const y = [0, 17, -17, 34, -34]
+      .filter((shift) => Math.abs(shift) <= Math.max(17, height / 2 - 8))
+      .map((shift) => middle + shift)
+      .find(isFree);
     if (y === undefined) return;
     taken.push({ x, y, half });
     drawLabel(this.context, name, [x, y], palette, { size, colour: palette.place });
@@ -184,17 +206,31 @@ export class Panel {
   drawPoints(ends, view, palette) {
     const { context } = this;
     const size = this.hasAxes ? 1 : 0.7;
-    const waypoints = points(this.plan?.waypoints?.map((item) => [item.x, item.y, item]), MAX_WAYPOINTS)
-      .map((point) => ({ at: view.toPixel(point), ...point[2] })).filter(({ at }) => this.shows(at));
+    const waypoints = points(
+      this.plan?.waypoints?.map((item) => [item.x, item.y, item]),
+      MAX_WAYPOINTS,
+    )
+      .map((point) => ({ at: view.toPixel(point), ...point[2] }))
+      .filter(({ at }) => this.shows(at));
     const mark = (shape, cell, radius, colour) => {
       const at = cell ? view.toPixel(cell) : null;
-      if (at && this.shows(at)) drawMarker(context, shape, at, radius * size, colour, palette.edge, 1.8);
+      if (at && this.shows(at))
+        drawMarker(context, shape, at, radius * size, colour, palette.edge, 1.8);
     };
     for (const { at, status } of waypoints) {
-      drawMarker(context, statusShape(status), at, 7.5 * size, palette.waypoint[status] ?? '#7f7f7f', palette.edge, 1.2);
+      drawMarker(
+        context,
+        statusShape(status),
+        at,
+        7.5 * size,
+        palette.waypoint[status] ?? '#7f7f7f',
+        palette.edge,
+        1.2,
+      );
     }
     const numbered = [];
-    for (const waypoint of waypoints) this.drawNumber(text(waypoint.number, 4), waypoint.at, palette, numbered);
+    for (const waypoint of waypoints)
+      this.drawNumber(text(waypoint.number, 4), waypoint.at, palette, numbered);
     for (const via of ends.via) mark('triangle', via, 8, palette.via);
     mark('square', ends.start, 9, palette.start);
     mark('diamond', ends.goal, 10, palette.goal);

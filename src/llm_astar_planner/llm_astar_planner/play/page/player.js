@@ -54,7 +54,8 @@ export class Player {
     this.step = Math.min(this.total, Math.max(0, step));
     const whole = Math.round(this.step);
     $('scrub').value = String(whole);
-    $('step-count').textContent = `${whole.toLocaleString('en')} of ${this.total.toLocaleString('en')}`;
+    $('step-count').textContent =
+      `${whole.toLocaleString('en')} of ${this.total.toLocaleString('en')}`;
     this.showLabel();
     this.onStep();
   }

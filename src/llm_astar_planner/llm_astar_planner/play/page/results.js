@@ -21,7 +21,10 @@ export function element(tag, content = '', children = []) {
 
 /** Return what a plan is called beside the others. */
 export function nameOf(plan) {
-  return { chosen: 'Your plan', no_waypoints: 'No waypoints', astar: 'A*' }[plan.role] ?? text(plan.title, 60);
+  return (
+    { chosen: 'Your plan', no_waypoints: 'No waypoints', astar: 'A*' }[plan.role] ??
+    text(plan.title, 60)
+  );
 }
 
 export function showVerdict({ tone, head, rest }) {
@@ -40,7 +43,9 @@ export function showReply(reply, map, palette) {
   $('command-block').hidden = false;
   $('command').textContent = text(reply.command ?? '', 80000);
   $('command').parentElement.hidden = !reply.command;
-  $('command-note').textContent = reply.command ? '' : `There is no command: ${text(reply.command_note, 300)}.`;
+  $('command-note').textContent = reply.command
+    ? ''
+    : `There is no command: ${text(reply.command_note, 300)}.`;
 }
 
 const ROWS = [
@@ -55,28 +60,43 @@ const ROWS = [
 ];
 
 function showFigures(plans, map) {
-  const head = element('thead', '', [element('tr', '', [element('td'), ...plans.map((plan) => {
-    const cell = element('th', nameOf(plan));
-    cell.scope = 'col';
-    return cell;
-  })])]);
-  $('figures').replaceChildren(head, element('tbody', '', ROWS
-    .filter(([, key]) => key !== 'any_angle' || plans.some((plan) => plan.any_angle))
-    .map((row) => figureRow(row, plans, map))));
+  const head = element('thead', '', [
+    element('tr', '', [
+      element('td'),
+      ...plans.map((plan) => {
+        const cell = element('th', nameOf(plan));
+        cell.scope = 'col';
+        return cell;
+      }),
+    ]),
+  ]);
+  $('figures').replaceChildren(
+    head,
+    element(
+      'tbody',
+      '',
+      ROWS.filter(([, key]) => key !== 'any_angle' || plans.some((plan) => plan.any_angle)).map(
+        (row) => figureRow(row, plans, map),
+      ),
+    ),
+  );
 }
 
 /** Return the length of a path in cells. */
 function lengthOf(path) {
-  return path.slice(1).reduce((sum, [x, y], i) => sum + Math.hypot(x - path[i][0], y - path[i][1]), 0);
+  return path
+    .slice(1)
+    .reduce((sum, [x, y], i) => sum + Math.hypot(x - path[i][0], y - path[i][1]), 0);
 }
 
 /** Return a figure of a plan, null where it has none, and its name with the unit. */
 function figureOf(plan, title, key, map) {
   const isLength = ['length', 'any_angle'].includes(key);
   const isMetres = isLength && map.isMetric;
-  const value = key === 'any_angle'
-    ? lengthOf(points(plan.any_angle)) * (isMetres ? map.resolution : 1) || null
-    : number(plan.figures?.[isMetres ? 'length_m' : key]);
+  const value =
+    key === 'any_angle'
+      ? lengthOf(points(plan.any_angle)) * (isMetres ? map.resolution : 1) || null
+      : number(plan.figures?.[isMetres ? 'length_m' : key]);
   const isAsked = key === 'source_ms' ? value > 0 : plan.found || key === 'expansions';
   const unit = isLength ? ` (${isMetres ? 'm' : 'cells'})` : '';
   return { name: title + unit, value: isAsked ? value : null };
@@ -89,12 +109,18 @@ function figureRow([title, key, digits, hasBar], plans, map) {
   const header = element('th', figures[0]?.name ?? title);
   header.scope = 'row';
   const isRanked = ['expansions', 'length', 'search_ms'].includes(key) && least < most;
-  return element('tr', '', [header, ...figures.map(({ value }, i) => {
-    const cell = element('td', key === 'bound' ? boundShown(value, digits, plans[i].found) : shown(value, digits));
-    cell.classList.toggle('best', isRanked && value === least && plans[i].found);
-    if (hasBar && value !== null) cell.append(bar(most ? value / most : 0));
-    return cell;
-  })]);
+  return element('tr', '', [
+    header,
+    ...figures.map(({ value }, i) => {
+      const cell = element(
+        'td',
+        key === 'bound' ? boundShown(value, digits, plans[i].found) : shown(value, digits),
+      );
+      cell.classList.toggle('best', isRanked && value === least && plans[i].found);
+      if (hasBar && value !== null) cell.append(bar(most ? value / most : 0));
+      return cell;
+    }),
+  ]);
 }
 
 function boundShown(value, digits, isFound) {
@@ -111,14 +137,33 @@ function bar(part) {
 
 export function showWaypoints(waypoints, map, palette) {
   $('waypoint-block').hidden = !waypoints.length;
-  $('waypoints').replaceChildren(...waypoints.slice(0, MAX_ITEMS).map((point) => {
-    const { status } = point;
-    const icon = markerIcon((context) => drawMarker(
-      context, statusShape(status), [10, 10], 7, palette.waypoint[status] ?? '#7f7f7f', palette.edge, 1));
-    const where = [point.x, point.y].map((value, axis) => shown(map.axisValue(axis, value), map.isMetric ? 2 : Number(!Number.isInteger(value))));
-    const unit = map.isMetric ? ' m' : '';
-    return element('li', '', [icon, element('span', `${text(point.number, 6)}. (${where.join(', ')})${unit} ${statusName(status)}`)]);
-  }));
+  $('waypoints').replaceChildren(
+    ...waypoints.slice(0, MAX_ITEMS).map((point) => {
+      const { status } = point;
+      const icon = markerIcon((context) =>
+        drawMarker(
+          context,
+          statusShape(status),
+          [10, 10],
+          7,
+          palette.waypoint[status] ?? '#7f7f7f',
+          palette.edge,
+          1,
+        ),
+      );
+      const where = [point.x, point.y].map((value, axis) =>
+        shown(map.axisValue(axis, value), map.isMetric ? 2 : Number(!Number.isInteger(value))),
+      );
+      const unit = map.isMetric ? ' m' : '';
+      return element('li', '', [
+        icon,
+        element(
+          'span',
+          `${text(point.number, 6)}. (${where.join(', ')})${unit} ${statusName(status)}`,
+        ),
+      ]);
+    }),
+  );
 }
 
 export function showInstruction(instruction) {
@@ -126,27 +171,41 @@ export function showInstruction(instruction) {
   if (!instruction) return;
   const clauses = Array.isArray(instruction.clauses) ? instruction.clauses : [];
   $('sentence').hidden = instruction.status === NOT_UNDERSTOOD;
-  $('sentence').textContent = `Read as: ${text(instruction.sentence, 1000)} (${text(instruction.status, 60)})`;
+  $('sentence').textContent =
+    `Read as: ${text(instruction.sentence, 1000)} (${text(instruction.status, 60)})`;
   $('instruction-note').textContent = text(instruction.note, 1000);
-  $('clauses').replaceChildren(...clauses.slice(0, MAX_ITEMS).map((clause) => {
-    const status = element('span', text(clause.status, 30).toLowerCase());
-    status.className = `status ${CLAUSE_TONES[clause.status] ?? 'soft'}`;
-    const detail = element('span', text(clause.detail, 500));
-    detail.className = 'detail';
-    return element('li', '', [status, element('span', text(clause.clause, 500).replace(`${NOT_UNDERSTOOD}: `, '')), ...(clause.detail ? [detail] : [])]);
-  }));
+  $('clauses').replaceChildren(
+    ...clauses.slice(0, MAX_ITEMS).map((clause) => {
+      const status = element('span', text(clause.status, 30).toLowerCase());
+      status.className = `status ${CLAUSE_TONES[clause.status] ?? 'soft'}`;
+      const detail = element('span', text(clause.detail, 500));
+      detail.className = 'detail';
+      return element('li', '', [
+        status,
+        element('span', text(clause.clause, 500).replace(`${NOT_UNDERSTOOD}: `, '')),
+        ...(clause.detail ? [detail] : []),
+      ]);
+    }),
+  );
 }
 
 /** Say of which searches the order of expansion is not known, so that the animation has none. */
 export function showUnordered(plans) {
-  const names = (isMeant) => plans.filter((plan) => plan.figures?.expansions && isMeant(plan)).map(nameOf).join(', ');
+  const names = (isMeant) =>
+    plans
+      .filter((plan) => plan.figures?.expansions && isMeant(plan))
+      .map(nameOf)
+      .join(', ');
   const unordered = names((plan) => plan.order_is_known === false);
   const cut = names((plan) => plan.figures.expansions > MAX_ORDER);
   $('order-note').hidden = !unordered && !cut;
   $('order-note').textContent = [
-    unordered && `The order of expansion is not known for: ${unordered}. The animation shows all these cells at once.`,
+    unordered &&
+      `The order of expansion is not known for: ${unordered}. The animation shows all these cells at once.`,
     cut && `Only the first ${shown(MAX_ORDER)} expansions are drawn for: ${cut}.`,
-  ].filter(Boolean).join(' ');
+  ]
+    .filter(Boolean)
+    .join(' ');
 }
 
 /** Show what a node reports of its plan. */
@@ -155,10 +214,14 @@ export function showReport(plan, map) {
     const { name, value } = figureOf(plan, title, key, map);
     return [name, value === null ? '' : shown(value, digits)];
   });
-  const warnings = (Array.isArray(plan.warnings) ? plan.warnings : []).slice(0, MAX_ITEMS).map((warning) => ['Warning', warning]);
+  const warnings = (Array.isArray(plan.warnings) ? plan.warnings : [])
+    .slice(0, MAX_ITEMS)
+    .map((warning) => ['Warning', warning]);
   const entries = [['Plan', plan.title], ...figures, ...warnings].filter(([, value]) => value);
   $('report-block').hidden = false;
-  $('report').replaceChildren(...entries.flatMap(([name, value]) => [element('dt', name), element('dd', text(value, 400))]));
+  $('report').replaceChildren(
+    ...entries.flatMap(([name, value]) => [element('dt', name), element('dd', text(value, 400))]),
+  );
 }
 
 /** Show the legend of what is on the map. */
@@ -170,19 +233,28 @@ export function showLegend(palette, { expanded, closed, drawn, erased, via, wayp
     context.fillRect(2, 4, 16, 12);
     context.strokeRect(2, 4, 16, 12);
   };
-  const mark = (shape, colour) => (context) => drawMarker(context, shape, [10, 10], 6.5, colour, palette.edge, 1);
+  const mark = (shape, colour) => (context) =>
+    drawMarker(context, shape, [10, 10], 6.5, colour, palette.edge, 1);
   const path = (context) => {
     context.fillStyle = palette.path;
     context.fillRect(1, 8.5, 18, 3);
   };
   const entries = [
-    ['start', mark('square', palette.start)], ['goal', mark('diamond', palette.goal)], ['path', path],
-    ...(expanded ? [['expanded', area(palette.expanded)]] : []), ['obstacle', area(palette.obstacle)],
+    ['start', mark('square', palette.start)],
+    ['goal', mark('diamond', palette.goal)],
+    ['path', path],
+    ...(expanded ? [['expanded', area(palette.expanded)]] : []),
+    ['obstacle', area(palette.obstacle)],
     ...(closed ? [['too close for the robot', area(palette.inflated)]] : []),
     ...(drawn ? [['drawn wall', area(palette.wall)]] : []),
     ...(erased ? [['erased', area(palette.freed)]] : []),
     ...(via ? [['via point', mark('triangle', palette.via)]] : []),
-    ...[...waypoints].map((status) => [`waypoint ${statusName(status)}`, mark(statusShape(status), palette.waypoint[status] ?? '#7f7f7f')]),
+    ...[...waypoints].map((status) => [
+      `waypoint ${statusName(status)}`,
+      mark(statusShape(status), palette.waypoint[status] ?? '#7f7f7f'),
+    ]),
   ];
-  $('legend').replaceChildren(...entries.map(([name, draw]) => element('li', '', [markerIcon(draw), element('span', name)])));
+  $('legend').replaceChildren(
+    ...entries.map(([name, draw]) => element('li', '', [markerIcon(draw), element('span', name)])),
+  );
 }

@@ -1,29 +1,65 @@
 // Colours of the map: the server's, those of every picture of the project, fitted to dark schemes.
 
 const NAMES = {
-  accepted: 'accepted', out_of_order: 'out of order', unreachable: 'unreachable',
-  occupied: 'occupied', out_of_bounds: 'out of bounds',
+  accepted: 'accepted',
+  out_of_order: 'out of order',
+  unreachable: 'unreachable',
+  occupied: 'occupied',
+  out_of_bounds: 'out of bounds',
 };
 // Should the server send none.
 const FALLBACK = {
-  free: '#ffffff', obstacle: '#262a33', unknown: '#e9ebef', inflated: '#a9aeb8',
-  expanded: '#fcd588', path: '#0050b5', start: '#56b4e9', goal: '#e0218a', via: '#f0e442',
+  free: '#ffffff',
+  obstacle: '#262a33',
+  unknown: '#e9ebef',
+  inflated: '#a9aeb8',
+  expanded: '#fcd588',
+  path: '#0050b5',
+  start: '#56b4e9',
+  goal: '#e0218a',
+  via: '#f0e442',
   waypoint: {
-    accepted: '#009e73', out_of_order: '#e69f00', unreachable: '#8e44ad', occupied: '#d55e00',
+    accepted: '#009e73',
+    out_of_order: '#e69f00',
+    unreachable: '#8e44ad',
+    occupied: '#d55e00',
     out_of_bounds: '#7f7f7f',
   },
 };
 const SHAPES = {
-  accepted: 'star', out_of_order: 'plus', unreachable: 'down', occupied: 'cross', out_of_bounds: 'hexagon',
+  accepted: 'star',
+  out_of_order: 'plus',
+  unreachable: 'down',
+  occupied: 'cross',
+  out_of_bounds: 'hexagon',
 };
 const DARK = {
-  free: '#232a35', obstacle: '#79849a', unknown: '#191e26', inflated: '#434d5e', expanded: '#94702f',
-  newest: '#f5b947', path: '#79bbff', outline: '#0d1117', edge: '#0d1117', grid: 'rgb(255 255 255 / 5%)',
-  wall: '#c7a6e8', freed: '#2f4a4a', place: '#b4c7d8', halo: '#151a21', axis: '#a2abb9',
+  free: '#232a35',
+  obstacle: '#79849a',
+  unknown: '#191e26',
+  inflated: '#434d5e',
+  expanded: '#94702f',
+  newest: '#f5b947',
+  path: '#79bbff',
+  outline: '#0d1117',
+  edge: '#0d1117',
+  grid: 'rgb(255 255 255 / 5%)',
+  wall: '#c7a6e8',
+  freed: '#2f4a4a',
+  place: '#b4c7d8',
+  halo: '#151a21',
+  axis: '#a2abb9',
 };
 const LIGHT = {
-  newest: '#f09a0a', outline: '#ffffff', edge: '#111111', grid: 'rgb(20 30 50 / 6%)',
-  wall: '#5c3d82', freed: '#dff1ea', place: '#4d6d82', halo: '#ffffff', axis: '#5b6270',
+  newest: '#f09a0a',
+  outline: '#ffffff',
+  edge: '#111111',
+  grid: 'rgb(20 30 50 / 6%)',
+  wall: '#5c3d82',
+  freed: '#dff1ea',
+  place: '#4d6d82',
+  halo: '#ffffff',
+  axis: '#5b6270',
 };
 const HEX = /^#[0-9a-f]{6}$/i;
 

@@ -30,9 +30,23 @@ function byWaypoints(chosen, plain) {
     const head = sent ? 'No waypoint could be used:' : 'The source gave no waypoints:';
     return { tone: 'draw', head, rest: ` the search did without, ${shown(own)} expansions.` };
   }
-  if (own < its) return { tone: 'win', head: 'The waypoints win:', rest: ` ${shown(own)} expansions instead of ${shown(its)} (${fewer(own, its)})${found}.` };
-  if (own > its) return { tone: 'lose', head: 'The search without waypoints wins:', rest: ` ${shown(its)} expansions instead of ${shown(own)}${path ? `; the waypoints led to ${path}` : ''}.` };
-  return { tone: 'draw', head: 'A draw:', rest: ` ${shown(own)} expansions with waypoints and without.` };
+  if (own < its)
+    return {
+      tone: 'win',
+      head: 'The waypoints win:',
+      rest: ` ${shown(own)} expansions instead of ${shown(its)} (${fewer(own, its)})${found}.`,
+    };
+  if (own > its)
+    return {
+      tone: 'lose',
+      head: 'The search without waypoints wins:',
+      rest: ` ${shown(its)} expansions instead of ${shown(own)}${path ? `; the waypoints led to ${path}` : ''}.`,
+    };
+  return {
+    tone: 'draw',
+    head: 'A draw:',
+    rest: ` ${shown(own)} expansions with waypoints and without.`,
+  };
 }
 
 function byAstar(chosen, astar) {
@@ -40,17 +54,32 @@ function byAstar(chosen, astar) {
   const name = text(chosen.title, 60).split(',')[0];
   const path = pathBeside(chosen, astar);
   const found = path ? `, and ${path}` : '';
-  if (own < its) return { tone: 'win', head: `${name} beats A*:`, rest: ` ${shown(own)} expansions instead of ${shown(its)} (${fewer(own, its)})${found}.` };
-  if (own > its) return { tone: 'lose', head: `A* beats ${name}:`, rest: ` ${shown(its)} expansions instead of ${shown(own)}; ${name} found ${path || 'a path'}.` };
+  if (own < its)
+    return {
+      tone: 'win',
+      head: `${name} beats A*:`,
+      rest: ` ${shown(own)} expansions instead of ${shown(its)} (${fewer(own, its)})${found}.`,
+    };
+  if (own > its)
+    return {
+      tone: 'lose',
+      head: `A* beats ${name}:`,
+      rest: ` ${shown(its)} expansions instead of ${shown(own)}; ${name} found ${path || 'a path'}.`,
+    };
   return { tone: 'draw', head: 'A draw with A*:', rest: ` ${shown(own)} expansions each.` };
 }
 
 function byInstruction(chosen, other) {
   const { clauses = [], status } = chosen.instruction;
   const kept = clauses.filter((clause) => clause.status === 'satisfied').length;
-  if (!clauses.length) return { tone: 'lose', head: 'The instruction was not used:', rest: ` ${text(status, 100)}.` };
+  if (!clauses.length)
+    return { tone: 'lose', head: 'The instruction was not used:', rest: ` ${text(status, 100)}.` };
   if (clauses.every((clause) => clause.status === 'not understood')) {
-    return { tone: 'lose', head: 'The instruction was not understood:', rest: ' the path does not follow it.' };
+    return {
+      tone: 'lose',
+      head: 'The instruction was not understood:',
+      rest: ' the path does not follow it.',
+    };
   }
   const isKept = kept === clauses.length;
   const path = other ? pathBeside(chosen, other) : '';
@@ -74,10 +103,16 @@ function failure(chosen, plans) {
 /** Return the verdict on plans: {tone, head, rest}; tone is win, lose, draw or fail. */
 export function verdictOf(plans) {
   const chosen = plans.find((plan) => plan.role === 'chosen');
-  const [plain, astar] = ['no_waypoints', 'astar'].map((role) => plans.find((plan) => plan.role === role && plan.found));
+  const [plain, astar] = ['no_waypoints', 'astar'].map((role) =>
+    plans.find((plan) => plan.role === role && plan.found),
+  );
   if (!chosen?.found) return failure(chosen ?? {}, plans);
   const other = plain ?? astar;
-  if (chosen.instruction) return byInstruction(chosen, plans.find((plan) => plan.found && !plan.instruction));
+  if (chosen.instruction)
+    return byInstruction(
+      chosen,
+      plans.find((plan) => plan.found && !plan.instruction),
+    );
   if (!other) return { tone: 'win', head: 'Path found:', rest: ` ${text(chosen.message, 400)}.` };
   if (!plain) return byAstar(chosen, astar);
   const verdict = byWaypoints(chosen, plain);

@@ -32,7 +32,8 @@ export class Walls {
     for (let dy = -reach; dy <= reach; dy += 1) {
       for (let dx = -reach; dx <= reach; dx += 1) {
         const cell = [x + dx, y + dy];
-        if (this.map.has(cell) && !this.put(cell[1] * this.map.width + cell[0], blocked)) return false;
+        if (this.map.has(cell) && !this.put(cell[1] * this.map.width + cell[0], blocked))
+          return false;
       }
     }
     return true;
@@ -96,13 +97,19 @@ export class Walls {
   }
 
   indices(blocked) {
-    return [...this.edits].filter(([, value]) => value === blocked).map(([index]) => index).sort((a, b) => a - b);
+    return [...this.edits]
+      .filter(([, value]) => value === blocked)
+      .map(([index]) => index)
+      .sort((a, b) => a - b);
   }
 
   /** Return the edits as the server takes them. */
   toRequest() {
-    const cells = (blocked) => this.indices(blocked)
-      .map((index) => [index % this.map.width, Math.floor(index / this.map.width)]);
+    const cells = (blocked) =>
+      this.indices(blocked).map((index) => [
+        index % this.map.width,
+        Math.floor(index / this.map.width),
+      ]);
     return { blocked: cells(true), freed: cells(false) };
   }
 }
