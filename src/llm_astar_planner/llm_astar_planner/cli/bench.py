@@ -53,6 +53,9 @@ from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
 from llm_astar_planner.waypoints.baselines import baseline_sources
 
+USAGE = """\
+llm-astar bench [--map FILE] [--methods NAMES] [--source NAMES] [--limit N] [--out DIR]
+                       [--fail-under LIMIT] [options]"""
 EPILOG = """\
 examples:
   llm-astar bench                                 every method and baseline, no key needed

@@ -16,6 +16,14 @@ from llm_astar_planner.benchmark.datasets.validate import validate_file
 from llm_astar_planner.cli.map_files import add_dataset_options
 from llm_astar_planner.resources import find_file
 
+EPILOG = """\
+examples:
+  llm-astar dataset generate --seed 7 --maps 20 --out maps.json --pictures out/maps
+  llm-astar dataset check maps.json
+  llm-astar dataset to-bag --map samples_1000.json --map-ids 50-59 --out out/samples
+
+exit codes: 0 done, 2 bad usage or input, or errors in a checked dataset
+"""
 OK, BAD_INPUT = 0, 2
 
 
@@ -45,7 +53,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_dataset_options(bag)
     bag.add_argument('--out', required=True, metavar='DIR', help='the folder of the new bag')
-    bag.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap')
+    bag.add_argument(
+        '--storage', choices=('mcap', 'sqlite3'), default='mcap',
+        help='format of the bag (default: %(default)s)',
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:

@@ -23,6 +23,9 @@ from llm_astar_planner.waypoints.source import WaypointQuery
 if TYPE_CHECKING:
     from llm_astar_planner.visualization.figures import Picture
 
+USAGE = """\
+llm-astar draw [--map FILE] [--start X Y --goal X Y] [--method NAME] [--source NAME]
+                      [options] --out FILE"""
 EPILOG = """\
 examples:
   llm-astar draw --map-id 5 --pair 3 --out out/searches.gif

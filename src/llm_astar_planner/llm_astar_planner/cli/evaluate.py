@@ -72,6 +72,9 @@ OF_REQUESTS = ('tolerance', 'start_tolerance', 'robot_base_frame')
 RULES = (*COSTMAP, *(item.for_bench() for item in REQUESTS if item.name in OF_REQUESTS))
 # The exchanges with models that were found in the bags, in the results folder.
 EXCHANGES = 'exchanges.jsonl'
+USAGE = """\
+llm-astar evaluate BAG [BAG ...] [--list] [--methods NAMES] [--source NAMES]
+                          [--params-file FILE] [--out DIR] [--fail-under LIMIT] [options]"""
 EPILOG = """\
 examples:
   llm-astar evaluate bag --list                       what the bag contains

@@ -80,6 +80,9 @@ MODEL = tuple(
     )
 )  # fmt: skip
 TIME = tuple(item for item in REQUESTS if item.name == 'max_planning_time')
+USAGE = """\
+llm-astar instruct-bench [--suite FILE] [--source NAMES] [--show ID] [--out DIR]
+                                [--fail-under LIMIT] [options]"""
 EPILOG = """\
 sources:
   truth     the suite's own specification: the planner apart from understanding

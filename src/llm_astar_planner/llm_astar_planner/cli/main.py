@@ -34,7 +34,7 @@ COMMANDS = {
     'evaluate': 'plan what recorded bags asked for, and compare',
     'instruct-bench': 'measure how well route instructions are understood and met',
     'report': 'write the reports of a results folder again',
-    'draw': 'draw A* next to LLM-A* on one sample',
+    'draw': 'draw or animate the search of a method beside that of A*',
     'dataset': 'make, check or convert datasets',
     'record': 'record maps, requests, plans and exchanges of the live graph into a bag',
     'doctor': 'check what is installed, what is missing, and how to install it',
@@ -45,7 +45,15 @@ REMOVED = {
     'speed': 'measure speed in a checkout with python -m benchmarks.speed',
 }
 
-EPILOG = """\
+FIRST_STEPS = """\
+first steps:
+  llm-astar plan                 plan on the demo map and print what came of it
+  llm-astar play                 do it in the browser
+  llm-astar demo                 do it through a ROS graph
+  llm-astar COMMAND --help       examples, options and units of a command
+
+"""
+EXIT_CODES = """\
 exit codes: 0 done, 1 no plan or something missing, 2 bad usage or input, 3 something was left out,
 130 interrupted
 """
@@ -120,7 +128,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         prog='llm-astar',
         description='LLM-A*: plan with the waypoints of a language model, and measure what they '
         'add.',
-        epilog=EPILOG,
+        epilog=FIRST_STEPS + EXIT_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument('--version', action='version', version=f'llm-astar {__version__}')
@@ -131,7 +139,8 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
             command = commands.add_parser(
                 name,
                 description=module.__doc__,
-                epilog=getattr(module, 'EPILOG', None),
+                usage=getattr(module, 'USAGE', None),
+                epilog=epilog_of(getattr(module, 'EPILOG', '')),
                 formatter_class=argparse.RawDescriptionHelpFormatter,
             )
             command.set_defaults(run=module.run, command=name)
@@ -140,10 +149,15 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
             commands.add_parser(name, help=summary)
     arguments, unknown = parser.parse_known_args(argv)
     if unknown:
-        known = re.findall(r'--[a-z][a-z-]*', commands.choices[argv[0]].format_usage())
+        known = re.findall(r'--[a-z][a-z-]*', commands.choices[argv[0]].format_help())
         near = nearest_name(unknown[0].partition('=')[0], known)
         raise ParameterError(f'{argv[0]} has no option {unknown[0]}{near}')
     return arguments
+
+
+def epilog_of(text: str) -> str:
+    """Return the end of a command's help, which always says what its exit codes mean."""
+    return text if 'exit codes:' in text else f'{text}\n{EXIT_CODES}'.lstrip()
 
 
 def module_of(command: str) -> str:

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 # The longest wait for an answer of the graph; a small model takes long to understand.
 GRAPH_SECONDS = 60.0
 
+USAGE = """\
+llm-astar mcp [--map FILE [--places FILE] | --graph [--namespace NAME]] [options]"""
 EPILOG = """\
 examples:
   llm-astar mcp --map depot.yaml --places depot.places.geojson --robot-radius 0.3

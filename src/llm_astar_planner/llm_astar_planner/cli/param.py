@@ -33,7 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument('action', choices=COUNTS, metavar='{list,get,describe,set}')
     parser.add_argument('words', nargs='*', metavar='NODE NAME VALUE', help='see the examples')
-    parser.add_argument('--namespace', default='/', help="the node's namespace (default: /)")
+    parser.add_argument(
+        '--namespace', default='/', metavar='NAME', help="the node's namespace (default: /)"
+    )
     parser.add_argument(
         '--time-limit', type=float, default=10.0, metavar='SECONDS',
         help='longest wait for each answer (default: %(default)s)',

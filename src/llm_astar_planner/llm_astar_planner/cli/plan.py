@@ -1,5 +1,8 @@
 """Plan from start to goal on a map, without ROS.
 
+Without options it plans the first start-goal pair of the demo map. Start and goal are points
+(metres on a robot's map, cells on other maps) or names of places. The first line says whether a
+path was found, the others how long it is, what became of the waypoints, and how much was searched.
 The parameters of the nodes are flags; with the nodes' own --params-file it plans as they do.
 """
 
@@ -56,6 +59,9 @@ from llm_astar_planner.waypoints.fixed import FixedReply
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 
+USAGE = """\
+llm-astar plan [--map FILE] [--start X Y --goal X Y | --from NAME --to NAME]
+                      [--source NAME] [--png FILE] [--json] [options]"""
 EPILOG = """\
 examples:
   llm-astar plan

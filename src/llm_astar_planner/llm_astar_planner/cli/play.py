@@ -13,6 +13,8 @@ import webbrowser
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from llm_astar_planner.cli.flags import add_graph_options
+
 if TYPE_CHECKING:
     from llm_astar_planner.play.live import LiveFeed
 
@@ -47,12 +49,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'x.map.scen, or barrier-map JSON, of which the first ten are taken; repeat it for more',
     )
     parser.add_argument(
-        '--host', default=DEFAULT_HOST, help='address to serve at (default: %(default)s)'
+        '--host',
+        default=DEFAULT_HOST,
+        metavar='NAME',
+        help='address to serve at (default: %(default)s)',
     )
     parser.add_argument(
         '--port',
         type=int,
         default=DEFAULT_PORT,
+        metavar='N',
         help='port to serve at; 0 takes a free one (default: %(default)s)',
     )
     parser.add_argument('--no-browser', action='store_true', help='do not open the browser')
@@ -62,13 +68,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action='store_true',
         help='show the map, plans and reports of a running planner too',
     )
-    graph.add_argument('--namespace', default='/', help="the nodes' namespace (default: /)")
-    graph.add_argument(
-        '--node', default='planner_node', help='name of the planner (default: %(default)s)'
-    )
+    add_graph_options(graph)
     graph.add_argument(
         '--client',
         default='llm_client_node',
+        metavar='NAME',
         help='name of its waypoint client (default: %(default)s)',
     )
 

@@ -27,20 +27,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument('--out', required=True, metavar='DIR', help='the bag, a new folder')
     parser.add_argument(
-        '--namespace', default='', metavar='NS', help="the robot's, such as /robot1"
+        '--namespace', default='', metavar='NAME', help="the robot's, such as /robot1"
     )
     parser.add_argument(
         '--topics', nargs='+', default=[], metavar='NAME', help='further topics to record'
     )
     parser.add_argument(
-        '--duration', type=float, default=math.inf, metavar='S',
+        '--duration', type=float, default=math.inf, metavar='SECONDS',
         help='stop after this time (default: at Ctrl-C)',
     )  # fmt: skip
     parser.add_argument(
         '--max-size', type=float, default=0.0, metavar='MB',
         help='begin a new file after this size (default: one file)',
     )  # fmt: skip
-    parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap')
+    parser.add_argument(
+        '--storage', choices=('mcap', 'sqlite3'), default='mcap',
+        help='format of the bag (default: %(default)s)',
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -41,7 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--no-map', action='store_true', help="start no map_node: another node publishes 'map'"
     )
     parser.add_argument(
-        '--map-id', type=int, default=0, metavar='N', help='which of the barrier maps (default: 0)'
+        '--map-id',
+        type=int,
+        default=0,
+        metavar='ID',
+        help='which of the barrier maps (default: 0)',
     )
     parser.add_argument(
         '--params-file', action='append', default=[], metavar='FILE',
@@ -51,8 +55,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '-p', '--param', action='append', default=[], metavar='NAME:=VALUE',
         help='a parameter of the nodes, over those of the files; may be given again',
     )  # fmt: skip
-    parser.add_argument('--namespace', metavar='NS', help='of all nodes (default: none)')
-    parser.add_argument('--log-level', default='info', help='of all nodes (default: info)')
+    parser.add_argument('--namespace', metavar='NAME', help='of all nodes (default: none)')
+    parser.add_argument(
+        '--log-level', default='info', metavar='NAME', help='of all nodes (default: info)'
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

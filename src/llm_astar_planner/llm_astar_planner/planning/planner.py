@@ -312,6 +312,8 @@ class Planner:
         # Where there are via points, no source is asked.
         first = segments[0] if segments else None
         reply = first.reply if first else NOT_ASKED
+        if request.source is not None and reply.status is SourceStatus.NONE:
+            reply = not_asked(request)
         if first and first.checked_waypoints:
             path = empty_path() if result is None else result.path
             fields['checked_waypoints'] = mark_out_of_order(first.checked_waypoints, path)
@@ -323,7 +325,7 @@ class Planner:
             start=endpoints.start,
             goal=endpoints.goal,
             source='none' if request.source is None else request.source.name,
-            reply=not_asked(request) if reply.status is SourceStatus.NONE else reply,
+            reply=reply,
             seconds_source=seconds_source,
             seconds_search=seconds_search,
             start_shift=endpoints.start_shift,
@@ -389,8 +391,6 @@ def check_found(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> Non
 
 def not_asked(request: PlanRequest) -> WaypointReply:
     """Return the reply of a source that was not asked, which says why if there is one."""
-    if request.source is None:
-        return NOT_ASKED
     reason = ''
     if request.method not in WAYPOINT_METHODS:
         reason = f'{request.method} uses no waypoints'

@@ -351,7 +351,10 @@ def test_every_command_says_what_it_does(capsys, command):
     with pytest.raises(SystemExit) as end:
         main([command, '--help'])
     assert end.value.code == 0
-    usage, description, *_ = capsys.readouterr().out.split('\n\n')
+    text = capsys.readouterr().out
+    usage, description, *_ = text.split('\n\n')
+    assert usage.count('\n') < 6
+    assert 'exit code' in text
     assert usage.startswith(f'usage: llm-astar {command} ')
     assert description.rstrip().endswith('.')
 
