@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from llm_astar_planner.cli.main import main
+from llm_astar_planner.cli.node_processes import ended_by_signals
 from llm_astar_planner.nodes.__main__ import PARAMETER_NODES, start
 from llm_astar_planner.nodes.common.spin import ArgumentError, check_arguments
 from llm_astar_planner.planning.parameters import NODES, SET_BY_PLANNER
@@ -197,6 +198,18 @@ def test_run_keeps_a_graph_that_call_asks_and_draws_until_it_is_interrupted(tmp_
     assert said == 'llm-astar: interrupted\n'
     assert graph.returncode in INTERRUPTED
     assert_all_end(nodes)
+
+
+def test_a_hangup_is_left_alone_under_nohup():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with ended_by_signals():
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+            with pytest.raises(SystemExit, match='143'):
+                signal.raise_signal(signal.SIGTERM)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 def test_run_ends_with_its_planner_or_its_map():

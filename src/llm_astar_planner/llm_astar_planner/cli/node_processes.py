@@ -65,13 +65,20 @@ def stop_nodes(nodes: Mapping[str, subprocess.Popen[bytes]]) -> None:
 
 @contextlib.contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP raise SystemExit with the exit code of a process that they ended."""
+    """Let SIGTERM and SIGHUP raise SystemExit with the exit code of a process that they ended.
+
+    One that is ignored, as under nohup, stays so.
+    """
 
     def end(number: int, _: object) -> None:
         signal.signal(number, signal.SIG_DFL)
         raise SystemExit(128 + number)
 
-    before = [(number, signal.signal(number, end)) for number in ENDING]
+    before = [
+        (number, signal.signal(number, end))
+        for number in ENDING
+        if signal.getsignal(number) is not signal.SIG_IGN
+    ]
     try:
         yield
     finally:

@@ -80,7 +80,9 @@ def node_arguments(arguments: argparse.Namespace) -> dict[str, list[str]]:
         if not sign:
             raise ParameterError(f'-p {setting}: NAME:=VALUE is expected')
         check_names('planner_node', [name], shared=True)
-    common = ['--ros-args', '--log-level', arguments.log_level]
+    # As the launch file does, so that a robot in a namespace has its own transforms.
+    common = ['--ros-args', '-r', '/tf:=tf', '-r', '/tf_static:=tf_static']
+    common += ['--log-level', arguments.log_level]
     common += [word for file in files for word in ('--params-file', file)]
     if arguments.namespace:
         common += ['-r', f'__ns:=/{arguments.namespace.strip("/")}']
