@@ -20,8 +20,8 @@ from llm_astar_planner.visualization.figures import (
 # Maps that are so many times as wide as high are drawn below each other.
 WIDE = 2.6
 MAX_PANEL_HEIGHT = 4.4
-# Inches of a picture that is one of several on a page.
-PANEL_WIDTH = 4.6
+# Inches of a picture that is one of several on a page, and of its scale bar.
+PANEL_WIDTH, SCALE_BAR = 4.6, 0.5
 
 
 def panels_for(
@@ -62,8 +62,10 @@ def comparison_figure(pictures: Sequence[Picture]) -> Figure:
 
 def panel_figure(picture: Picture) -> Figure:
     """Draw a plan without title, axes and legend, for a page that has its own."""
+    picture = replace(picture, has_scale_bar=True)
     aspect = picture.window.height / picture.window.width
-    figure = Figure(figsize=(PANEL_WIDTH, min(aspect, 1.6) * PANEL_WIDTH), layout='constrained')
+    height = min(aspect, 1.6) * PANEL_WIDTH + (SCALE_BAR if picture.in_metres else 0.0)
+    figure = Figure(figsize=(PANEL_WIDTH, height), layout='constrained')
     axes = figure.add_subplot()
     draw(axes, picture)
     axes.set(xticks=[], yticks=[], xlabel='', ylabel='', title='')

@@ -20,6 +20,8 @@ NAMES = ('', 'unknown', 'expanded', 'inflated zone', 'obstacle')
 # A part of a map with so many columns or rows is drawn alone if it is less than this part of the
 # whole. It has a margin of this part of its longer side.
 LARGE, WORTH_CROPPING, MARGIN = 150, 0.6, 0.15
+# It is no slimmer strip than this, where there is more to show.
+SLIMMEST = 0.5
 
 
 class Window(NamedTuple):
@@ -73,8 +75,21 @@ def choose_window(codes: NDArray[np.uint8], points: NDArray[np.float64]) -> Wind
     if not len(busy):
         return known
     part = surroundings(busy, codes, int(MARGIN * max(LARGE / 2, np.ptp(busy, axis=0).max())))
+    part = no_strip(part, known)
     is_small = part.width * part.height < WORTH_CROPPING * known.width * known.height
     return part if is_small and max(known.width, known.height) > LARGE else known
+
+
+def no_strip(part: Window, known: Window) -> Window:
+    """Return a part of what is known with both sides at least SLIMMEST of the other, if it can."""
+    wide = max(0, int(SLIMMEST * part.height) - part.width) // 2
+    high = max(0, int(SLIMMEST * part.width) - part.height) // 2
+    return Window(
+        max(min(known.left, part.left), part.left - wide),
+        max(min(known.bottom, part.bottom), part.bottom - high),
+        min(max(known.right, part.right), part.right + wide),
+        min(max(known.top, part.top), part.top + high),
+    )
 
 
 def surroundings(
