@@ -116,6 +116,17 @@ def test_arrow_keys_move_the_start(open_page):
     expect(start).to_have_attribute('aria-label', re.compile(r'^Start at 40, 8\.'))
 
 
+def test_walls_are_drawn_by_keys(open_page):
+    page = open_page(f'{DEMO}&start=39,18&goal=7,19')
+    page.get_by_role('button', name='Draw wall').click()
+    page.locator('#brush').select_option('1')
+    page.locator('#board canvas').focus()
+    for key in ('ArrowRight', 'ArrowRight', 'Shift+ArrowDown', ' '):
+        page.keyboard.press(key)
+    expect(page.locator('#readout')).to_contain_text('41, 8: obstacle')
+    expect(page).to_have_url(re.compile(r'walls=ch\.1$'))  # cell 41 + 8 * 51 in base 36
+
+
 def test_a_drawn_wall_moves_the_path_and_undo_takes_it_back(open_page):
     page = open_page(f'{DEMO}&method=exact_astar&source=none&start=5,5&goal=45,5')
     free = page.locator('#figures').text_content()

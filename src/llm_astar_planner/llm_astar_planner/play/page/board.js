@@ -15,6 +15,8 @@ export class Board {
     this.canvas = panel.canvas;
     this.callbacks = callbacks;
     this.tool = 'move';
+    // The cell of the brush when it is moved by keys.
+    this.cursor = null;
     this.handles = [];
     this.listen();
   }
@@ -25,6 +27,7 @@ export class Board {
 
   setTool(tool) {
     this.tool = tool;
+    this.showBrush(null);
     for (const button of $('tools').children)
       button.setAttribute('aria-pressed', String(button.dataset.tool === tool));
     $('brush-row').hidden = !['wall', 'erase'].includes(tool);
@@ -70,8 +73,10 @@ export class Board {
     const { map, walls } = this.callbacks.state();
     if (!cell || !map?.has(cell)) {
       $('readout').textContent = '';
+      this.showBrush(null);
       return;
     }
+    this.showBrush(cell);
     const index = cell[1] * map.width + cell[0];
     const blocked = walls ? walls.isBlocked(index) : map.isBlocked(index);
     const isUnknown = map.isUnknown(index) && walls?.edits.get(index) === undefined;
@@ -81,10 +86,10 @@ export class Board {
 
   onDown(event) {
     const { map, ends } = this.callbacks.state();
-    if (!map || !ends || event.button) return;
+    if (!map || event.button) return;
     const cell = this.cellOf(event);
-    if (this.isPainting) this.paint(event, cell);
-    else if (this.tool === 'via') this.callbacks.added(map.clamped(cell));
+    if (ends && this.isPainting) this.paint(event, cell);
+    else if (ends && this.tool === 'via') this.callbacks.added(map.clamped(cell));
     else this.pan(event);
   }
 
@@ -158,12 +163,55 @@ export class Board {
 
   onKey(event) {
     const arrow = ARROWS[event.key];
-    const { map } = this.callbacks.state();
-    if (!arrow || !map || this.panel.viewport.zoom === 1) return;
+    const { map, ends } = this.callbacks.state();
+    const isDrawing = ends && this.tool !== 'move';
+    if (!map || !(isDrawing || this.panel.viewport.zoom > 1)) return;
+    if (!arrow && !(isDrawing && event.key === ' ')) return;
     event.preventDefault();
+    if (!isDrawing) this.panByKey(arrow, map);
+    else if (arrow) this.moveCursor(arrow, event.shiftKey ? FAR : 1, map);
+    else this.useCursor(map.clamped(this.cursor ?? ends.start));
+  }
+
+  panByKey(arrow, map) {
     const step = Math.max(1, Math.round(map.width / (10 * this.panel.viewport.zoom)));
     this.panel.viewport.pan(arrow[0] * step, arrow[1] * step, map);
     this.callbacks.panned();
+  }
+
+  /** Move the brush by cells; it begins at the start. */
+  moveCursor(arrow, step, map) {
+    const [x, y] = this.cursor ?? this.callbacks.state().ends.start;
+    this.cursor = map.clamped([x + step * arrow[0], y + step * arrow[1]]);
+    this.readOut(this.cursor);
+  }
+
+  /** Paint under the brush, or put a via point there. */
+  useCursor(cell) {
+    if (this.tool === 'via') {
+      this.callbacks.added(cell);
+      return;
+    }
+    const { walls } = this.callbacks.state();
+    walls.begin();
+    walls.paint(cell, this.brush, this.tool === 'wall');
+    this.callbacks.painted([...walls.stroke.keys()], walls.end());
+    this.readOut(cell);
+  }
+
+  /** Outline the cells under the brush. */
+  showBrush(cell) {
+    $('cursor').hidden = !cell || this.tool === 'move';
+    if ($('cursor').hidden) return;
+    const { view } = this.panel;
+    const size = view.scale * (this.isPainting ? this.brush : 1);
+    const [x, y] = view.toPixel(cell);
+    Object.assign($('cursor').style, {
+      left: `${x - size / 2}px`,
+      top: `${y - size / 2}px`,
+      width: `${size}px`,
+      height: `${size}px`,
+    });
   }
 
   /** Put a button on each of start, goal and via points. */
