@@ -54,9 +54,12 @@ FRAGMENTS = {
 }
 # What only the slow variant runs, and where else it is run, much smaller.
 SLOW = {
-    r'llm-astar bench .*(--scales|--fail-under|x\.map)': 'test_bench.py, test_grids.py',
+    r'llm-astar bench .*--(scales|fail-under|map |source emb)': 'test_bench.py, test_grids.py',
+    r'llm-astar draw .*--source random': 'test_draw.py',
     r'llm-astar instruct-bench': 'test_instruct_bench.py',
 }
+# What asks a running planner; a page that starts none takes one for granted.
+ASKS = re.compile(r'llm-astar (call|param|watch)')
 # Options that are added to the commands that match, so that they end in seconds.
 SHORTER = {r'llm-astar bench': '--limit 3 --methods guided'}
 SECONDS = 400
@@ -149,6 +152,9 @@ def run_page(page, folder, programs, domain=1, slow=False):
     steps = folder / 'steps'
     steps.mkdir()
     lines = ["trap 'kill $(jobs -p) 2>/dev/null; wait' EXIT"]
+    asks = any(ASKS.match(one.script) for one in todo)
+    if asks and not any(one.script.startswith('llm-astar run') for one in todo):
+        lines.append('llm-astar run >run.txt 2>&1 &')
     for number, command in enumerate(todo):
         step = steps / str(number)
         step.write_text((command.script if slow else shortened(command)) + '\n')
