@@ -27,11 +27,13 @@ LEAK_BASE64, LEAK_HEX, LEAK_DECIMAL = 16, 24, 30
 MAX_DEPTH = 5
 
 _BACKSLASH = re.compile(
-    r'[\\%]u([0-9a-fA-F]{4})|\\(?:u\{([0-9a-fA-F]{1,6})\}|U([0-9a-fA-F]{8})'
-    r'|x([0-9a-fA-F]{2})|([0-7]{3})|[bfnrtv]|(.))',
+    r'\\U([0-9a-fA-F]{8})|[\\%][uU]([0-9a-fA-F]{4})|\\(?:[uU]\{([0-9a-fA-F]{1,6})\}'
+    r'|[xX]([0-9a-fA-F]{2})|([0-7]{3})|[bfnrtv]|(.))',
     re.DOTALL,
 )
-_QUOTED_PRINTABLE = re.compile('=([0-9a-fA-F]{2})')
+# Blanks may stand within an escape too, and in mails = breaks a line.
+_BLANKS = re.compile(r'=\r?\n|\s+')
+_QUOTED_PRINTABLE = re.compile(b'=([0-9a-fA-F]{2})')
 # What stands between letters and digits, the colours of a terminal included.
 _NO_LETTER = re.compile(r'[^0-9a-z\x1b]+|\x1b(?:\[[0-9;]*[a-z])?')
 
@@ -54,6 +56,7 @@ def repeats(text: str, secret: str) -> bool:
         text = ''.join(map(plain, text))
     parts = spellings(secret)
     for _ in range(MAX_DEPTH):
+        text = _BLANKS.sub('', text)
         letters = _NO_LETTER.sub('', text.lower())
         if secret in text or any(part in letters for part in parts):
             return True
@@ -90,10 +93,11 @@ def windows(text: str, length: int) -> Iterator[str]:
 
 def unescape(text: str) -> str:
     """Undo one level of escapes: of JSON and programming languages, URLs, HTML and mails."""
-    text = _BACKSLASH.sub(unescaped, text)
-    text = _QUOTED_PRINTABLE.sub(
-        lambda found: chr(int(found[1], 16)), html.unescape(unquote(text))
+    text = html.unescape(unquote(_BACKSLASH.sub(unescaped, text)))
+    data = _QUOTED_PRINTABLE.sub(
+        lambda found: bytes.fromhex(found[1].decode()), text.encode(errors='replace')
     )
+    text = data.decode(errors='replace')
     return text if text.isascii() else ''.join(map(plain, text))
 
 
@@ -107,9 +111,14 @@ def unescaped(found: re.Match[str]) -> str:
 
 
 def plain(letter: str) -> str:
-    """Return a character without its accents and width: full-width letters become ASCII."""
+    """Return a character without its accents and width: full-width letters become ASCII.
+
+    One that is not seen, such as a joiner of no width, becomes nothing.
+    """
+    if letter.isascii():
+        return letter
     # One by one, since normalising a long run of accents takes quadratic time.
-    return letter if letter.isascii() else unicodedata.normalize('NFKD', letter)
+    return unicodedata.normalize('NFKD', letter) if letter.isprintable() else ''
 
 
 def printable(text: str) -> str:

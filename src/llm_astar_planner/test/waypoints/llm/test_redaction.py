@@ -98,6 +98,10 @@ SPELLINGS = {
     'quoted lines': f'"{KEY[:11]}" +\r\n    "{KEY[11:]}"',
     'spelt with dots': '.'.join(KEY),
     'colours': f'\x1b[1m{KEY[:11]}\x1b[0m{KEY[11:]}',
+    'no width within escapes': '\u200b'.join(code('\\u{:04x}')),
+    'blanks within escapes': ' '.join(code('%{:02x}')),
+    'escapes in capitals': code('\\u{:04x}').upper(),
+    'full width in quoted-printable': quopri.encodestring(wide(0xFEE0).encode()).decode(),
     'its first part': KEY[: 8 + LEAK + 3],
     'a part of it': KEY[9 : 9 + LEAK + 2],
 }
@@ -111,22 +115,30 @@ def source_for(server, **settings):
 
 def leaks(text):
     """Return the texts that show the key once each spelling is undone, by the means of Python."""
-    found = [text]
+    closed = re.sub('[ \u200b]', '', text).replace('\\U00', '\\u00')
+    return [one for start in (text, closed) for one in undone(start) if HIDDEN in letters(one)]
+
+
+def undone(text):
+    """Yield a text in each form that decoders of Python's library give it."""
+    yield text
+    last = text
     for _ in range(3):
-        last = html.unescape(unquote(found[-1])).replace('\\/', '/')
+        last = html.unescape(unquote(last)).replace('\\/', '/')
         raw = last.encode('ascii', 'backslashreplace')
-        found += [re.sub(r'[\\%]u\{?([0-9a-f]{2,4})\}?', lambda code: chr(int(code[1], 16)), last)]
-        found += [quopri.decodestring(raw).decode('latin-1'), re.sub('\x1b\\[0?m', '', last)]
-        found += [last, raw.decode('unicode_escape', 'replace')]
-    for run in re.findall('[A-Za-z0-9+/]{16,}', re.sub(r'\\n|\s', '', found[1])):
+        yield re.sub(r'[\\%]u\{?([0-9a-fA-F]{2,4})\}?', lambda code: chr(int(code[1], 16)), last)
+        yield quopri.decodestring(last.encode(errors='replace')).decode('utf-8', 'replace')
+        yield re.sub('\x1b\\[0?m', '', last)
+        last = raw.decode('unicode_escape', 'replace')
+        yield last
+    for run in re.findall('[A-Za-z0-9+/]{16,}', re.sub(r'\\n|\s', '', unquote(text))):
         for start in range(4):
             part = run[start:]
-            found.append(base64.b64decode(part[: len(part) // 4 * 4]).decode('latin-1'))
+            yield base64.b64decode(part[: len(part) // 4 * 4]).decode('latin-1')
     for run in re.findall('(?:[0-9a-f]{2}:?){12,}', text.lower()):
-        found.append(bytes.fromhex(run.replace(':', '')).decode('latin-1'))
+        yield bytes.fromhex(run.replace(':', '')).decode('latin-1')
     for run in re.findall(r'(?:\d{2,3}, ){12,}', text):
-        found.append(''.join(map(chr, map(int, run.split(', ')[:-1]))))
-    return [one for one in found if HIDDEN in letters(one)]
+        yield ''.join(map(chr, map(int, run.split(', ')[:-1])))
 
 
 @pytest.mark.parametrize('name', SPELLINGS)
@@ -144,6 +156,7 @@ def test_ordinary_texts_stay_as_they_are():
         GOOD * 50,
         'caf\u00e9 \u2192 100 % of \\alpha &amp; =3D, base64 like Q2xhdWRl',
         json.dumps([[index, 3 * index % 50] for index in range(500)]),
+        f'{"=" * 80}\n{"-" * 80}\n| a | b |\n{"%" * 9} {"&" * 9} C:\\\\x \\frac{{1}}{{2}} \u2550',
     ):
         assert redact(text, KEY) == text
     assert redact('a secret', 'short') == 'a secret'
