@@ -29,3 +29,12 @@ def short_repr(value: object) -> str:
 def shortened(text: str, most: int = SHOWN) -> str:
     """Return a text for a message, cut off where it has more than `most` characters."""
     return text if len(text) <= most else text[: most - 3] + '...'
+
+
+def printable(text: str) -> str:
+    """Return `text` in one line, with a question mark for each character that cannot be shown.
+
+    So no control byte or text direction of a file or a server reaches a terminal.
+    """
+    line = ' '.join(text.split())
+    return ''.join(letter if letter.isprintable() else '?' for letter in line)

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, printable
 
 from llm_astar_planner import __version__
 from llm_astar_planner.parameter import ParameterError, nearest_name
@@ -167,7 +167,7 @@ def module_of(command: str) -> str:
 
 def fail(message: str, code: int) -> int:
     """Print an error in one line; return its exit code."""
-    sys.stderr.write(f'llm-astar: error: {message}\n')
+    sys.stderr.write(f'llm-astar: error: {printable(message)}\n')
     return code
 
 

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from llm_astar_msgs_adapter.errors import printable
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.places import Places
 from tqdm import tqdm
@@ -351,7 +352,7 @@ def close_run(
 
 def complain(args: argparse.Namespace, message: str, code: int) -> int:
     """Write a message with the command's name to stderr; return `code`."""
-    sys.stderr.write(f'llm-astar {args.command}: {message}\n')
+    sys.stderr.write(f'llm-astar {args.command}: {printable(message)}\n')
     return code
 
 

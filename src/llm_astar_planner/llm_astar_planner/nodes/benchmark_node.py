@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, printable
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
@@ -185,7 +185,7 @@ def close_run(folder: ResultsFolder, metadata: dict[str, Any], seed: int, code: 
 
 def report_error(message: str, code: int) -> int:
     """Write an error to stderr; return `code`."""
-    sys.stderr.write(f'error: {message}\n')
+    sys.stderr.write(f'error: {printable(message)}\n')
     return code
 
 

@@ -522,6 +522,17 @@ def test_an_unknown_name_in_a_parameter_file_names_the_file_and_the_nearest_name
         assert words in err
 
 
+def test_what_a_file_says_controls_no_terminal(capsys, tmp_path):
+    (tmp_path / 'map.yaml').write_text(
+        'image: "x\\e[2J.pgm"\nresolution: 1.0\norigin: [0, 0, 0]\noccupied_thresh: 0.65\n'
+        'free_thresh: 0.2\nnegate: 0\n'
+    )
+    code, out, err = run(capsys, 'plan', '--map', str(tmp_path / 'map.yaml'), *HOUSE[2:])
+    assert (code, out) == (2, '')
+    assert 'x?[2J.pgm' in err
+    assert '\x1b' not in err
+
+
 def test_every_parameter_that_decides_a_plan_has_a_flag(capsys):
     with pytest.raises(SystemExit):
         main(['plan', '--help'])

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, printable
 from rclpy._rclpy_pybind11 import InvalidHandle, RCLError, UnknownROSArgsError
 from rclpy.context import Context
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
@@ -221,7 +221,7 @@ def user_message(error: Exception) -> str | None:
         return f'unknown ROS arguments: {error}'
     if isinstance(error, (*USER_ERRORS, RCLError)):
         # rcl describes files and arguments that it cannot read in several lines.
-        return ' '.join(str(error).split())
+        return printable(str(error))
     return None
 
 
@@ -238,7 +238,7 @@ def end_threads(executor: Executor | None) -> None:
 
 def fail(message: str) -> int:
     """Print why a node cannot start; return its exit code."""
-    sys.stderr.write(f'error: {message}\n')
+    sys.stderr.write(f'error: {printable(message)}\n')
     return 2
 
 

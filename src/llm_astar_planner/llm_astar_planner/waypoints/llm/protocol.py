@@ -8,7 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from llm_astar_planner.waypoints.llm.redaction import printable
+from llm_astar_msgs_adapter.errors import printable
+
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure, is_retryable, retry_after
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 from llm_astar_planner.waypoints.source import Message, SourceStatus

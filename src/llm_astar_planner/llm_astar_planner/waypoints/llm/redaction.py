@@ -119,12 +119,3 @@ def plain(letter: str) -> str:
         return letter
     # One by one, since normalising a long run of accents takes quadratic time.
     return unicodedata.normalize('NFKD', letter) if letter.isprintable() else ''
-
-
-def printable(text: str) -> str:
-    """Return `text` in one line, with a question mark for each character that cannot be shown.
-
-    So no control byte or text direction of a server reaches a terminal.
-    """
-    line = ' '.join(text.split())
-    return ''.join(letter if letter.isprintable() else '?' for letter in line)

@@ -11,9 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
 from email.utils import parsedate_to_datetime
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, printable
 
-from llm_astar_planner.waypoints.llm.redaction import printable
 from llm_astar_planner.waypoints.source import SourceStatus
 
 MAX_DETAIL = 300
