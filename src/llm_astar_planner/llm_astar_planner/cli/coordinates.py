@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.grid_map import FAR, GridMap
 
 from llm_astar_planner.benchmark.datasets.grids import YAML
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
@@ -32,10 +32,12 @@ class Coordinates:
     def to_cell(self, option: str, point: Sequence[float]) -> Cell:
         """Return the cell (x, y) of a point that an option names, on the map or off it.
 
-        Raises ParameterError for a cell that is not two whole numbers, and GridMapError for a
-        point that is not finite.
+        Raises ParameterError for a cell that is not two whole numbers, and for a point that is
+        not finite or farther than any map.
         """
         x, y = point
+        if not max(abs(x), abs(y)) <= FAR:
+            raise ParameterError(f'{option} {x:g} {y:g}: numbers up to {FAR:g} are expected')
         if self.metres:
             return self.grid_map.world_to_cell(x, y)
         if not (float(x).is_integer() and float(y).is_integer()):

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, find_barrier_map
+from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.movingai import load_map
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Place, Places
 from llm_astar_msgs_adapter.maps.places_file import load_places, places_beside
 from llm_astar_msgs_adapter.maps.places_problems import places_problems
 
+from llm_astar_planner.benchmark.datasets.grids import BARE_MAP
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps
 from llm_astar_planner.cli.flags import add_old_flag
 from llm_astar_planner.planning.parameters import PLANNER
@@ -19,8 +23,8 @@ from llm_astar_planner.resources import find_file
 
 # What --map takes.
 MAP_KINDS = (
-    "a robot's map as a map_server yaml, a MovingAI x.map.scen, or barrier-map JSON; a path or a "
-    'name in maps/'
+    "a robot's map as a map_server yaml, a MovingAI x.map or x.map.scen, or barrier-map JSON; a "
+    'path or a name in maps/'
 )
 # Decimals of metres in listings.
 DECIMALS = 3
@@ -77,10 +81,21 @@ def add_places_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its 
 
 def open_maps(arguments: argparse.Namespace) -> tuple[list[ProblemMap], ProblemMap]:
     """Return all maps of `--map` and the one of `--map-id`; raises what reading them raises."""
-    maps = load_maps(find_file(arguments.map, 'maps'))
+    maps = maps_of(find_file(arguments.map, 'maps'))
     if arguments.map_id in (None, maps[0].id):
         return maps, maps[0]
     return maps, find_barrier_map(barrier_maps_of(maps), arguments.map_id)
+
+
+def maps_of(path: Path) -> list[ProblemMap]:
+    """Return the maps of a file. Raises what reading them raises, which says what a map is."""
+    if path.suffix.lower() in BARE_MAP:
+        return [GridProblem(0, load_map(path))]
+    try:
+        return load_maps(path)
+    except BarrierMapError as error:
+        known = '' if path.suffix.lower() == '.json' else f'; --map takes {MAP_KINDS}'
+        raise BarrierMapError(f'{error}{known}') from None
 
 
 def barrier_maps_of(maps: list[ProblemMap]) -> list[BarrierMap]:

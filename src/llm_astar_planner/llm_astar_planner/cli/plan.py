@@ -302,7 +302,8 @@ def pair_of(arguments: argparse.Namespace, problem: ProblemMap) -> Sample:
     """Return the start-goal pair of `--pair`. Raises ParameterError where there is none."""
     if not 0 <= arguments.pair < len(problem.samples):
         count = len(problem.samples)
-        raise ParameterError(f'--pair {arguments.pair}: map {problem.id} has {count} pairs')
+        fix = '' if count else '; give --start and --goal'
+        raise ParameterError(f'--pair {arguments.pair}: map {problem.id} has {count} pairs{fix}')
     sample: Sample = problem.samples[arguments.pair]
     return sample
 

@@ -118,7 +118,7 @@ class InstructedSearch:
         problem = enforcer.strict()
         segment = None if problem is None else self.solve(problem)
         if segment is None and self.policy == REQUIRE:
-            message = 'no path keeps to every clause of the instruction'
+            message = 'every way breaks a clause of the instruction (the policy is require)'
             raise PlanningFailure(ResultCode.NO_VALID_PATH, message)
         if segment is None:
             self.is_kept = False
@@ -286,6 +286,8 @@ def required_problem(outcome: InstructionOutcome) -> str | None:
 def with_outcome(plan: Plan, outcome: InstructionOutcome) -> Plan:
     """Return a plan that says what became of the instruction."""
     words = outcome.interpretation.status.value
+    if plan.code and outcome.interpretation.status is Understanding.WHOLE and not outcome.clauses:
+        return replace(plan, instruction=outcome)
     if outcome.clauses:
         words = f'{count_satisfied(outcome.clauses)} of {len(outcome.clauses)} clauses satisfied'
     return replace(plan, instruction=outcome, message=f'{plan.message}; instruction: {words}')

@@ -247,6 +247,15 @@ def test_sources_that_need_a_visibility_graph_are_refused_on_large_maps():
         assert 'corners' in reply.detail
 
 
+def test_plan_takes_a_movingai_map_without_its_scenarios(tmp_path, capsys):
+    map_file = str(write_movingai(tmp_path)).removesuffix('.scen')
+    assert cli.main(['plan', '--map', map_file]) == 2
+    assert 'map 0 has 0 pairs; give --start and --goal' in capsys.readouterr().err
+    ends = ('--start', '0', '0', '--goal', '1', '0')
+    assert cli.main(['plan', '--map', map_file, '--source', 'none', *ends]) == 0
+    assert capsys.readouterr().out.startswith('path found: 1.00 cells, ')
+
+
 def test_plan_takes_a_grid_in_cells(tmp_path, capsys):
     dataset = write_movingai(tmp_path)
     words = ('plan', '--map', str(dataset), '--method', 'exact_astar', '--json')
