@@ -116,6 +116,19 @@ def test_arrow_keys_move_the_start(open_page):
     expect(start).to_have_attribute('aria-label', re.compile(r'^Start at 40, 8\.'))
 
 
+def test_a_via_point_is_added_by_a_click_and_removed_by_a_key(open_page):
+    page = open_page(f'{DEMO}&start=39,18&goal=7,19')
+    direct = page.locator('#figures').text_content()
+    page.get_by_role('button', name='Via point').click()
+    box = page.locator('#board canvas').bounding_box()
+    page.mouse.click(box['x'] + 0.5 * box['width'], box['y'] + 0.75 * box['height'])
+    wait_for_other(page, direct)
+    expect(page.locator('#legend')).to_contain_text('via point')
+    page.locator('[data-handle="0"]').press('Delete')
+    expect(page.locator('[data-handle="0"]')).to_have_count(0)
+    expect(page.locator('#legend')).not_to_contain_text('via point')
+
+
 def test_walls_are_drawn_by_keys(open_page):
     page = open_page(f'{DEMO}&start=39,18&goal=7,19')
     page.get_by_role('button', name='Draw wall').click()
