@@ -81,7 +81,10 @@ def test_the_codes_of_the_actions_are_those_of_the_table(row):
         assert ours == f'`{name}`'
 
 
-@pytest.mark.parametrize('section', [name for name, text in SECTIONS.items() if '|---' in text])
+COMPARED = [name for name, text in SECTIONS.items() if '|---' in text and name != 'Times']
+
+
+@pytest.mark.parametrize('section', COMPARED)
 def test_every_row_says_what_is_the_same_what_differs_and_what_is_missing(section):
     verdict = re.compile(
         r'same|differs( because|:)|differs in|as (NavFn|Smac 2D)|\[below\]|of tf2'
