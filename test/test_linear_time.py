@@ -5,10 +5,14 @@ leads there and an end that does not match, so that a pattern which can match in
 to try them all.
 """
 
+import ast
+import contextlib
 import importlib
+import pkgutil
 import re
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from re import _constants as codes
 from re import _parser as parser
 from typing import Any, NamedTuple
@@ -127,3 +131,85 @@ def test_reading_takes_linear_time(name):
             assert small < 3 * SHORT, text_of(80)
             large = seconds(reader.read, text_of(LARGE)[:LARGE])
             assert large < max(10 * small, 3 * SHORT), text_of(80)
+
+
+def modules_of(package: str) -> Iterator[Any]:
+    """Import every module of a package, but for those whose libraries are not installed."""
+    root = importlib.import_module(package)
+    for found in pkgutil.walk_packages(root.__path__, f'{package}.'):
+        if not found.name.endswith('__main__'):
+            with contextlib.suppress(ImportError):
+                yield importlib.import_module(found.name)
+
+
+def calls_of(module: Any) -> Iterator[tuple[str, str, str]]:
+    """Yield the calls of methods: the name before the dot, the method, the first text if any."""
+    for node in ast.walk(ast.parse(Path(module.__file__).read_text(encoding='utf-8'))):
+        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)):
+            continue
+        if isinstance(node.func.value, ast.Name):
+            first = node.args[0] if node.args else None
+            text = first.value if isinstance(first, ast.Constant) else ''
+            yield node.func.value.id, node.func.attr, str(text)
+
+
+class Used(NamedTuple):
+    """A pattern, and whether it is looked for anywhere in a text."""
+
+    pattern: re.Pattern[str]
+    is_searched: bool
+
+
+def every_pattern() -> dict[str, Used]:
+    """Return all patterns of both packages by where they are."""
+    found: dict[str, Used] = {}
+    for package in ('llm_astar_msgs_adapter', 'llm_astar_planner'):
+        for module in modules_of(package):
+            calls = list(calls_of(module))
+            for name, value in vars(module).items():
+                methods = {method for owner, method, _ in calls if owner == name}
+                if isinstance(value, re.Pattern) and methods:
+                    is_searched = not methods <= {'fullmatch', 'match'}
+                    found[f'{module.__name__}.{name}'] = Used(value, is_searched)
+            for owner, method, text in calls:
+                if owner == 're' and method != 'compile' and text:
+                    is_searched = method not in ('fullmatch', 'match')
+                    found[f'{module.__name__}: {text}'] = Used(re.compile(text), is_searched)
+    return found
+
+
+# What is applied to few characters alone may take more time; so many each.
+BOUNDED = {
+    # Of the name of a file.
+    r'llm_astar_msgs_adapter.bags.files: (\d+)(?=\.)': 255,
+    # Of a bracket group with a point.
+    'llm_astar_planner.waypoints.prompts.reply_parser._OBJECT_X': 200,
+    'llm_astar_planner.waypoints.prompts.reply_parser._OBJECT_Y': 200,
+    # Of the text before a list of points.
+    'llm_astar_planner.waypoints.prompts.reply_parser._PATH_LABEL': 80,
+    'llm_astar_planner.waypoints.prompts.reply_parser._SELECTED': 40,
+}
+PATTERNS = every_pattern()
+
+
+@pytest.mark.parametrize('name', PATTERNS)
+def test_every_pattern_takes_linear_time_by_itself(name):
+    (pattern, is_searched), most = PATTERNS[name], BOUNDED.get(name, LARGE // 2)
+
+    def read(text: str) -> None:
+        if is_searched:
+            for _ in pattern.finditer(text):
+                pass
+        else:
+            pattern.match(text)
+            pattern.fullmatch(text)
+
+    for text_of in worst_texts(pattern):
+        small = seconds(read, text_of(most // 8)[: most // 8])
+        assert small < SHORT, text_of(80)
+        assert seconds(read, text_of(most)[:most]) < max(10 * small, SHORT), text_of(80)
+
+
+def test_the_patterns_of_both_packages_are_found():
+    assert len(PATTERNS) > 20
+    assert BOUNDED.keys() <= PATTERNS.keys()

@@ -20,7 +20,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import FOOTER_SIZE, MAGIC_SIZE
+from mcap.reader import FOOTER_SIZE
 from mcap.records import Channel as McapChannel
 from mcap.records import (
     Chunk,
@@ -90,7 +90,7 @@ class McapReader:
         The mcap library's own reader of it would open every chunk of a file that says that its
         summary begins before them. Raises one of DAMAGE.
         """
-        self._file.seek(-(FOOTER_SIZE + MAGIC_SIZE), SEEK_END)
+        self._file.seek(-(FOOTER_SIZE + len(MAGIC)), SEEK_END)
         footer = next(iter(summary_records(self._file)))
         if not isinstance(footer, Footer) or footer.summary_start == 0:
             return

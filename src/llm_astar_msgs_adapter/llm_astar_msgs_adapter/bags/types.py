@@ -69,7 +69,8 @@ DEFINITION_ERRORS = (
 MAX_DEFINITION = 2**18
 # rosbags' parser takes exponential time for brackets in brackets, of which ROS's IDL has few.
 MAX_BRACKETS = 4
-IDL_TEXTS = re.compile(r'"(?:[^"\\]|\\.)*"|//[^\n]*|/\*.*?\*/', re.DOTALL)
+# One that does not end goes on to the end: to look for the end of each would take quadratic time.
+IDL_TEXTS = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
 # rosbags generates code for every element of an array of messages.
 MAX_ELEMENTS = 10_000
 

@@ -113,10 +113,12 @@ def parse_grid_problem(entry: dict[str, Any], where: str = 'grid problem') -> Gr
 
 def cell_count(entry: Mapping[str, Any], where: str) -> int:
     """Return how many cells a grid problem says it has. Raises GridProblemError."""
-    sides = [entry.get('height'), entry.get('width')]
-    if not all(type(side) is int and 0 < side <= MAX_CELLS for side in sides):
-        raise GridProblemError(f'{where}: height, width: whole numbers above 0 are expected')
-    count: int = sides[0] * sides[1]
+    count = 1
+    for name in ('height', 'width'):
+        side = entry.get(name)
+        if type(side) is not int or not 0 < side <= MAX_CELLS:
+            raise GridProblemError(f'{where}: {name}: a whole number above 0 is expected')
+        count *= side
     if count > MAX_CELLS:
         raise GridProblemError(f'{where}: height, width: over {MAX_CELLS} cells')
     return count

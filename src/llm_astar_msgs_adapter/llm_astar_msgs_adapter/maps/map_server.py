@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr, shortened
 from llm_astar_msgs_adapter.files import read_yaml
 from llm_astar_msgs_adapter.maps.grid_map import (
     FREE,
@@ -44,8 +44,10 @@ FORMATS = ('PPM', 'PNG', 'BMP', 'JPEG')
 # What Pillow raises for damaged images, besides UnidentifiedImageError.
 IMAGE_ERRORS = (
     OSError, SyntaxError, ValueError, TypeError, LookupError, ArithmeticError, EOFError,
-    struct.error, zlib.error, Image.DecompressionBombError,
+    MemoryError, struct.error, zlib.error, Image.DecompressionBombError,
 )  # fmt: skip
+# Characters of a file's name in errors.
+MAX_NAME = 500
 # Pixels that are converted at a time: about 20 MB.
 STRIP_PIXELS = 2**19
 
@@ -131,9 +133,9 @@ def read_image(image: Path, path: Path, shades: Shades) -> NDArray[np.int8]:
     `path` is the yaml file, for errors. The image is converted in strips, so that it takes at
     most six bytes a cell.
     """
-    if image.exists() and not image.is_file():
-        raise MapServerError(f'{path}: image: {image}: is not a regular file')
     try:
+        if image.exists() and not image.is_file():
+            raise MapServerError(f'{path}: image: {image}: is not a regular file')
         # By its contents, whatever its name; other formats may start other programs.
         with no_size_warning(), Image.open(image, formats=FORMATS) as picture:
             if picture.width * picture.height > MAX_CELLS:
@@ -145,8 +147,9 @@ def read_image(image: Path, path: Path, shades: Shades) -> NDArray[np.int8]:
     except MapServerError:
         raise
     except IMAGE_ERRORS as error:
-        reason = getattr(error, 'strerror', None) or error
-        raise MapServerError(f'{path}: image: {image}: {reason}') from None
+        reason = getattr(error, 'strerror', None) or str(error) or 'is damaged'
+        shown = shortened(str(image), MAX_NAME)
+        raise MapServerError(f'{path}: image: {shown}: {reason}') from None
 
 
 @contextmanager

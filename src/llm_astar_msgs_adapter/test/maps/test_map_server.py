@@ -69,6 +69,7 @@ def test_raw_mode_is_the_shade_up_to_a_hundred(tmp_path):
         ({'negate': '2'}, 'negate: 0 or 1'),
         ({'image': 'none.png'}, r'image: .*none\.png'),
         ({'image': '7'}, 'image: a file name'),
+        ({'image': 'x' * 3000}, 'image: .*xxx.*: File name too long'),
         ({'image': 'x.yaml'}, 'image: .* is not an image'),
     ],
 )

@@ -21,7 +21,7 @@ from llm_astar_planner.search._kernels import moves as move_kernels
 from llm_astar_planner.search.packed_grid import PackedGrid
 from llm_astar_planner.search.result import Cell
 
-# Units of length, (straight, diagonal): 3363 / 2378 is sqrt(2) to 6e-8. The coarse pair is for
+# Units of length, (straight, diagonal): 3363 / 2378 is sqrt(2) to 5e-8. The coarse pair is for
 # paths so long that the fine one would not fit 32 bits (over 900 thousand cells).
 FINE_UNITS = (2378, 3363)
 COARSE_UNITS = (70, 99)
@@ -114,6 +114,7 @@ class GridGraph:
         self.corner_cutting = corner_cutting
         # The surcharge of each cell, uint16 [cells], in 1/256; empty without graded costs.
         self.cell_surcharge: NDArray[np.uint16] = np.zeros(0, dtype=np.uint16)
+        self.cost = None if cost is None else np.asarray(cost)
         self.cost_multiplier = cost_multiplier
         self.unknown_cost = unknown_cost
         if cost is not None:
@@ -136,7 +137,7 @@ class GridGraph:
         This graph stays valid. Both share their idle workspaces where these fit both.
         """
         grid = copy.copy(self)
-        grid.blocked = blocked
+        grid.blocked, grid.cost = blocked, cost
         grid.moves = self.moves.copy()
         move_kernels.build_moves(blocked, self.corner_cutting, windows, grid.moves)
         if cost is None:
@@ -187,6 +188,34 @@ class GridGraph:
         if 0 <= x < self.width and 0 <= y < self.height:
             return int(y) * self.width + int(x)
         raise ValueError(f'cell ({x}, {y}) is off a grid of {self.width} x {self.height}')
+
+    @property
+    def rounding(self) -> float:
+        """How many times its units the exact cost of a path may be: 1 on uniform costs.
+
+        Prices are rounded down to 1/256, and the price of a move to a unit.
+        """
+        if not self.cell_surcharge.size:
+            return 1.0
+        diagonals = self.diagonal / (self.straight * math.sqrt(2.0))
+        return (1.0 + 1.0 / SURCHARGE_ONE) * (1.0 + 1.0 / (self.straight - 1)) * diagonals
+
+    def proven(
+        self, path: NDArray[np.int32], units: float, bound: float
+    ) -> tuple[float, float, float]:
+        """Return a path's cost and its lower bound, in cells, and their ratio, at least 1.
+
+        `units` is the cost of the path in units and `bound` what no path costs less than. With
+        graded costs the cost is computed exactly, and the bound holds for exact costs, too, since
+        units are rounded down; only their diagonal moves are longer, by 5e-8, than exact ones.
+        """
+        bound = min(bound, units)
+        if not self.cell_surcharge.size:
+            ratio = max(1.0, units / bound) if bound > 0 else 1.0
+            return units / self.straight, bound / self.straight, ratio
+        cost = path_cost(self, path)
+        lower_bound = min(cost, bound / self.diagonal * math.sqrt(2.0))
+        return cost, lower_bound, cost / lower_bound if lower_bound > 0.0 else 1.0
 
     def octile(self, cell: Cell, other: Cell) -> int:
         """Return the octile distance between two cells in units: the least a path can cost."""
@@ -242,6 +271,16 @@ def path_units(grid: GridGraph, path: NDArray[np.int32]) -> int:
     return int(units.sum())
 
 
+def path_cost(grid: GridGraph, path: NDArray[np.int32]) -> float:
+    """Return the cost of a path [n, 2] of single moves in cells, not rounded but as a float."""
+    lengths = np.where(np.abs(np.diff(path, axis=0)).sum(axis=1) == 2, math.sqrt(2.0), 1.0)
+    if grid.cost is None:
+        return math.fsum(lengths)
+    costs = grid.cost[path[:, 1], path[:, 0]]
+    prices = shares_of(costs, grid.unknown_cost) * grid.cost_multiplier
+    return math.fsum(lengths * (1.0 + (prices[:-1] + prices[1:]) / 2.0))
+
+
 def cell_surcharges(
     cost: ArrayLike, shape: tuple[int, ...], cost_multiplier: float, unknown_cost: int
 ) -> NDArray[np.uint16]:
@@ -277,9 +316,15 @@ def surcharges_of(
     costs: NDArray[Any], cost_multiplier: float, unknown_cost: int
 ) -> NDArray[np.uint16]:
     """Turn costs 0 to 100 into surcharges, of the same shape, in 1/256 of a move's length."""
+    shares = shares_of(costs, unknown_cost)
+    # Rounded down: what is proven with these prices holds for the exact ones.
+    return np.floor(shares * cost_multiplier * SURCHARGE_ONE).astype(np.uint16)
+
+
+def shares_of(costs: NDArray[Any], unknown_cost: int) -> NDArray[np.float64]:
+    """Turn costs 0 to 100 into 0 to 1; those below 0 count as `unknown_cost`."""
     known = np.where(costs < 0, unknown_cost, np.nan_to_num(costs.astype(np.float64)))
-    shares = np.clip(known, 0.0, 100.0) / 100.0
-    return np.rint(shares * cost_multiplier * SURCHARGE_ONE).astype(np.uint16)
+    return np.asarray(np.clip(known, 0.0, 100.0) / 100.0)
 
 
 def whole(shape: tuple[int, ...]) -> NDArray[np.int64]:

@@ -227,7 +227,7 @@ class _Query:
         if plain.best == plain_kernels.NO_PATH or self.max_suboptimality is None:
             return plain.best < plain_kernels.NO_PATH
         # Rounded down: the bound reported is never above the one asked for.
-        limit = math.floor(self.max_suboptimality * kernels.ONE)
+        limit = math.floor(self.max_suboptimality / plain.grid.rounding * kernels.ONE)
         return plain.best * kernels.ONE <= plain.bound * limit
 
 
@@ -316,7 +316,7 @@ class _Run:
         self.waypoints: NDArray[np.float64] | None = None
         self.expansions = self.fewest_moves = self.plain_first = 0
         self.status = self.plain.status
-        self.best = plain_kernels.NO_PATH
+        self.best = self.units = plain_kernels.NO_PATH
         self.solution: AnytimeSolution | None = None
         self.first = (0, math.inf)
         is_plain = not jumps and not len(self.plain.active)
@@ -429,7 +429,8 @@ class _Run:
         set. So a path that improves on g may still cost more than the path noted before.
         """
         path, length, units = searched.path()
-        cost, lower_bound, suboptimality_bound = self.costs(units)
+        proven = self.plain.grid.proven(path, units, self.plain.bound)
+        cost = proven[0]
         if self.solution is None:
             self.first = self.expansions, cost
         elif cost > self.solution.cost:
@@ -441,17 +442,10 @@ class _Run:
             np.zeros((0, 0), dtype=np.bool_),
             path,
             length,
-            cost,
-            lower_bound,
-            suboptimality_bound,
+            *proven,
         )
+        self.units = units
         return self.solution
-
-    def costs(self, units: int) -> tuple[float, float, float]:
-        """Return a path's cost and the lower bound, in cells, and their proven ratio."""
-        bound, straight = self.plain.bound, self.plain.grid.straight
-        proven = max(1.0, units / bound) if bound > 0 else 1.0
-        return units / straight, min(bound, units) / straight, proven
 
     def result(self, *, want_expanded: bool) -> GuidedResult:
         """Return what is known now."""
@@ -464,9 +458,9 @@ class _Run:
                 led.add_expanded(expanded)
         costs = math.inf, math.inf, math.inf
         if best is not None:
-            costs = self.costs(round(best.cost * plain.grid.straight))
+            costs = plain.grid.proven(best.path, self.units, plain.bound)
         elif status is not SearchStatus.EXHAUSTED:
-            costs = math.inf, plain.bound / plain.grid.straight, math.inf
+            costs = math.inf, plain.bound / plain.grid.diagonal * math.sqrt(2.0), math.inf
         return GuidedResult(
             status,
             self.expansions,

@@ -194,7 +194,8 @@ class HeadingSearch:
                 break
             path = np.empty((count, 2), dtype=np.int32)
         path = path[-count:].copy()
-        cost = (int(self._costs[state]) - 1) / self.grid.straight
+        units = int(self._costs[state]) - 1
+        proven = self.grid.proven(path, units, units)
         expanded = np.zeros((0, 0), dtype=np.bool_)
         if want_expanded:
             closed = (self._came & kernels.CLOSED).reshape(*self.grid.blocked.shape, HEADINGS)
@@ -202,5 +203,5 @@ class HeadingSearch:
         storage = int(self._control[kernels.H_STORAGE])
         return BoundedResult(
             SearchStatus.FOUND, self.expansions, storage, expanded, path, path_length(path),
-            cost, cost, 1.0, self.expansions, cost,
+            *proven, self.expansions, proven[0],
         )  # fmt: skip

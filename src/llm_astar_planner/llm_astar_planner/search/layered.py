@@ -79,7 +79,7 @@ class VisitProblem:
 
 @dataclass(frozen=True, eq=False)
 class LayeredResult(BoundedResult):
-    """A bounded result of a visit problem: the optimum if found, its bound 1.0.
+    """A bounded result of a visit problem: the optimum if found, but for rounding.
 
     `visited_at` has for each region of `visits`, group by group, the index in the path of the
     cell where it counts; empty without a path. `layers` is the number of layers entered.
@@ -276,7 +276,7 @@ class LayeredSearch:
         counts = int(control[kernels.C_EXPANSIONS]), int(control[kernels.C_STORAGE])
         path = empty_path()
         visited_at: tuple[int, ...] = ()
-        cost = math.inf
+        cost = ratio = math.inf
         lower_bound = (int(control[kernels.C_LAST]) << plain_kernels.BUCKET_BITS) / graph.straight
         if status is SearchStatus.EXHAUSTED:
             lower_bound = math.inf
@@ -284,6 +284,7 @@ class LayeredSearch:
             path = self.path()
             visited_at = self.visited_at(path)
             cost = lower_bound = float(self._best[0]) / graph.straight
+            ratio = graph.rounding
         self._memory.give_back(slots)
         return LayeredResult(
             status,
@@ -293,7 +294,7 @@ class LayeredSearch:
             path_length(path),
             cost,
             lower_bound,
-            1.0 if len(path) else math.inf,
+            ratio,
             counts[0],
             cost,
             visited_at,

@@ -1,9 +1,12 @@
 """The exact A* against a plain Dijkstra, published lengths and small grids worked by hand."""
 
 import csv
+import heapq
 import math
 import os
 import threading
+from fractions import Fraction
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +17,7 @@ from llm_astar_msgs_adapter.maps.movingai import load_map
 from llm_astar_planner.search import grid_graph
 from llm_astar_planner.search.astar import exact_astar, shortest_path
 from llm_astar_planner.search.grid_graph import GridGraph
+from llm_astar_planner.search.guided import guided
 from llm_astar_planner.search.result import SearchStatus
 
 
@@ -30,9 +34,9 @@ def test_it_is_exact_on_random_grids(query):
         assert cost == math.inf
         return
     assert result.status is SearchStatus.FOUND
-    assert result.suboptimality_bound == 1.0
-    # Fixed-point costs round each move down by less than a unit.
-    assert result.cost == pytest.approx(truth, abs=len(result.path) / grid.straight + 1e-6)
+    assert 1.0 <= result.suboptimality_bound <= grid.rounding
+    assert truth * (1 - 1e-7) <= result.cost <= result.suboptimality_bound * truth * (1 + 1e-7)
+    assert result.lower_bound <= truth * (1 + 1e-7)
     assert_path(grid, result.path, start, goal, result.cost)
     assert_path(grid, path, start, goal, result.cost)
 
@@ -157,3 +161,63 @@ def test_a_very_long_path_is_searched_in_coarse_units():
     assert result.length == fine.length
     assert result.cost == pytest.approx(fine.cost, rel=1e-4)
     assert shortest_path(huge, (0, 0), (399, 1))[1] == result.cost
+
+
+# The square root of 2, to 40 digits.
+ROOT = Fraction(math.isqrt(2 * 10**80), 10**40)
+
+
+def exact_costs(costs, multiplier, start):
+    """Return the least cost from a cell to each other one in exact fractions, by Dijkstra."""
+    height, width = costs.shape
+    prices = [[Fraction(multiplier) * int(cost) / 100 for cost in row] for row in costs]
+    least, heap = {start: Fraction(0)}, [(Fraction(0), start)]
+    while heap:
+        done, (x, y) = heapq.heappop(heap)
+        if done > least[x, y]:
+            continue
+        for dx, dy in product((-1, 0, 1), repeat=2):
+            near = x + dx, y + dy
+            if (dx or dy) and 0 <= near[0] < width and 0 <= near[1] < height:
+                length = ROOT if dx and dy else Fraction(1)
+                price = (prices[y][x] + prices[near[1]][near[0]]) / 2
+                cost = done + length * (1 + price)
+                if cost < least.get(near, cost + 1):
+                    least[near] = cost
+                    heapq.heappush(heap, (cost, near))
+    return least
+
+
+def exact_cost_of(path, costs, multiplier):
+    """Return what a path costs in exact fractions."""
+    total = Fraction(0)
+    for (x, y), (to_x, to_y) in pairwise(path.tolist()):
+        price = Fraction(multiplier) * (int(costs[y, x]) + int(costs[to_y, to_x])) / 200
+        total += (ROOT if x != to_x and y != to_y else 1) * (1 + price)
+    return total
+
+
+@pytest.mark.parametrize('multiplier', [0.3, 2.0, 7.77])
+def test_every_claim_holds_for_exact_costs(multiplier):
+    random = np.random.default_rng(3)
+    worst = 1.0
+    for _ in range(12):
+        costs = random.choice([0, 1, 5, 6, 37, 98], (14, 18)).astype(np.int8)
+        grid = GridGraph(costs > 100, cost=costs, cost_multiplier=multiplier)
+        start, goal = (0, int(random.integers(14))), (17, int(random.integers(14)))
+        optimum = exact_costs(costs, multiplier, start)[goal]
+        waypoints = random.uniform(0, 14, (2, 2))
+        for found in (
+            exact_astar(grid, start, goal),
+            guided(grid, start, goal, waypoints),
+            guided(grid, start, goal, waypoints, max_suboptimality=1.02),
+        ):
+            cost = exact_cost_of(found.path, costs, multiplier)
+            # What floats lose.
+            slack = Fraction(1 + 1e-12)
+            assert found.cost == pytest.approx(float(cost), rel=1e-12)
+            assert Fraction(found.lower_bound) <= optimum * slack
+            assert cost <= Fraction(found.suboptimality_bound) * optimum * slack
+            worst = max(worst, exact_astar(grid, start, goal).suboptimality_bound)
+        assert found.suboptimality_bound <= 1.02
+    assert 1.0 < worst <= grid.rounding
