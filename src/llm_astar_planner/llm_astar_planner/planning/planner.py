@@ -26,7 +26,13 @@ from llm_astar_planner.planning.path_validator import (
     shift_problem,
     via_problem,
 )
-from llm_astar_planner.planning.segment import NOT_SEARCHED, SegmentPlanner, concatenate_results
+from llm_astar_planner.planning.segment import (
+    NOT_SEARCHED,
+    SegmentPlanner,
+    concatenate_results,
+    not_asked,
+    success_message,
+)
 from llm_astar_planner.planning.types import (
     NOT_ASKED,
     Plan,
@@ -40,7 +46,7 @@ from llm_astar_planner.planning.waypoint_filter import mark_out_of_order
 from llm_astar_planner.search.any_angle import AnyAnglePath, interpolate, string_pull
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
-from llm_astar_planner.search.methods import GUIDED, WAYPOINT_METHODS
+from llm_astar_planner.search.methods import GUIDED
 from llm_astar_planner.search.result import (
     BoundedResult,
     Cell,
@@ -49,7 +55,7 @@ from llm_astar_planner.search.result import (
     empty_path,
 )
 from llm_astar_planner.search.stop import no_stop
-from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
+from llm_astar_planner.waypoints.source import SourceStatus
 
 # The part of the time for the search where a path at any angle is asked for: it takes time too.
 SEARCH_SHARE = 0.9
@@ -387,44 +393,3 @@ def check_found(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> Non
     names = ['the start', *via, 'the goal']
     expansions = sum(segment.result.expansions for segment in segments)
     raise segments[-1].failure(expansions, *names[len(segments) - 1 : len(segments) + 1])
-
-
-def not_asked(request: PlanRequest) -> WaypointReply:
-    """Return the reply of a source that was not asked, which says why if there is one."""
-    reason = ''
-    if request.method not in WAYPOINT_METHODS:
-        reason = f'{request.method} uses no waypoints'
-    elif request.via:
-        reason = 'the via points take their place'
-    elif request.start == request.goal:
-        reason = 'the start is the goal'
-    elif request.instruction is not None:
-        reason = 'the instruction decides the route'
-    return replace(NOT_ASKED, detail=reason)
-
-
-def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
-    """Say in one sentence what was found."""
-    if result is None:
-        return ''
-    message, resolution = f'{result.length:.2f} cells', first.costmap.grid_map.resolution
-    if resolution != 1.0:
-        message = f'{resolution * result.length:.2f} m ({message})'
-    message += f', {result.expansions} expansions'
-    if isinstance(result, BoundedResult):
-        is_priced = not math.isclose(result.cost, result.length, rel_tol=1e-6)
-        least = 'cheapest' if is_priced else 'shortest'
-        message += f', proven within {result.suboptimality_bound:.4f} of the {least}'
-    if first.checked_waypoints:
-        used, count = len(first.guiding_waypoints), len(first.checked_waypoints)
-        message += f', {used} of {count} waypoints used'
-    if first.by_heading:
-        message += ', searched by heading for the footprint'
-    if result.status is SearchStatus.STOPPED:
-        message += '; stopped before more could be proven'
-    reply, source = first.reply, first.request.source
-    if source is not None and reply.status.is_failure:
-        message += f'; no waypoints from {source.name}: {reply.detail} [{reply.status.value}]'
-    elif reply.detail:
-        message += f'; {reply.detail}'
-    return message

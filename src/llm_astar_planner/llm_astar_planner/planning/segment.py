@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -33,7 +34,12 @@ from llm_astar_planner.search.methods import EXACT, GUIDED, WAYPOINT_METHODS
 from llm_astar_planner.search.paper import PAPER_METHODS, SearchOptions
 from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus
 from llm_astar_planner.waypoints.async_query import WaypointQueryTask, query_source
-from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply, WaypointSource
+from llm_astar_planner.waypoints.source import (
+    SourceStatus,
+    WaypointQuery,
+    WaypointReply,
+    WaypointSource,
+)
 
 # The part of a request's time that a source may take; the rest is for the search.
 SOURCE_SHARE = 0.8
@@ -302,3 +308,44 @@ def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
         first_expansions=sum(result.first_expansions for result in bounded),
         first_cost=sum(result.first_cost for result in bounded),
     )
+
+
+def not_asked(request: PlanRequest) -> WaypointReply:
+    """Return the reply of a source that was not asked, which says why if there is one."""
+    reason = ''
+    if request.method not in WAYPOINT_METHODS:
+        reason = f'{request.method} uses no waypoints'
+    elif request.via:
+        reason = 'the via points take their place'
+    elif request.start == request.goal:
+        reason = 'the start is the goal'
+    elif request.instruction is not None:
+        reason = 'the instruction decides the route'
+    return replace(NOT_ASKED, detail=reason)
+
+
+def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
+    """Say in one sentence what was found."""
+    if result is None:
+        return ''
+    message, metres = f'{result.length:.2f} cells', first.costmap.grid_map.resolution
+    if metres != 1.0:
+        message = f'{metres * result.length:.2f} m ({message})'
+    message += f', {result.expansions} expansions'
+    if isinstance(result, BoundedResult):
+        is_priced = not math.isclose(result.cost, result.length, rel_tol=1e-6)
+        least = 'cheapest' if is_priced else 'shortest'
+        message += f', proven within {result.suboptimality_bound:.4f} of the {least}'
+    if first.checked_waypoints:
+        used, count = len(first.guiding_waypoints), len(first.checked_waypoints)
+        message += f', {used} of {count} waypoints used'
+    if first.by_heading:
+        message += ', searched by heading for the footprint'
+    if result.status is SearchStatus.STOPPED:
+        message += '; stopped before more could be proven'
+    reply, source = first.reply, first.request.source
+    if reply.status is not SourceStatus.OK and reply.status.is_failure and source is not None:
+        message += f'; no waypoints from {source.name}: {reply.detail} [{reply.status.value}]'
+    elif reply.detail:
+        message += f'; {reply.detail}'
+    return message
