@@ -21,6 +21,8 @@ from llm_astar_planner.visualization.labels import Labels
 
 # Metres around places that are drawn without a map.
 MARGIN = 1.0
+# Inches of their figure, at most.
+WIDTH, MAX_HEIGHT = 8.0, 8.0
 TINT = 0.08
 # From metres in the map's frame, points [n, 2], to the coordinates of the axes.
 Projection = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -70,7 +72,9 @@ def places_figure(places: Places, grid_map: GridMap | None = None) -> Figure:
         outline = shapely.MultiPoint(grid_map.grid_to_world(corners_of(grid_map)))
         x0, y0, x1, y1 = outline.bounds
     aspect = (x1 - x0) / (y1 - y0)
-    figure = Figure(figsize=(min(14.0, max(6.0, 6.5 * aspect)), 6.5), layout='constrained')
+    width = min(WIDTH, MAX_HEIGHT * aspect)
+    size = max(WIDTH / 2, width), max(WIDTH / 2, width / aspect) + 0.5
+    figure = Figure(figsize=size, layout='constrained')
     axes = figure.add_subplot(aspect='equal', xlabel='x (m)', ylabel='y (m)')
     if grid_map is not None:
         draw_map(axes, grid_map)

@@ -40,7 +40,8 @@ from llm_astar_planner.visualization.comparison import (
     panel_figure,
 )
 
-DPI = 90
+# Dots per inch of figures, and of the panels of a page.
+DPI, PANEL_DPI = 140, 100
 Pictures = list[tuple[Path, str]]
 
 
@@ -149,7 +150,7 @@ def draw_median_sample(
     pictures: Pictures = [(path, f'{sample.where}: what each method expanded.')]
     for number, picture in enumerate(on_one_window(sample.pictures), start=1):
         path = folder / f'{PANEL}{number}.png'
-        panel_figure(picture).savefig(path, dpi=DPI, bbox_inches='tight', pad_inches=0.03)
+        panel_figure(picture).savefig(path, dpi=PANEL_DPI, bbox_inches='tight', pad_inches=0.03)
         pictures.append((path, picture.title))
     if sample.searches:
         path = folder / 'search.gif'

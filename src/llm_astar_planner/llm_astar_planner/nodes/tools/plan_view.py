@@ -68,6 +68,8 @@ class PlanView:
         start, goal = (grid_map.world_to_cell(place.x, place.y) for place in endpoints)
         points = grid_map.world_to_grid([(x, y) for x, y, _ in report.waypoints]).tolist()
         cells = self._expanded.get(stamp_of(path))
+        length = 'no path' if report.length is None else f'{report.length:.2f} m'
+        outcome = f'{length}, {report.operation:,} expansions'
         return Picture(
             grid_map,
             start,
@@ -77,5 +79,5 @@ class PlanView:
             if cells is None
             else expanded_from_message(cells, grid_map),
             [(x, y, status) for (x, y), (_, _, status) in zip(points, report.waypoints)],
-            f'{describe_guidance(report.method, report.guided_by)}: {report.operation} expansions',
+            f'{describe_guidance(report.method, report.guided_by)}: {outcome}',
         )
