@@ -21,9 +21,8 @@ from llm_astar_planner.search.result import Cell
 from llm_astar_planner.visualization import style
 from llm_astar_planner.visualization.style import OBSTACLE, PATH
 
-START, GOAL, STAR = style.START.colour, style.GOAL.colour, style.WAYPOINTS['accepted'].colour
-# The paper's colours: grey for what LLM-A* expanded, pink for A*.
-GREY, PINK = '#b9bdc6', '#f7b6cb'
+# What A* expanded where LLM-A* did not.
+BEYOND = style.LINE
 # A small map in the manner of the paper's Figure 4, whose own map is not published: a pocket in
 # front of the goal.
 SHOWCASE = BarrierMap(
@@ -101,15 +100,15 @@ def showcase_figure(
     for number, (axes, count) in enumerate(zip(panels, stages), start=1):
         last = number == len(stages)
         aim = 'the goal' if last else f'waypoint {number}'
-        draw_cells(axes, blocked, (guided.order[:count], GREY))
+        draw_cells(axes, blocked, (guided.order[:count], style.EXPANDED))
         if last:
             axes.plot(*zip(*guided.path), color=PATH, linewidth=2)
         mark_points(axes, endpoints, waypoints)
         axes.set_title(f'LLM-A* towards {aim}:\n{count} expansions', fontsize=9)
-    draw_cells(panels[-1], blocked, (guided.order, GREY), (plain.order, PINK))
+    draw_cells(panels[-1], blocked, (guided.order, style.EXPANDED), (plain.order, BEYOND))
     panels[-1].plot(*zip(*plain.path), color=PATH, linewidth=2)
     mark_points(panels[-1], endpoints, ())
-    panels[-1].set_title(f'A* (pink beyond grey):\n{len(plain.order)} expansions', fontsize=9)
+    panels[-1].set_title(f'A* (grey: not by LLM-A*):\n{len(plain.order)} expansions', fontsize=9)
     return figure
 
 
@@ -126,7 +125,7 @@ def save_map_pictures(maps: Sequence[BarrierMap], folder: str | Path) -> list[Pa
 
 
 def map_figure(barrier_map: BarrierMap) -> Figure:
-    """Draw a map with its start-goal pairs numbered, starts blue and goals green."""
+    """Draw a map with its start-goal pairs numbered, starts blue and goals pink."""
     blocked = barrier_map.to_grid().blocked()
     height, width = blocked.shape
     figure = Figure(figsize=(6.0, 6.0 * height / width + 0.4), layout='constrained')
@@ -167,8 +166,8 @@ def draw_cells(
 
 
 def mark_points(axes: Axes, endpoints: tuple[Cell, Cell], waypoints: Sequence[Cell]) -> None:
-    """Mark waypoints with stars, the start in blue and the goal in green."""
-    for point in waypoints:
-        axes.plot(*point, '*', color=STAR, markersize=13, markeredgecolor='black')
-    for cell, colour in zip(endpoints, (START, GOAL)):
-        axes.plot(*cell, 's', color=colour, markersize=6, markeredgecolor='white')
+    """Mark waypoints, start and goal as in all pictures."""
+    marks = [(point, style.WAYPOINTS['accepted'], 13) for point in waypoints]
+    marks += [(endpoints[0], style.START, 7), (endpoints[1], style.GOAL, 7)]
+    for point, mark, size in marks:
+        axes.plot(*point, mark.marker, color=mark.colour, markersize=size, mec=style.MARK_EDGE)

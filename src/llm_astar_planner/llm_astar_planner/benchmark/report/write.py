@@ -133,7 +133,7 @@ def draw_all(
     if not metadata.get('bags'):
         path = folder / 'showcase.png'
         showcase_figure().savefig(path, dpi=DPI)
-        caption = 'LLM-A* target by target on an 11 x 11 map, Chebyshev heuristic, and A* (pink).'
+        caption = 'LLM-A* target by target on an 11 x 11 map, Chebyshev heuristic, and A*.'
         pictures.append((path, caption))
     return pictures
 
