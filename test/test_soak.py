@@ -1,11 +1,13 @@
-"""Many callers for long, while maps change and the waypoint client dies and comes back.
+"""Many callers for long, while maps change in size and the waypoint client stops and dies.
 
 `python -m pytest -m slow test/test_soak.py` runs the long one: 100,000 calls.
 """
 
 import contextlib
 import itertools
+import logging
 import random
+import signal
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
@@ -26,12 +28,14 @@ from nav_msgs.msg import OccupancyGrid
 from tqdm import tqdm
 
 NAMESPACE = '/soak'
-CALLERS = 4
+CALLERS = 8
+# Of the maps, one after the other: their sizes change.
+SCALES = (1, 3, 2)
 # Answers that a caller can tell from the map and the poses alone.
 REFUSALS = {
     'START_OUTSIDE_MAP', 'GOAL_OUTSIDE_MAP', 'START_OCCUPIED', 'GOAL_OCCUPIED', 'NO_VALID_PATH',
 }  # fmt: skip
-MOST_GROWTH = 64 * 2**20
+MOST_GROWTH = {'bytes': 64 * 2**20, 'threads': 12, 'descriptors': 12, 'shared files': 12}
 SETTINGS = [
     option
     for setting in (
@@ -60,6 +64,7 @@ class PlanStatistics:
     refused: int = 0
     wrong: list = field(default_factory=list)
     digests: set = field(default_factory=set)
+    used: tuple = ()
 
 
 def test_calls_survive_changing_maps_and_a_dying_client():
@@ -75,18 +80,19 @@ def test_a_hundred_thousand_calls():
     tally = soak(rounds=200, calls_a_round=500)
     assert tally.wrong == []
     assert min(tally.guided, tally.unguided, tally.refused) > 1000
+    logging.getLogger(__name__).warning('%s', tally.used)
 
 
 def soak(rounds, calls_a_round):
-    """Call in rounds from four callers at once, a new map in the middle of each.
+    """Call in rounds from all callers at once, a new map in the middle of each.
 
-    The waypoint client comes before every fourth round and is killed in the third.
+    The waypoint client comes before every fourth round, is stopped for the second and is killed in
+    the third.
     """
-    planners = {
-        planner.grid_map.digest: planner
-        for planner in map(planner_of, load_barrier_maps(find_file('samples_1000.json', 'maps')))
-    }
-    tally, memory = PlanStatistics(), []
+    maps = load_barrier_maps(find_file('samples_1000.json', 'maps'))
+    scaled = (found.scale(scale) for found, scale in zip(maps, itertools.cycle(SCALES)))
+    planners = {planner.grid_map.digest: planner for planner in map(planner_of, scaled)}
+    tally, used = PlanStatistics(), []
     with (
         process('planner_node', *SETTINGS, namespace=NAMESPACE) as node,
         ThreadPoolExecutor(CALLERS) as threads,
@@ -106,16 +112,23 @@ def soak(rounds, calls_a_round):
                 for caller in callers
             ]
             show(next(turns).grid_map)
+            if turn % 4 == 1:
+                process_client.send_signal(signal.SIGSTOP)
             if turn % 4 == 2:
                 process_client.kill()
                 client.close()
             for answer in answers:
                 answer.result()
-            memory.append(resident_bytes(node.pid))
+            if turn % 4 == 1:
+                process_client.send_signal(signal.SIGCONT)
+            used.append(usage(node.pid))
         assert node.poll() is None, ''.join(node.output)
-    half = memory[len(memory) // 2 :]
-    if half[-1] - half[0] > MOST_GROWTH:
-        tally.wrong.append(f'memory grew from {half[0]} to {half[-1]} bytes')
+    half = used[len(used) // 2 :]
+    for name, most in MOST_GROWTH.items():
+        first, last = half[0][name], half[-1][name]
+        if last - first > most:
+            tally.wrong.append(f'{name} grew from {first} to {last}')
+    tally.used = half[0], half[-1]
     return tally
 
 
@@ -178,7 +191,20 @@ def is_refusal(planner, start, goal):
     return places[0] != places[1] or 0 in places
 
 
-def resident_bytes(pid):
-    fields = FilePath(f'/proc/{pid}/status').read_text().splitlines()
-    [line] = [line for line in fields if line.startswith('VmRSS:')]
-    return int(line.split()[1]) * 1024
+def usage(pid):
+    """Return what a process uses: memory, threads, descriptors; and all files in shared memory."""
+    lines = FilePath(f'/proc/{pid}/status').read_text().splitlines()
+    fields = dict(line.split(':', 1) for line in lines)
+    return {
+        'bytes': int(fields['VmRSS'].split()[0]) * 1024,
+        'threads': int(fields['Threads']),
+        'descriptors': len(list(FilePath(f'/proc/{pid}/fd').iterdir())),
+        # Those of our own domain: others come and go.
+        'shared files': len(own_shared_files(pid)),
+    }
+
+
+def own_shared_files(pid):
+    """Return the files in /dev/shm that a process has mapped."""
+    maps = FilePath(f'/proc/{pid}/maps').read_text().splitlines()
+    return {line.split()[-1] for line in maps if '/dev/shm/' in line}  # noqa: S108

@@ -12,7 +12,7 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr, shortened
 from numpy.typing import ArrayLike, NDArray
 
 from llm_astar_planner.costmap.config import MAX_RADIUS
@@ -67,13 +67,17 @@ class Footprint:
         if not text.strip():
             return None
         if not TEXT.fullmatch(text):
-            raise FootprintError(f'footprint: {text!r} is not of the form [[x, y], [x, y], ...]')
+            raise FootprintError(
+                f'footprint: {short_repr(text)} is not of the form [[x, y], [x, y], ...]'
+            )
         points = []
         for pair in POINT.findall(text.strip()[1:-1]):
             try:
                 x, y = map(float, pair.replace(',', ' ').split())
             except ValueError:
-                raise FootprintError(f'footprint: [{pair}] is not a pair of numbers') from None
+                raise FootprintError(
+                    f'footprint: [{shortened(pair)}] is not a pair of numbers'
+                ) from None
             points.append((x, y))
         return cls(tuple(points)) if points else None
 

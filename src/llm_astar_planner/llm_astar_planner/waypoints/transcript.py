@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeGuard
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.files import read_text
 from llm_astar_msgs_adapter.json_values import parse_json
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
@@ -169,7 +169,8 @@ def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
         values['status'] = SourceStatus(values['status'])
     except ValueError:
         known = ', '.join(status.value for status in SourceStatus)
-        message = f'{where}: status: {values["status"]!r} is none of {known}'
+        shown = short_repr(values['status'])
+        message = f'{where}: status: {shown} is none of {known}'
         raise TranscriptError(message) from None
     return Exchange(**{name: values[name] for name in _FIELDS})
 
