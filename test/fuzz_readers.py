@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,7 @@ from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.learned.network import read_weights
 from llm_astar_planner.waypoints.llm.http import HttpReply
 from llm_astar_planner.waypoints.llm.protocol import read_completion
+from llm_astar_planner.waypoints.llm.redaction import redact
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
 from llm_astar_planner.waypoints.prompts.reply_parser import parse_reply
@@ -318,7 +320,8 @@ def read_reply(text: str) -> None:
 def read_body(text: str) -> None:
     for status in (200, 400):
         with suppress(EndpointFailure):
-            read_completion(HttpReply(status, {}, text.encode(errors='replace')))
+            body = HttpReply(status, {}, text.encode(errors='replace'))
+            read_completion(body, partial(redact, secret='k' * 16))
 
 
 READERS: dict[str, Reader] = {

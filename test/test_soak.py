@@ -28,7 +28,7 @@ from nav_msgs.msg import OccupancyGrid
 from tqdm import tqdm
 
 NAMESPACE = '/soak'
-CALLERS = 8
+CALLERS = 4
 # Of the maps, one after the other: their sizes change.
 SCALES = (1, 3, 2)
 # Answers that a caller can tell from the map and the poses alone.

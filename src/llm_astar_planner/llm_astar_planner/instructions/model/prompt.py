@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
 from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.places import Place, Places, places_from_polygons
+from shapely.errors import ShapelyError
 
 from llm_astar_planner.instructions.model.descriptions import orientation
 from llm_astar_planner.instructions.model.mentions import read
@@ -48,6 +49,13 @@ Leave out what is no wish for the route, such as reasons. Write each thing once.
 wish for the route: {"clauses": []}."""
 
 
+# What values of other types and polygons that are none raise.
+EXAMPLE_ERRORS = (
+    ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError,
+    ShapelyError,
+)  # fmt: skip
+
+
 class ExamplesError(LlmAstarError, ValueError):
     """A file of worked examples cannot be used; the message names the file and the field."""
 
@@ -69,8 +77,8 @@ def load_examples(path: str | Path = EXAMPLES_FILE) -> Examples:
             (str(example['text']), compact_json({'clauses': list(example['clauses'])}))
             for example in loaded['examples']
         )
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        what = f'{type(error).__name__}: {error}'
+    except EXAMPLE_ERRORS as error:
+        what = f'{type(error).__name__}: {shortened(str(error), 200)}'
         raise ExamplesError(f'{path}: not a file of worked examples: {what}') from None
     return Examples(places, turns)
 
