@@ -125,9 +125,10 @@ class Picture:
         """The part of the map that is drawn: all that is known of it, or where something is."""
         if self.shown is not None:
             return self.shown
-        guides = [(x, y) for x, y, _ in self.waypoints if self.is_on_map(x, y)]
-        points = np.array([self.start, self.goal, *self.via, *guides], dtype=float)
-        if self.instructed is not None or len(self.places):
+        guides = [(x, y) for x, y, _ in self.waypoints]
+        ends = [self.start, self.goal, *self.via, *guides]
+        points = np.array([point for point in ends if self.is_on_map(*point)], dtype=float)
+        if self.instructed is not None or len(self.places) or not len(points):
             height, width = self.codes.shape
             points = np.array([(0, 0), (width - 1, height - 1)], dtype=float)
         return raster.choose_window(self.codes, np.concatenate([points, self.path]))
@@ -281,14 +282,14 @@ def marks_of(picture: Picture) -> list[tuple[Mark, list[tuple[float, float]]]]:
     marks: list[tuple[Mark, list[tuple[float, float]]]] = [
         (style.START, [picture.start]),
         (style.GOAL, [picture.goal]),
+        (style.VIA, [*picture.via]),
     ]
-    if picture.via:
-        marks.append((style.VIA, [*picture.via]))
     for status, mark in style.WAYPOINTS.items():
-        points = [(x, y) for x, y, found in picture.waypoints if found == status]
-        if shown := [point for point in points if picture.is_on_map(*point)]:
-            marks.append((mark, shown))
-    return marks
+        marks.append((mark, [(x, y) for x, y, found in picture.waypoints if found == status]))
+    on_map = [
+        (mark, [point for point in points if picture.is_on_map(*point)]) for mark, points in marks
+    ]
+    return [(mark, points) for mark, points in on_map if points]
 
 
 def write_labels(axes: Axes, picture: Picture) -> None:
@@ -297,11 +298,14 @@ def write_labels(axes: Axes, picture: Picture) -> None:
     Call it last: the axes must have their final limits and size.
     """
     labels = Labels(axes, picture.on_axes(picture.path))
-    labels.take(np.concatenate([picture.on_axes(points) for _, points in marks_of(picture)]))
+    marks = [picture.on_axes(points) for _, points in marks_of(picture)]
+    labels.take(np.concatenate([np.empty((0, 2)), *marks]))
     for number, (x, y, _) in enumerate(picture.waypoints, start=1):
         if picture.is_on_map(x, y):
             labels.add_number(str(number), *picture.on_axes([(x, y)])[0])
     for number, point in enumerate(picture.via, start=1):
+        if not picture.is_on_map(*point):
+            continue
         labels.add_number(f'via {number}', *picture.on_axes([point])[0])
     write_names(labels, picture.places, picture.project)
 

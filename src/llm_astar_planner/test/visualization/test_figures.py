@@ -15,6 +15,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
+from PIL import Image
 
 MAP = GridMap(np.zeros((40, 60), np.int8), 0.1)
 # A metre a cell: its axes are in cells.
@@ -85,3 +86,11 @@ def test_no_label_hides_a_mark_or_another_label(tmp_path):
     for number, box in enumerate(labels):
         assert not any(box.contains(x, y) for x, y in points)
         assert not any(box.overlaps(other) for other in labels[:number])
+
+
+@pytest.mark.parametrize('start', [(20, 8), (-700, 3)])
+def test_what_is_off_the_map_does_not_change_the_size_of_its_picture(tmp_path, start):
+    plan = Planner(MAP).plan(PlanRequest(start, (90_000, 6), via=((5, -400),)))
+    save_picture(picture_of(plan, MAP, plan.start, plan.goal), tmp_path / 'off.png')
+    with Image.open(tmp_path / 'off.png') as picture:
+        assert max(picture.size) < 2000
