@@ -403,9 +403,9 @@ def add_legend(figure: Figure, panels: Sequence[Axes]) -> None:
         for handle, name in zip(*axes.get_legend_handles_labels()):
             handles.setdefault(name, handle)
     names = sorted(handles, key=lambda name: LEGEND.index(name) if name in LEGEND else -1)
-    rows = math.ceil(len(names) / int(figure.get_figwidth() / 1.25))
+    rows = max(1, math.ceil(len(names) / int(figure.get_figwidth() / 1.25)))
     figure.legend(
         [handles[name] for name in names], names, loc='outside lower center',
-        ncols=math.ceil(len(names) / rows),
+        ncols=max(1, math.ceil(len(names) / rows)),
         frameon=False, fontsize=SIZE - 1, handlelength=1.4, columnspacing=1.4,
     )  # fmt: skip
