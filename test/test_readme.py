@@ -55,7 +55,10 @@ FRAGMENTS = {
 # What only the slow variant runs, and where else it is run, much smaller.
 SLOW = {
     r'llm-astar bench .*--(scales|fail-under|map |source emb)': 'test_bench.py, test_grids.py',
-    r'llm-astar draw .*--source random': 'test_draw.py',
+    r'llm-astar report out/bench +#': 'test_bench.py',
+    r'llm-astar draw .*(searches.gif|both.png)': 'benchmark.md draws the same',
+    r'llm-astar run .*demo.yaml|llm-astar call .*(19$|7.0 3.0|--interpret)': 'README.md calls',
+    r'llm-astar evaluate .*(guided |out/drive|methods llm_astar)': 'test_evaluate.py',
     r'llm-astar instruct-bench': 'test_instruct_bench.py',
 }
 # What asks a running planner; a page that starts none takes one for granted.
