@@ -42,8 +42,8 @@ class RemoteInterpreter(Interpreter, Protocol):
     def ready(self) -> bool:
         """Whether it can be asked."""
 
-    def drop(self) -> None:
-        """Answer what was asked so far with PENDING, at once."""
+    def drop_oldest(self) -> None:
+        """Answer all but the newest questions with PENDING, at once."""
 
 
 class InstructionReader:
@@ -89,7 +89,7 @@ class InstructionReader:
             before, self._background = self._background, self.make_background(self._remote)
             before.close()
             # Otherwise each change would leave a thread that waits for an answer.
-            self._remote.drop()
+            self._remote.drop_oldest()
 
     def close(self) -> None:
         """Ask no more."""

@@ -320,10 +320,10 @@ def test_a_real_interrupt_ends_the_process_with_130(dataset, out):
         'args = parse(sys.argv[1:])\n'
         'sys.exit(args.run(args))\n'
     )
-    words = ['bench', '--dataset', str(dataset), '--out', str(out), '--scales', '1-9']
+    words = ['bench', '--map', str(dataset), '--out', str(out), '--scales', '1-9']
     command = [sys.executable, '-c', script, *words]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        process.stderr.readline()  # the first tenth is done
+        process.stderr.readline()  # the first samples are done
         process.send_signal(signal.SIGINT)
         _, error = process.communicate(timeout=60)
     assert process.returncode == 130

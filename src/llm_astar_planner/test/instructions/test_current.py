@@ -36,7 +36,7 @@ class Remote:
         self.asked = []
         self.drops = 0
 
-    def drop(self):
+    def drop_oldest(self):
         self.drops += 1
 
     def interpret(self, text, places, time_limit):

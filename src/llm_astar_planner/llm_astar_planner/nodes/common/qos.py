@@ -14,6 +14,10 @@ LATCHED_BY_MANY = QoSProfile(
 REPORTS = QoSProfile(
     depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
+# For who waits for the reports of many calls at once, of which none may be lost.
+CALLED_REPORTS = QoSProfile(
+    depth=256, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 # Map updates: none may be lost, since each changes another part of the map.
 UPDATES = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)

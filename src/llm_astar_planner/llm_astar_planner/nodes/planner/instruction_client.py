@@ -27,6 +27,8 @@ from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 
 # How often to look whether the node that is asked is still there, in seconds.
 POLL_SECONDS = 0.5
+# Questions that go on waiting when the node's parameters change; each is a thread.
+MOST_WAITING = 4
 
 
 class InstructionClient:
@@ -93,10 +95,10 @@ class InstructionClient:
                 self._answers[answer.id] = answer
                 self._arrived.notify_all()
 
-    def drop(self) -> None:
-        """End the waiting for what was asked so far, since the answers are of no use any more."""
+    def drop_oldest(self) -> None:
+        """End the waiting for all but the newest questions."""
         with self._arrived:
-            for id_ in self._answers:
+            for id_ in list(self._answers)[:-MOST_WAITING]:
                 self._answers[id_] = Answer(id_, error='was changed while it was asked')
             self._arrived.notify_all()
 

@@ -94,6 +94,7 @@ class RequestHandler:
         self._is_active = False
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
+        self._last_time, self._plans_at_it = 0, 0
         self._node = node
         self._settings = settings
         self._maps = maps
@@ -134,7 +135,7 @@ class RequestHandler:
         published. `on_better` is called after each better path published on the way.
         `replan_reason` says why the path monitor plans again, '' if a client requested it.
         """
-        stamp = self._node.get_clock().now().to_msg()
+        stamp = self.next_stamp()
         limit = self._settings.current['max_planning_time']
         job = Job(goal, token or CancellationToken(), stamp, time.monotonic(), limit)
         with self.running(job.token):
@@ -156,6 +157,18 @@ class RequestHandler:
                 response.plan, response.planner, response.map_age, stamp, is_cancelled=is_cancelled
             )
         return replace(response, seconds=time.monotonic() - job.begin)
+
+    def next_stamp(self) -> Time:
+        """Return the time now, a nanosecond later for each plan at which the clock stood still.
+
+        Callers tell reports apart by it, and simulated time stands still between its messages.
+        """
+        now = self._node.get_clock().now().nanoseconds
+        with self._ended:
+            self._plans_at_it = self._plans_at_it + 1 if now == self._last_time else 0
+            self._last_time = now
+            seconds, nanoseconds = divmod(now + self._plans_at_it, 10**9)
+        return Time(sec=seconds, nanosec=nanoseconds)
 
     def plan(
         self, job: Job, on_better: Callable[[], None] | None, replan_reason: str
