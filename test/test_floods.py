@@ -5,6 +5,7 @@ import gc
 import itertools
 import threading
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from llm_astar_planner.nodes import llm_client_node
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import CALLS, LATCHED, RELIABLE
 from llm_astar_planner.nodes.llm_client_node import CALLERS, QUERY_THREADS, LlmClientNode
-from llm_astar_planner.nodes.planner.instruction_client import InstructionClient
+from llm_astar_planner.nodes.planner.instruction_client import MOST_WAITING, InstructionClient
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
@@ -232,16 +233,20 @@ def test_a_question_whose_answer_is_of_no_use_any_more_ends_at_once():
     with running(node):
         client = InstructionClient(Entities(node), 'model')
         wait_for(lambda: client.ready, 'who is asked')
-        answers = []
-        thread = threading.Thread(
-            target=lambda: answers.append(client.interpret('waltz', NO_PLACES, 10 * PATIENCE))
-        )
-        thread.start()
-        wait_for(lambda: client._answers, 'the question')
-        client.drop()
-        thread.join(PATIENCE)
-        assert answers[0].status is Understanding.PENDING
-        assert 'was changed while it was asked' in answers[0].detail
+        answers, threads = [], []
+        for number in range(1, MOST_WAITING + 2):
+            ask = partial(client.interpret, f'waltz {number}', NO_PLACES, 10 * PATIENCE)
+            threads.append(threading.Thread(target=lambda ask=ask: answers.append(ask())))
+            threads[-1].start()
+            wait_for(lambda number=number: len(client._answers) == number, 'the question')
+        client.drop_oldest()
+        threads[0].join(PATIENCE)
+        (dropped,) = answers
+        assert (dropped.text, dropped.status) == ('waltz 1', Understanding.PENDING)
+        assert 'was changed while it was asked' in dropped.detail
+        client.close()
+        for thread in threads:
+            thread.join(PATIENCE)
 
 
 def state_of(process):

@@ -1,6 +1,5 @@
 """`llm-astar param` against a running node: values, types, limits, and what is not there."""
 
-import os
 import re
 import subprocess
 import sys
@@ -17,7 +16,7 @@ from llm_astar_planner.nodes.tools.parameter_client import (
 )
 
 PATIENCE = 60.0
-SPACE = f'/param_{os.getpid()}'
+SPACE = '/param_tests'
 NODE = f'{SPACE}/map_node'
 COMMAND = (sys.executable, '-m', 'llm_astar_planner.cli', 'param')
 

@@ -107,7 +107,7 @@ def answered(buffer, max_planning_time=LONG, token=None):
     """Answer a goal that is in another frame."""
     settings = Settings(max_planning_time=max_planning_time)
     node = Mock()
-    node.get_clock().now().to_msg.return_value = STAMP
+    node.get_clock().now().nanoseconds = 10**9 * STAMP.sec + STAMP.nanosec
     newest = PlanningMap(Planner(MAP), 0.0)
     handler = RequestHandler(
         node,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import yaml
@@ -31,6 +32,8 @@ TYPE_NAMES = {
 SERVICE = '/get_parameters'
 # Seconds without a new node after which a graph is taken to be known.
 QUIET_SECONDS = 0.5
+# Seconds without a response after which a node is asked again.
+ASK_AGAIN_S = 3.0
 
 
 class RemoteParameterError(LlmAstarError, ValueError):
@@ -100,10 +103,10 @@ class ParameterClient:
     def parameters(self, name: str) -> dict[str, RemoteParameter]:
         """Return all parameters of a node by name."""
         client = self.client(name)
-        listed = self.result(client.list_parameters(), name)
+        listed = self.result(client.list_parameters, name)
         names = sorted(listed.result.names)
-        values = self.result(client.get_parameters(names), name).values
-        descriptors = self.result(client.describe_parameters(names), name).descriptors
+        values = self.result(partial(client.get_parameters, names), name).values
+        descriptors = self.result(partial(client.describe_parameters, names), name).descriptors
         return {
             one: RemoteParameter(parameter_value_to_python(value), descriptor)
             for one, value, descriptor in zip(names, values, descriptors)
@@ -121,7 +124,8 @@ class ParameterClient:
         """Set a parameter to a value written as text; return the value before and after."""
         before = self.parameter(node, name)
         after = typed(name, text, before.type)
-        results = self.result(self.client(node).set_parameters([after]), node).results
+        set_it = partial(self.client(node).set_parameters, [after])
+        results = self.result(set_it, node).results
         if not results[0].successful:
             raise RemoteParameterError(f'{node} refused it: {results[0].reason}')
         return before.value, after.value
@@ -145,16 +149,24 @@ class ParameterClient:
         running = f'; running: {", ".join(known)}' if known else '; no node is running'
         return f'there is no node {name}{nearest_name(name, known) or running}'
 
-    def result(self, future: Future, node: str) -> Any:  # noqa: ANN401 - of the service
-        """Return the response of a node."""
+    def result(self, ask: Callable[[], Future], node: str) -> Any:  # noqa: ANN401 - of the service
+        """Ask a node and return its response.
+
+        It is asked again from time to time: DDS may lose a question, or the response, while the
+        two nodes are discovering each other.
+        """
         deadline = time.monotonic() + self._seconds
-        while not future.done():
-            left = deadline - time.monotonic()
-            if left <= 0.0:
-                raise RemoteParameterError(f'{node} did not respond within {self._seconds:g} s')
-            # A signal does not interrupt the wait.
-            self._executor.spin_until_future_complete(future, min(left, LONGEST_WAIT))
-        return future.result()
+        asked: list[Future] = []
+        while time.monotonic() < deadline:
+            asked.append(ask())
+            ask_again = min(deadline, time.monotonic() + ASK_AGAIN_S)
+            while (left := ask_again - time.monotonic()) > 0.0:
+                # A signal does not interrupt the wait.
+                self._executor.spin_until_future_complete(asked[-1], min(left, LONGEST_WAIT))
+                for future in asked:
+                    if future.done():
+                        return future.result()
+        raise RemoteParameterError(f'{node} did not respond within {self._seconds:g} s')
 
 
 def typed(name: str, text: str, kind: Parameter.Type) -> Parameter:
