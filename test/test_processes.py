@@ -127,8 +127,8 @@ def assert_ended_well(process, what):
 
 
 def test_ctrl_c_at_any_moment_of_the_start_ends_nodes_and_commands_without_a_traceback():
-    for name in PROGRAMS:
-        seconds = time.time_ns() % 1000 / 1000  # another one in each run
+    for number, name in enumerate(PROGRAMS, start=1):
+        seconds = 0.23 * number
         assert_ended_well(interrupted(name, seconds), f'{name} after {seconds:.3f} s')
 
 
@@ -235,3 +235,30 @@ def test_run_refuses_what_no_node_understands_before_it_starts_any(words, said, 
     message = capsys.readouterr().err
     assert said in message
     assert message.startswith('llm-astar: error: ')
+
+
+DESTRUCTOR = """
+import argparse, os, signal, time
+from llm_astar_planner.cli.main import run_interruptibly
+
+class Interrupted:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        sum(range(1000))
+
+def run(_):
+    Interrupted()
+    time.sleep(60.0)
+    return 0
+
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+try:
+    run_interruptibly(argparse.Namespace(run=run))
+except KeyboardInterrupt:
+    print('interrupted')
+"""
+
+
+def test_ctrl_c_within_a_destructor_is_not_lost():
+    done = subprocess.run([sys.executable, '-c', DESTRUCTOR], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ('interrupted\n', '')

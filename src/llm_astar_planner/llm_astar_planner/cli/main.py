@@ -9,6 +9,7 @@ import os
 import re
 import signal
 import sys
+import threading
 from collections.abc import Sequence
 from typing import NoReturn
 
@@ -58,6 +59,9 @@ exit codes: 0 done, 1 no plan or something missing, 2 bad usage or input, 3 some
 130 interrupted
 """
 
+# Seconds until an interruption that was lost is raised again.
+AGAIN_S = 0.02
+
 
 class Parser(argparse.ArgumentParser):
     """A parser whose errors are one line, as all others of the command are."""
@@ -106,8 +110,19 @@ def run_interruptibly(arguments: argparse.Namespace) -> int:
         signal.signal(number, signal.SIG_DFL)
         raise KeyboardInterrupt
 
+    def raise_again(lost: sys.UnraisableHookArgs) -> None:
+        # Raised within a destructor, which is not ours, it is not passed on.
+        if not isinstance(lost.exc_value, KeyboardInterrupt):
+            sys.__unraisablehook__(lost)
+            return
+        signal.signal(signal.SIGINT, interrupt)
+        again = threading.Timer(AGAIN_S, os.kill, (os.getpid(), signal.SIGINT))
+        again.daemon = True
+        again.start()
+
     if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # as `__main__` leaves it
         signal.signal(signal.SIGINT, interrupt)
+        sys.unraisablehook = raise_again
     try:
         return int(arguments.run(arguments))
     except Exception:
