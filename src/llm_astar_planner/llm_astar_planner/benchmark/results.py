@@ -112,7 +112,8 @@ class Row:
     bound that was proven, NaN where the method proves none. `clearance` and `unknown_length` are
     in metres, `turns` counts changes of direction. `instruction` says what became of each clause
     of an instruction; `instruction_satisfied` is 1 if all of it was understood and satisfied, 0
-    if not, NaN where nothing was asked.
+    if not, NaN where nothing was asked. `reply_problems` are the names of what is wrong with a
+    model's reply, joined by `;`: empty where nothing is, and where no model replied.
 
     For a request from a bag: the bag's name, the index of the request in it, its time (seconds
     since 1970) and the digest of the map at that time. `recorded_*` is the result of the planner
@@ -160,6 +161,7 @@ class Row:
     instruction_satisfied: float = math.nan
     recorded_instruction: str = ''
     recorded_instruction_satisfied: float = math.nan
+    reply_problems: str = ''
 
     @property
     def variant(self) -> Variant:
@@ -183,10 +185,10 @@ class Row:
 
 
 COLUMNS = {field.name: str(field.type) for field in dataclasses.fields(Row)}
-# The columns that results of 0.1.0 do not have.
+# The columns that results of earlier versions do not have.
 ADDED_COLUMNS = (
     'instruction', 'instruction_satisfied', 'recorded_instruction',
-    'recorded_instruction_satisfied',
+    'recorded_instruction_satisfied', 'reply_problems',
 )  # fmt: skip
 # The columns that a plan fills, by the names of `Plan.to_dict()` and of reports.
 PLAN_COLUMNS = (
