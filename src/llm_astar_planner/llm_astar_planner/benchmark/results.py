@@ -113,7 +113,8 @@ class Row:
     in metres, `turns` counts changes of direction. `instruction` says what became of each clause
     of an instruction; `instruction_satisfied` is 1 if all of it was understood and satisfied, 0
     if not, NaN where nothing was asked. `reply_problems` are the names of what is wrong with a
-    model's reply, joined by `;`: empty where nothing is, and where no model replied.
+    model's reply, joined by `;`: empty where nothing is, and where no model replied. `family` is
+    the family of the map, such as `rooms`, empty where it is unknown.
 
     For a request from a bag: the bag's name, the index of the request in it, its time (seconds
     since 1970) and the digest of the map at that time. `recorded_*` is the result of the planner
@@ -162,6 +163,7 @@ class Row:
     recorded_instruction: str = ''
     recorded_instruction_satisfied: float = math.nan
     reply_problems: str = ''
+    family: str = ''
 
     @property
     def variant(self) -> Variant:
@@ -188,7 +190,7 @@ COLUMNS = {field.name: str(field.type) for field in dataclasses.fields(Row)}
 # The columns that results of earlier versions do not have.
 ADDED_COLUMNS = (
     'instruction', 'instruction_satisfied', 'recorded_instruction',
-    'recorded_instruction_satisfied', 'reply_problems',
+    'recorded_instruction_satisfied', 'reply_problems', 'family',
 )  # fmt: skip
 # The columns that a plan fills, by the names of `Plan.to_dict()` and of reports.
 PLAN_COLUMNS = (
