@@ -228,6 +228,8 @@ class ResultsFolder:
         """Remove the rows and reports of an earlier run; a transcript stays. Raises OSError."""
         for name in ('results.csv', 'summary.json', 'report.md', 'report.html', PLACES_FILE):
             (self.path / name).unlink(missing_ok=True)
+        for path in (self.path / 'tables').glob('*.*'):
+            path.unlink()
 
     def start(self) -> None:
         """Create an empty results.csv. Raises ResultsError where one exists."""
@@ -285,11 +287,14 @@ class ResultsFolder:
         self.write_text(name, text + '\n')
 
     def write_text(self, name: str, text: str) -> Path:
-        """Write a file atomically into the folder and return its path. Raises ResultsError."""
+        """Write a file into the folder, whole or not at all; return its path.
+
+        `name` may be in a subfolder, which is made. Raises ResultsError.
+        """
         path = self.path / name
-        draft = path.with_name(f'.{name}.draft')
+        draft = path.with_name(f'.{path.name}.draft')
         try:
-            self.path.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             draft.write_text(text, encoding='utf-8', newline='')
             draft.replace(path)
         except OSError as error:

@@ -1,16 +1,26 @@
 """Rewrite summary, figures and reports of a results folder from its rows.
 
-With --readme, only replace the results section of a README.
+With --latex or --csv, only write its tables; with --readme, only replace the results section of a
+README.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from llm_astar_planner.benchmark.analysis.summary import compare_with_none, summarise
+from llm_astar_planner.benchmark.analysis.summary import (
+    Price,
+    compare_with_none,
+    growth,
+    summarise,
+)
 from llm_astar_planner.benchmark.datasets.samples import load_kept_maps
+from llm_astar_planner.benchmark.report.formats import write_tables
 from llm_astar_planner.benchmark.report.markdown import replace_section, results_section
+from llm_astar_planner.benchmark.report.tables import report_tables
 from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsFolder
 
 
@@ -24,21 +34,46 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='put finding, table and provenance between the lines <!-- results:begin --> and '
         '<!-- results:end --> of FILE',
     )  # fmt: skip
+    parser.add_argument(
+        '--latex', action='store_true',
+        help='write every table to DIR/tables/NAME.tex, for \\input with the packages booktabs '
+        'and adjustbox',
+    )  # fmt: skip
+    parser.add_argument(
+        '--csv', action='store_true',
+        help='write every table to DIR/tables/NAME.csv, with the limits of its intervals',
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the reports or the section; return 0. Raises ResultsError or ValueError."""
+    """Write the reports, the tables or the section; return 0.
+
+    Raises ResultsError or ValueError.
+    """
     folder = ResultsFolder(args.folder)
     metadata = folder.read_metadata()
-    if args.readme:
-        rows, seed = folder.read(), int(metadata['parameters'].get('seed', 0))
-        section = results_section(summarise(rows, seed), compare_with_none(rows, seed), metadata)
-        replace_section(Path(args.readme), section)
-        print(args.readme)
-        return 0
+    if args.readme or args.latex or args.csv:
+        return write_parts(args, folder, metadata)
     # Importing matplotlib takes most of a second, and a README section needs no figures.
     from llm_astar_planner.benchmark.report.write import write_report  # noqa: PLC0415
 
     summary = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
     print(f'{summary["headline"]}\n{folder.path}/report.html')
+    return 0
+
+
+def write_parts(
+    args: argparse.Namespace, folder: ResultsFolder, metadata: Mapping[str, Any]
+) -> int:
+    """Write the section and the tables that are asked for, and print their files; return 0."""
+    rows, seed = folder.read(), int(metadata['parameters'].get('seed', 0))
+    price = metadata['parameters'].get('price')
+    summaries = summarise(rows, seed, None if price is None else Price(*price))
+    comparisons = compare_with_none(rows, seed)
+    if args.readme:
+        replace_section(Path(args.readme), results_section(summaries, comparisons, metadata))
+        print(args.readme)
+    tables = report_tables(summaries, comparisons, growth(rows), metadata)
+    for path in write_tables(folder, tables, as_latex=args.latex, as_csv=args.csv):
+        print(path)
     return 0

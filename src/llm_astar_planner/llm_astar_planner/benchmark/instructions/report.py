@@ -14,7 +14,7 @@ from llm_astar_planner.benchmark.instructions.summary import (
     grouped,
     summarise,
 )
-from llm_astar_planner.benchmark.report.markdown import Table, markdown_table, text_table
+from llm_astar_planner.benchmark.report.formats import TextRows, markdown_table, text_table
 from llm_astar_planner.instructions.sentence import canonical_sentence
 
 SHARE_HEAD = (
@@ -89,12 +89,12 @@ def markdown_summary(results: Sequence[InstructionResult], metadata: Mapping[str
     return '\n\n'.join(part for part in parts if part) + '\n'
 
 
-def main_table(sources: Mapping[str, Sequence[InstructionResult]]) -> Table:
+def main_table(sources: Mapping[str, Sequence[InstructionResult]]) -> TextRows:
     """Return a row of shares a source."""
     return [(name, *share_cells(summarise(own))) for name, own in sources.items()]
 
 
-def detail_table(sources: Mapping[str, Sequence[InstructionResult]]) -> Table:
+def detail_table(sources: Mapping[str, Sequence[InstructionResult]]) -> TextRows:
     """Return a row of the other figures a source."""
     return [(name, *detail_cells(summarise(own))) for name, own in sources.items()]
 
@@ -104,7 +104,7 @@ def group_head(group: str) -> tuple[str, ...]:
     return ('Source', TABLES[group], *SHARE_HEAD)
 
 
-def group_table(sources: Mapping[str, Sequence[InstructionResult]], group: str) -> Table:
+def group_table(sources: Mapping[str, Sequence[InstructionResult]], group: str) -> TextRows:
     """Return a row of shares for each source and name of a group."""
     return [
         (source, name, *share_cells(summarise(part)))

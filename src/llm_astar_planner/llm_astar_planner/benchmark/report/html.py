@@ -18,8 +18,9 @@ from llm_astar_planner.benchmark.analysis.summary import (
     is_baseline,
 )
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
-from llm_astar_planner.benchmark.report import markdown as tables
 from llm_astar_planner.benchmark.report.figures import has_waypoints
+from llm_astar_planner.benchmark.report.formats import TextRows, texts_of, without_constant_columns
+from llm_astar_planner.benchmark.report.markdown import provenance, report_title
 from llm_astar_planner.benchmark.report.page_data import browser_data, data_url
 from llm_astar_planner.benchmark.report.sentences import (
     growth_sentence,
@@ -28,6 +29,7 @@ from llm_astar_planner.benchmark.report.sentences import (
     sentence,
     variant_label,
 )
+from llm_astar_planner.benchmark.report.tables import Table, report_tables
 from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.visualization import style
@@ -89,10 +91,10 @@ def html_report(
     )
     bars, mark = work_bars(summaries)
     page: str = environment.get_template('report.html.j2').render(
-        title=tables.report_title(metadata),
+        title=report_title(metadata),
         headline=without_code_marks(headline(comparisons)),
         recorded=without_code_marks(recorded_sentence(rows) or ''),
-        provenance=without_code_marks(tables.provenance(metadata, summaries)),
+        provenance=without_code_marks(provenance(metadata, summaries)),
         bars=bars,
         mark_100=mark,
         sentences=[
@@ -100,7 +102,10 @@ def html_report(
             for comparison in comparisons
             if comparison.samples
         ],
-        tables=report_tables(summaries, comparisons, growths, metadata),
+        tables=[
+            shown_table(table)
+            for table in report_tables(summaries, comparisons, growths, metadata)
+        ],
         left_out=list(metadata.get('left_out') or []),
         notes=list(metadata.get('notes') or []),
         grown=growth_sentence(growths) or '',
@@ -153,61 +158,21 @@ def is_shown(summary: VariantSummary) -> bool:
     return source in SHOWN_SOURCES or not (is_baseline(summary.variant) or '-best-' in source)
 
 
-class ReportTable(NamedTuple):
-    """A folded table: its title, a note, head and rows, and what all rows have in common."""
+class ShownTable(NamedTuple):
+    """A folded table: its name, title and note, head and rows, and what all rows share."""
 
+    name: str
     title: str
     note: str
     head: tuple[str, ...]
-    rows: tables.Table
+    rows: TextRows
     common: str
 
 
-def report_tables(
-    summaries: Sequence[VariantSummary],
-    comparisons: Sequence[PairedComparison],
-    growths: Sequence[Growth],
-    metadata: Mapping[str, Any],
-) -> list[ReportTable]:
-    """Return the tables of the page that have rows."""
-    paper = () if metadata.get('bags') else tables.PAPER_TABLE
-    every: list[tuple[str, str, tuple[str, ...], tables.Table]] = [
-        ('The table', tables.TABLE_NOTE, tables.TABLE_HEAD, tables.main_table(summaries)),
-        ('What waypoints added over none', '', tables.COMPARISON_HEAD,
-         tables.comparison_table(comparisons)),
-        ('What the means hide', '', tables.SPREAD_HEAD, tables.spread_table(summaries)),
-        ('Waypoints, tokens, cost', '', tables.WAYPOINT_HEAD, tables.waypoint_table(summaries)),
-        ('The paths', '', tables.PATH_HEAD, tables.path_table(summaries)),
-        ('Growth with the scale of the map', tables.GROWTH_NOTE, *tables.growth_table(growths)),
-        ('Table 1 of the paper, as printed', tables.PAPER_NOTE, tables.TABLE_HEAD, list(paper)),
-    ]  # fmt: skip
-    return [
-        ReportTable(title, note, *without_constant_columns(head, rows))
-        for title, note, head, rows in every
-        if rows
-    ]
-
-
-def without_constant_columns(
-    head: tuple[str, ...], rows: tables.Table
-) -> tuple[tuple[str, ...], tables.Table, str]:
-    """Return a table without the columns that say the same in every row, and what they say.
-
-    A cell with a dash has no value. The first column and those of a single row are kept.
-    """
-    values = [sorted(set(column) - {'-'}) for column in zip(*rows)]
-    kept = [
-        number
-        for number, found in enumerate(values)
-        if number == 0 or len(found) > 1 or (found and len(rows) == 1)
-    ]
-    common = [
-        f'{head[number]} {found[0]}'
-        for number, found in enumerate(values)
-        if found and number not in kept
-    ]
-    shown = [tuple(row[number] for number in kept) for row in rows]
-    return tuple(head[number] for number in kept), shown, ', '.join(common)
+def shown_table(table: Table) -> ShownTable:
+    """Return a table without the columns that say the same in every row."""
+    shown, common = without_constant_columns(table)
+    return ShownTable(table.name, table.title, table.note, *texts_of(shown), common)
 
 
 def without_code_marks(text: str) -> str:

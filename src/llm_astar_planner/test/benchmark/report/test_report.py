@@ -2,7 +2,6 @@
 
 import html
 import json
-import math
 import re
 import shutil
 import subprocess
@@ -13,11 +12,10 @@ import pytest
 from benchmark_samples import ORACLE, rows_with
 from llm_astar_msgs_adapter.maps.barrier_map import save_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import by_variant
 from llm_astar_planner.benchmark.datasets.generate import generate
-from llm_astar_planner.benchmark.report.html import html_report, without_constant_columns
-from llm_astar_planner.benchmark.report.markdown import markdown_table, percent, replace_section
+from llm_astar_planner.benchmark.report.html import html_report
+from llm_astar_planner.benchmark.report.markdown import replace_section
 from llm_astar_planner.benchmark.report.median import median_rows
 from llm_astar_planner.benchmark.report.page_data import browser_data
 from llm_astar_planner.benchmark.report.write import write_report
@@ -30,13 +28,6 @@ def test_a_grid_is_drawn_with_the_walls_of_the_planner():
     costmap = GridMap(np.array([[0, 70, 99, 100, -1]], dtype=np.int8), 0.05)
     drawn = drawable_map(costmap, CostmapConfig(occupied_threshold=99))
     assert drawn.cells.tolist() == [[0, 0, 100, 100, -1]]
-
-
-def test_percentages_show_their_interval_unless_it_is_a_point():
-    assert percent(Interval(0.5, 0.4, 0.6)) == '50.00 (40.00 to 60.00)'
-    assert percent(Interval(1.0, 1.0, 1.0)) == '100.00'
-    assert percent(Interval(math.nan, math.nan, math.nan)) == '-'
-    assert markdown_table(['a', 'b'], []) == ''
 
 
 def test_a_readme_section_is_replaced_and_the_rest_kept(tmp_path):
@@ -123,14 +114,6 @@ def test_guided_is_drawn_beside_astar_and_the_paper(reported):
     assert [row.method for row in chosen] == ['astar', 'llm_astar', 'guided']
     assert len({row.key[:2] for row in chosen}) == 1
     assert (path / 'panel_2.png').is_file()
-
-
-def test_a_column_that_says_the_same_in_every_row_is_a_note():
-    rows = [('a', '1', '-', '7'), ('b', '1', '-', '8'), ('c', '-', '-', '9')]
-    head, shown, common = without_constant_columns(('name', 'one', 'no', 'all'), rows)
-    assert (head, shown) == (('name', 'all'), [('a', '7'), ('b', '8'), ('c', '9')])
-    assert common == 'one 1'
-    assert without_constant_columns(('name', 'one'), [('a', '1')])[1] == [('a', '1')]
 
 
 def test_the_samples_of_a_large_run_are_thinned_out_to_what_a_page_can_hold(monkeypatch):

@@ -1,0 +1,293 @@
+"""The tables of a report as data: columns, and rows of texts, numbers and intervals.
+
+`formats.py` writes a table as Markdown, LaTeX, CSV or text; `report_tables` lists all of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+from llm_astar_planner.benchmark.analysis.statistics import UNKNOWN, Interval
+from llm_astar_planner.benchmark.analysis.summary import (
+    Growth,
+    PairedComparison,
+    Ratio,
+    VariantSummary,
+    is_learned,
+)
+from llm_astar_planner.benchmark.report.sentences import effect_on, method_label, variant_label
+
+# A number that is NaN is unknown.
+Cell = str | float | Interval
+
+
+class Column(NamedTuple):
+    """A column: its head with the unit, what numbers are multiplied by for it, and decimals."""
+
+    head: str
+    factor: float = 1.0
+    digits: int = 2
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a report; `name` is that of its files, and every row has a cell a column."""
+
+    name: str
+    title: str
+    columns: tuple[Column, ...]
+    rows: Sequence[tuple[Cell, ...]]
+    note: str = ''
+
+    def with_column(self, column: Column, cells: Sequence[Cell]) -> Table:
+        """Return the table with one more column on the right, unless no cell of it is known."""
+        if all(is_unknown(cell) for cell in cells):
+            return self
+        rows = [(*row, cell) for row, cell in zip(self.rows, cells)]
+        return replace(self, columns=(*self.columns, column), rows=rows)
+
+
+def is_unknown(cell: Cell) -> bool:
+    """Tell whether a cell holds no value."""
+    if isinstance(cell, str):
+        return cell in ('', '-')
+    return math.isnan(cell.value if isinstance(cell, Interval) else cell)
+
+
+def texts(*heads: str) -> tuple[Column, ...]:
+    """Return columns of texts."""
+    return tuple(Column(head) for head in heads)
+
+
+def percents(*heads: str) -> tuple[Column, ...]:
+    """Return columns of ratios that are written in percent."""
+    return tuple(Column(head, 100.0) for head in heads)
+
+
+def milliseconds(*heads: str) -> tuple[Column, ...]:
+    """Return columns of seconds that are written in milliseconds."""
+    return tuple(Column(head, 1e3, 3) for head in heads)
+
+
+# Table 1 of the paper as printed, on the paper's samples: method, model, prompt, then operation,
+# storage, length and valid path ratio in percent.
+PAPER_TABLE = (
+    ('A*', '-', '-', '100', '100', '100', '100'),
+    ('Dynamic WA* (w=2)', '-', '-', '60.91', '78.53', '100.24', '100'),
+    ('LLM', 'GPT-3.5', 'Few-Shot', '-', '-', '119.38', '12.80'),
+    ('LLM', 'GPT-3.5', 'CoT', '-', '-', '151.73', '15.20'),
+    ('LLM', 'GPT-3.5', 'RePE', '-', '-', '183.87', '7.80'),
+    ('LLM', 'LLAMA3', 'Few-Shot', '-', '-', '111.05', '12.60'),
+    ('LLM', 'LLAMA3', 'CoT', '-', '-', '114.89', '12.00'),
+    ('LLM', 'LLAMA3', 'RePE', '-', '-', '138.32', '16.40'),
+    ('LLM-A*', 'GPT-3.5', 'Few-Shot', '57.39', '74.96', '102.44', '100'),
+    ('LLM-A*', 'GPT-3.5', 'CoT', '69.50', '83.65', '102.54', '100'),
+    ('LLM-A*', 'GPT-3.5', 'RePE', '85.47', '96.53', '102.41', '100'),
+    ('LLM-A*', 'LLAMA3', 'Few-Shot', '44.59', '64.02', '102.47', '100'),
+    ('LLM-A*', 'LLAMA3', 'CoT', '47.60', '66.27', '102.46', '100'),
+    ('LLM-A*', 'LLAMA3', 'RePE', '64.08', '80.19', '102.54', '100'),
+)
+MAIN_COLUMNS = (
+    *texts('Methodology', 'Base model or source', 'Prompt'),
+    *percents(
+        'Operation ratio ↓ (%)', 'Storage ratio ↓ (%)', 'Relative path length ↓ (%)',
+        'Valid path ratio ↑ (%)',
+    ),
+)  # fmt: skip
+SPREAD_COLUMNS = (
+    *texts('Variant'),
+    *percents(
+        'Operation p95', 'Operation worst', 'Over exact A*', 'Over exact A*, worst',
+        'Length p95', 'Length worst', 'Proven within',
+    ),
+    Column('Optimal (%)', 100.0, 1),
+    *milliseconds(
+        'Source ms, median', 'Source ms, p95', 'Search ms, median', 'Search ms, p95',
+        'Round trip ms, median', 'Round trip ms, p95',
+    ),
+)  # fmt: skip
+WAYPOINT_COLUMNS = (
+    *texts('Variant'),
+    Column('Waypoints per sample'),
+    *texts('Status (% of waypoints)'),
+    Column('Tokens in', digits=0),
+    Column('Tokens out', digits=0),
+    Column('Cost', digits=4),
+    Column('Unanswered', digits=0),
+)
+RECORDED_COLUMN = Column('Length / recorded plan (%)', 100.0)
+INSTRUCTION_COLUMNS = percents('Instruction satisfied (%)', 'by the recorded plan (%)')
+PATH_COLUMNS = (
+    *texts('Variant'),
+    Column('Clearance, least (m)'),
+    Column('Clearance, mean (m)'),
+    Column('Turns, mean', digits=1),
+    Column('Through unknown, mean (m)'),
+    RECORDED_COLUMN,
+    *percents('Length / recorded plan, worst (%)'),
+    *INSTRUCTION_COLUMNS,
+)
+COMPARISON_COLUMNS = (
+    *texts('Variant'),
+    *percents('Operation / none (%)', 'Length / none (%)'),
+    *texts('Effect'),
+)
+TABLE_NOTE = (
+    'Geometric means of the ratios to A* on the same sample, in percent, with 95 % confidence '
+    'intervals by bootstrap over maps. The rows without a model show what a model is worth.'
+)
+GROWTH_NOTE = (
+    'Mean growth factors against the same samples at scale 1. The slope is that of log growth '
+    'over log scale: 1 is linear in the scale, 2 proportional to the area.'
+)
+PAPER_NOTE = (
+    "On the paper's own 1000 samples, so it can only be compared with the rows above if they are "
+    'of the same samples.'
+)
+
+
+def report_tables(
+    summaries: Sequence[VariantSummary],
+    comparisons: Sequence[PairedComparison],
+    growths: Sequence[Growth],
+    metadata: Mapping[str, Any],
+) -> list[Table]:
+    """Return the tables of a report that have rows, in its order."""
+    every = [
+        main_table(summaries),
+        comparison_table(comparisons),
+        spread_table(summaries),
+        waypoint_table(summaries),
+        path_table(summaries),
+        growth_table(growths),
+        paper_table(metadata),
+    ]
+    return [table for table in every if table.rows]
+
+
+def main_table(summaries: Sequence[VariantSummary]) -> Table:
+    """Return the table in the paper's layout."""
+    rows = [
+        (
+            method_label(summary.variant.method),
+            f'{summary.variant.source} (learned, not an LLM)'
+            if is_learned(summary.variant)
+            else summary.variant.model or summary.variant.source,
+            summary.variant.prompt or '-',
+            summary.operation.mean,
+            summary.storage.mean,
+            summary.length.mean,
+            summary.valid,
+        )
+        for summary in summaries
+    ]
+    return Table('main', 'The table', MAIN_COLUMNS, rows, TABLE_NOTE)
+
+
+def comparison_table(comparisons: Sequence[PairedComparison]) -> Table:
+    """Return the comparison with no waypoints."""
+    rows = [
+        (
+            variant_label(comparison.variant),
+            comparison.operation,
+            comparison.length,
+            effect_on(comparison.operation),
+        )
+        for comparison in comparisons
+        if comparison.samples
+    ]
+    return Table('over_none', 'What waypoints added over none', COMPARISON_COLUMNS, rows)
+
+
+def spread_table(summaries: Sequence[VariantSummary]) -> Table:
+    """Return the table of percentiles, maxima and times."""
+    rows = [
+        (
+            variant_label(summary.variant),
+            *summary.operation.spread[2:],
+            mean_of(summary.operation_exact),
+            worst_of(summary.operation_exact),
+            *summary.length.spread[2:],
+            summary.proven.worst,
+            summary.optimal,
+            *summary.seconds_source[1:3],
+            *summary.seconds_search[1:3],
+            *summary.seconds_round_trip[1:3],
+        )
+        for summary in summaries
+    ]
+    return Table('spread', 'What the means hide', SPREAD_COLUMNS, rows)
+
+
+def waypoint_table(summaries: Sequence[VariantSummary]) -> Table:
+    """Return the table of waypoints, tokens and cost, for variants with a source."""
+    rows = [
+        (
+            variant_label(summary.variant),
+            summary.waypoints,
+            ', '.join(f'{name} {100 * part:.1f}' for name, part in summary.verdicts.items())
+            or '-',
+            summary.prompt_tokens,
+            summary.completion_tokens,
+            math.nan if summary.cost is None else summary.cost,
+            summary.unanswered,
+        )
+        for summary in summaries
+        if summary.variant.source != 'none'
+    ]
+    return Table('waypoints', 'Waypoints, tokens, cost', WAYPOINT_COLUMNS, rows)
+
+
+def path_table(summaries: Sequence[VariantSummary]) -> Table:
+    """Return the table of clearance, turns and unknown cells of the paths."""
+    rows = [
+        (
+            variant_label(summary.variant),
+            summary.least_clearance,
+            summary.clearance.mean,
+            summary.turns.mean,
+            summary.unknown_length.mean,
+            mean_of(summary.recorded),
+            worst_of(summary.recorded),
+            summary.instruction,
+            summary.recorded_instruction,
+        )
+        for summary in summaries
+    ]
+    return Table('paths', 'The paths', PATH_COLUMNS, rows)
+
+
+def growth_table(growths: Sequence[Growth]) -> Table:
+    """Return the table of growth factors, with a column for each scale."""
+    scales = sorted({scale for growth in growths for scale in growth.scales})
+    columns = (
+        *texts('Variant', 'Quantity'),
+        Column('Samples', digits=0),
+        *texts(*(f'x{scale}' for scale in scales), 'Slope'),
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for growth in growths:
+        factors = dict(zip(growth.scales, growth.factors))
+        cells = (factors.get(scale, math.nan) for scale in scales)
+        name = variant_label(growth.variant)
+        rows.append((name, growth.quantity, growth.samples, *cells, growth.slope))
+    return Table('growth', 'Growth with the scale of the map', columns, rows, GROWTH_NOTE)
+
+
+def paper_table(metadata: Mapping[str, Any]) -> Table:
+    """Return the paper's table as printed; without rows for a run on bags."""
+    rows = () if metadata.get('bags') else PAPER_TABLE
+    return Table('paper', 'Table 1 of the paper, as printed', MAIN_COLUMNS, rows, PAPER_NOTE)
+
+
+def mean_of(ratio: Ratio | None) -> Interval:
+    """Return the mean of a ratio, unknown where there is none."""
+    return UNKNOWN if ratio is None else ratio.mean
+
+
+def worst_of(ratio: Ratio | None) -> float:
+    """Return the largest of some ratios, NaN where there are none."""
+    return math.nan if ratio is None else ratio.spread.worst
