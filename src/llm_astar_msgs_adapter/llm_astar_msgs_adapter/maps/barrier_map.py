@@ -77,9 +77,15 @@ class BarrierMap:
         origin = Pose2D((x_min - 0.5) * resolution, (y_min - 0.5) * resolution)
         return GridMap(cells, resolution, origin, frame_id)
 
+    @property
+    def offset(self) -> Point:
+        """The lattice coordinates (x_min, y_min) of cell (0, 0)."""
+        return self.range_x[0], self.range_y[0]
+
     def to_cell(self, point: Point) -> Point:
         """Return the cell of a lattice point: the same point counted from (x_min, y_min)."""
-        return point[0] - self.range_x[0], point[1] - self.range_y[0]
+        x_min, y_min = self.offset
+        return point[0] - x_min, point[1] - y_min
 
     def open_ended(self) -> BarrierMap:
         """Return the map with every barrier one cell shorter at its end; those of one cell vanish.

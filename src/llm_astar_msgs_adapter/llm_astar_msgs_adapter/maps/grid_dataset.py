@@ -53,6 +53,11 @@ class GridProblem:
         """Return the grid."""
         return self.grid_map
 
+    @property
+    def offset(self) -> Point:
+        """The coordinates of cell (0, 0), which samples name as it is: (0, 0)."""
+        return 0, 0
+
     def to_cell(self, point: Point) -> Point:
         """Return the cell of a sample's point: the point itself."""
         return point

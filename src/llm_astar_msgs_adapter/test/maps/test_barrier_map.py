@@ -62,6 +62,7 @@ def test_lattice_points_lie_at_cell_centres():
     grid = barrier_map.to_grid(resolution=0.5)
     assert grid.origin == (-1.75, 0.75, 0.0)
     cell = barrier_map.to_cell((4, 6))
+    assert barrier_map.to_cell(barrier_map.offset) == (0, 0)
     np.testing.assert_allclose(grid.grid_to_world([cell]), [[2.0, 3.0]])
 
 

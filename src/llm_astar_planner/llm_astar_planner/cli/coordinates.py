@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point
+from llm_astar_msgs_adapter.maps.barrier_map import Point
 from llm_astar_msgs_adapter.maps.grid_map import FAR, GridMap
 
 from llm_astar_planner.benchmark.datasets.grids import YAML
@@ -93,12 +93,5 @@ def coordinates_of(
     """Return the unit of a map's points: by the options, else by the kind of the map's file."""
     is_robot_map = arguments.query is None and Path(arguments.map).suffix.lower() in YAML
     return Coordinates(
-        grid_map, offset_of(problem), arguments.metres or (is_robot_map and not arguments.cells)
+        grid_map, problem.offset, arguments.metres or (is_robot_map and not arguments.cells)
     )
-
-
-def offset_of(problem: ProblemMap) -> Point:
-    """Return the map coordinates of cell (0, 0)."""
-    if isinstance(problem, BarrierMap):
-        return problem.range_x[0], problem.range_y[0]
-    return 0, 0

@@ -309,7 +309,7 @@ def draw(result: InstructionResult, path: str) -> None:
 
     plan, suite_map = result.plan, result.instruction.suite_map
     barriers = suite_map.barrier_map
-    offset = (0, 0) if barriers is None else (barriers.range_x[0], barriers.range_y[0])
+    offset = (0, 0) if barriers is None else barriers.offset
     route = Route(Costmap(suite_map.grid_map), plan.start, plan.goal, suite_map.places)
     picture = picture_of(plan, suite_map.grid_map, plan.start, plan.goal, offset, route=route)
     save_picture(picture, path)

@@ -148,7 +148,8 @@ class Costmap:
         """
         x, y = cell
         if self.barrier_map is not None:
-            return f'cell ({x + self.barrier_map.range_x[0]}, {y + self.barrier_map.range_y[0]})'
+            x_min, y_min = self.barrier_map.offset
+            return f'cell ({x + x_min}, {y + y_min})'
         if (self.grid_map.resolution, self.grid_map.origin) == (1.0, ORIGIN):
             return f'cell ({x}, {y})'
         ((east, north),) = self.grid_map.grid_to_world([cell]).tolist()

@@ -61,8 +61,7 @@ class PlayMap:
     @property
     def offset(self) -> Point:
         """The map coordinates of cell (0, 0)."""
-        barriers = self.barriers
-        return (0, 0) if barriers is None else (barriers.range_x[0], barriers.range_y[0])
+        return self.problem.offset
 
     def pairs(self) -> list[tuple[Point, Point]]:
         """Return the first start-goal pairs, in cells."""

@@ -151,7 +151,7 @@ class BagTasks:
             return BenchmarkSample(GridProblem(map_id, grid_map), pair, Sample(start, goal)), False
         map_id = self._ids.map_id(grid_map.digest, barriers.id)
         # A dataset's coordinates begin at its range; its cells at 0.
-        x_min, y_min = barriers.range_x[0], barriers.range_y[0]
+        x_min, y_min = barriers.offset
         sample = Sample((start[0] + x_min, start[1] + y_min), (goal[0] + x_min, goal[1] + y_min))
         own = next((n for n, s in enumerate(barriers.samples) if s[:2] == sample[:2]), None)
         pair = self._ids.pair(map_id, own, len(barriers.samples))

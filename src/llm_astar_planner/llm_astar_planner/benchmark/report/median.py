@@ -74,11 +74,9 @@ def drawn_row(
     planner, request = request_again(problem, sample, row, settings)
     plan = plan_again(problem, sample, row, settings)
     grid_map = drawable_map(planner.grid_map, settings.costmap)
-    offset = (0, 0)
-    if planner.costmap.barrier_map is not None:
-        barriers = planner.costmap.barrier_map
-        offset = barriers.range_x[0], barriers.range_y[0]
-    picture = picture_of(plan, grid_map, plan.start, plan.goal, offset, costmap=planner.costmap)
+    picture = picture_of(
+        plan, grid_map, plan.start, plan.goal, problem.offset, costmap=planner.costmap
+    )
     name, length = variant_label(row.variant), describe_length(plan, grid_map.resolution)
     title = f'{name}\n{length}, {plan.expansions:,} expansions'
     picture = replace(picture, title=title, recorded=cells_of(row.recorded_path))
