@@ -18,7 +18,7 @@ from llm_astar_planner.benchmark.results import (
     Variant,
     parse_points,
 )
-from llm_astar_planner.benchmark.runner.engine import SearchSettings, plan_again, request_again
+from llm_astar_planner.benchmark.runner.engine import SearchSettings, request_again
 from llm_astar_planner.planning.retrace import retrace
 from llm_astar_planner.search.methods import GUIDED
 from llm_astar_planner.visualization.animation import AnimatedSearch
@@ -72,7 +72,7 @@ def drawn_row(
     """Plan a row again; return its picture, and its animation if the order is known."""
     sample = problem.samples[row.pair]
     planner, request = request_again(problem, sample, row, settings)
-    plan = plan_again(problem, sample, row, settings)
+    plan = planner.plan(request)
     grid_map = drawable_map(planner.grid_map, settings.costmap)
     picture = picture_of(
         plan, grid_map, plan.start, plan.goal, problem.offset, costmap=planner.costmap

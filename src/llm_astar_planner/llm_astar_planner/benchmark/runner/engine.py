@@ -232,14 +232,6 @@ def run_task(task: Task) -> list[Outcome]:
     return outcomes
 
 
-def plan_again(
-    barrier_map: ProblemMap, sample: Sample, row: Row, settings: SearchSettings
-) -> Plan:
-    """Plan a row of scale 1 again with its recorded waypoints, to get the expanded cells."""
-    planner, request = request_again(barrier_map, sample, row, settings)
-    return planner.plan(request)
-
-
 def request_again(
     barrier_map: ProblemMap, sample: Sample, row: Row, settings: SearchSettings
 ) -> tuple[Planner, PlanRequest]:

@@ -4,16 +4,17 @@ import numpy as np
 from benchmark_samples import rows_of, tasks_of
 from llm_astar_planner.benchmark.analysis.trace import trace
 from llm_astar_planner.benchmark.datasets.samples import load_samples
-from llm_astar_planner.benchmark.runner.engine import SearchSettings, plan_again
-from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.benchmark.runner.engine import SearchSettings, request_again
 from llm_astar_planner.planning.waypoint_filter import KEPT_BY_PAPER
 
 
 def test_the_traced_search_equals_the_compiled_one(dataset):
     for sample in load_samples(dataset)[::4]:
-        planner = Planner.for_barrier_map(sample.barrier_map)
         for row in rows_of(tasks_of([sample], methods=['llm_astar'])[0]):
-            plan = plan_again(sample.barrier_map, sample.sample, row, SearchSettings())
+            planner, request = request_again(
+                sample.barrier_map, sample.sample, row, SearchSettings()
+            )
+            plan = planner.plan(request)
             targets = [(p.x, p.y) for p in plan.checked_waypoints if p.status in KEPT_BY_PAPER]
             goals = [] if row.method == 'astar' else [*targets, sample.sample.goal]
             traced = trace(planner.costmap.blocked, *sample.sample[:2], goals)

@@ -20,8 +20,8 @@ from llm_astar_planner.benchmark.runner.engine import (
     cache_size,
     list_variants,
     make_tasks,
-    plan_again,
     planner_for,
+    request_again,
     run_tasks,
 )
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
@@ -135,7 +135,8 @@ def test_rows_of_tasks_that_finish_at_once_come_in_the_order_of_the_tasks(datase
 def test_a_row_can_be_planned_again_to_see_what_it_expanded(dataset):
     sample = load_samples(dataset)[0]
     for row in rows_of(tasks_of([sample], methods=['llm_astar'])[0]):
-        plan = plan_again(sample.barrier_map, sample.sample, row, SearchSettings())
+        planner, request = request_again(sample.barrier_map, sample.sample, row, SearchSettings())
+        plan = planner.plan(request)
         assert (plan.expansions, plan.length) == (row.operation, row.length)
 
 
