@@ -8,14 +8,18 @@ import signal
 import subprocess
 import sys
 import threading
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import httpx
 import numpy as np
 import pytest
 import rclpy
-from graph_tools import GOAL, START, calling, spinning
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from graph_tools import GOAL, START, calling, spinning, wait_for
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_message
+from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.nodes.tools import live_view
@@ -23,6 +27,7 @@ from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.types import Plan, ResultCode
 from llm_astar_planner.play.errors import PlayError
 from llm_astar_planner.play.live import LiveFeed
+from nav_msgs.msg import Path
 from rclpy.parameter import Parameter
 
 SPACE = '/played'
@@ -145,6 +150,37 @@ def test_a_page_is_told_what_to_check_where_there_is_no_planner(graph, monkeypat
     finally:
         stopped.set()
         following.join()
+
+
+def test_plans_a_nanosecond_apart_are_shown_with_their_own_paths(graph):
+    class Viewer:
+        def show_plan(self, points, report):
+            plans.append((len(points), report['operation']))
+
+        def show_map(self, grid_map):
+            """Ignore it."""
+
+        show_places = show_status = show_map
+
+    plans, stopped, namespace = [], threading.Event(), f'{SPACE}/twins'
+    with calling(namespace, 'publishes_twins') as caller:
+        view = live_view.LiveView(caller.node, 'planner', 'no_client', Viewer())
+        paths = caller.node.create_publisher(Path, 'plan', RELIABLE)
+        reports = caller.node.create_publisher(DiagnosticArray, 'planner/report', REPORTS)
+        for publisher in (paths, reports):
+            caller.wait_for_subscriber(publisher, PATIENCE)
+        following = threading.Thread(target=view.follow, args=(stopped,))
+        stamps = [Time(sec=1_700_000_000, nanosec=nanosec) for nanosec in (5, 6)]
+        for size, stamp in enumerate(stamps, 1):
+            paths.publish(path_to_message(np.zeros((size, 2)), 'map', stamp))
+        following.start()
+        for size, stamp in enumerate(stamps, 1):
+            report = replace(plan_report(FINE, None), operation=size)
+            reports.publish(report_to_message(report, 'planner', stamp))
+            wait_for(lambda: len(plans) == size, f'plan {size}')  # noqa: B023
+        stopped.set()
+        following.join()
+    assert plans == [(1, 1), (2, 2)]
 
 
 def test_a_plan_that_cannot_be_read_is_said_to_be_so():

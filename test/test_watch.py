@@ -33,7 +33,7 @@ REPLAY = [
 FINE = Plan(ResultCode.NONE, 'fine', '', (0, 0), (0, 0), np.zeros((0, 0), dtype=bool))
 PLAN = MonitorEvent(
     EventKind.PLAN,
-    5.0,
+    5_000_000_000,
     'planner_node',
     {
         **asdict(plan_report(FINE, None)),
@@ -155,11 +155,15 @@ EXCHANGE = ExchangeReport(
 
 
 def test_a_line_of_an_exchange_says_how_many_waypoints_came_or_why_none():
-    line = to_line(MonitorEvent(EventKind.EXCHANGE, 5.0, 'llm_client_node', asdict(EXCHANGE)))
+    line = to_line(
+        MonitorEvent(EventKind.EXCHANGE, 5_000_000_000, 'llm_client_node', asdict(EXCHANGE))
+    )
     assert line.endswith('exchange  1 waypoints from endpoint:x  12 + 3 tokens  0.50 s')
     failed = replace(EXCHANGE, status='TIMEOUT', detail='no answer', prompt_tokens=0, waypoints=())
     failed = replace(failed, completion_tokens=0)
-    line = to_line(MonitorEvent(EventKind.EXCHANGE, 5.0, 'llm_client_node', asdict(failed)))
+    line = to_line(
+        MonitorEvent(EventKind.EXCHANGE, 5_000_000_000, 'llm_client_node', asdict(failed))
+    )
     assert line.endswith('exchange  no waypoints from endpoint:x: no answer [TIMEOUT]  0.50 s')
 
 

@@ -114,7 +114,7 @@ def advice(monitor: Monitor) -> str:
 
 def to_json(event: MonitorEvent) -> str:
     """Return one JSON object on one line: `kind`, `stamp` and `node`, then the fields."""
-    head = {'kind': event.kind.value, 'stamp': event.stamp, 'node': event.node}
+    head = {'kind': event.kind.value, 'stamp': event.stamp / 1e9, 'node': event.node}
     return json.dumps({**head, **event.values})
 
 
@@ -124,7 +124,7 @@ def to_line(event: MonitorEvent, *, colour: bool = False) -> str:
     A plan with an instruction has a line more for each clause. Characters that could control the
     terminal, such as a model may write, are replaced.
     """
-    clock = time.strftime('%H:%M:%S', time.localtime(event.stamp))
+    clock = time.strftime('%H:%M:%S', time.localtime(event.stamp / 1e9))
     words = {'plan': plan_words, 'exchange': exchange_words, 'health': health_words}
     line = '  '.join([clock, *filter(None, words[event.kind.value](event))])
     lines = [(colour_of(event), line), *clause_lines(event)]

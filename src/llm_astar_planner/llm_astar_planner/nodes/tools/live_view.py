@@ -13,7 +13,7 @@ from cachetools import FIFOCache
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Places, PlacesError
 from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
-from llm_astar_msgs_adapter.messages.fields import path_from_message
+from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from rclpy.node import Node
@@ -59,8 +59,8 @@ class LiveView:
         """Subscribe on `node`, which the caller spins, to nodes named relative to it."""
         self._viewer = viewer
         self._monitor = Monitor(node, planner, client)
-        # By stamp in seconds; other planners publish on this topic too.
-        self._paths: FIFOCache[float, NDArray[np.float64]] = FIFOCache(KEPT_PATHS)
+        # By stamp; other planners publish on this topic too.
+        self._paths: FIFOCache[int, NDArray[np.float64]] = FIFOCache(KEPT_PATHS)
         self._report: MonitorEvent | None = None
         self._report_came = 0.0
         MapSubscription(Entities(node), viewer.show_map)
@@ -105,9 +105,8 @@ class LiveView:
             self._viewer.show_places(places_from_geojson(places, 'the places of the graph'))
 
     def _on_path(self, message: Path) -> None:
-        stamp = message.header.stamp
         with contextlib.suppress(ValueError):  # a malformed path is somebody else's
-            self._paths[float(stamp.sec + stamp.nanosec / 1e9)] = path_from_message(message)
+            self._paths[stamp_of(message)] = path_from_message(message)
 
 
 @contextlib.contextmanager

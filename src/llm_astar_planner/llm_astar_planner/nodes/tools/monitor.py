@@ -9,9 +9,8 @@ from dataclasses import asdict
 from enum import Enum
 from typing import Any, NamedTuple
 
-from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from llm_astar_msgs_adapter.messages.fields import status_values
+from llm_astar_msgs_adapter.messages.fields import stamp_of, status_values
 from llm_astar_msgs_adapter.messages.report import (
     ExchangeReport,
     PlanReport,
@@ -38,14 +37,14 @@ class EventKind(str, Enum):
 
 
 class MonitorEvent(NamedTuple):
-    """One event: when (seconds of the node's clock), of which node, and its fields.
+    """One event: when (nanoseconds of the node's clock), of which node, and its fields.
 
     The fields of a plan are those of PlanReport, of an exchange those of ExchangeReport; a state
     has `message` and the values of its diagnostic status.
     """
 
     kind: EventKind
-    stamp: float
+    stamp: int
     node: str
     values: dict[str, Any]
 
@@ -106,7 +105,7 @@ class Monitor:
         except ReportError as error:
             self._node.get_logger().warning(f'{node}: {error}; is it of another version?')
             return
-        self._add(kind, message.header.stamp, node, values)
+        self._add(kind, stamp_of(message), node, values)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         """Add a node's state where it differs from the last one."""
@@ -122,12 +121,11 @@ class Monitor:
             if self._states.get(node) != state:
                 self._states[node] = state
                 state_values = {'message': state, **values}
-                self._add(EventKind.HEALTH, message.header.stamp, node, state_values)
+                self._add(EventKind.HEALTH, stamp_of(message), node, state_values)
 
-    def _add(self, kind: EventKind, stamp: Time, node: str, values: dict[str, Any]) -> None:
-        seconds = float(stamp.sec + stamp.nanosec / 1e9)
+    def _add(self, kind: EventKind, stamp: int, node: str, values: dict[str, Any]) -> None:
         with contextlib.suppress(queue.Full):
-            self._waiting.put_nowait(MonitorEvent(kind, seconds, node, values))
+            self._waiting.put_nowait(MonitorEvent(kind, stamp, node, values))
 
 
 @contextlib.contextmanager
