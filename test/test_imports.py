@@ -24,54 +24,22 @@ ROS = {
     'tf2_ros',
 }
 # What each room of the planner may import, besides itself, of the planner's other rooms.
+COSTMAP = {'search', 'parameter'}
+WAYPOINTS = COSTMAP | {'costmap', 'resources'}
+INSTRUCTIONS = WAYPOINTS | {'waypoints', 'lazy'}
+PLANNING = INSTRUCTIONS | {'instructions'}
+BENCHMARK = PLANNING | {'planning', 'visualization'}
+ABOVE_BENCHMARK = BENCHMARK - {'lazy'} | {'benchmark'}
 ROOMS = {
     'search': set(),
-    'costmap': {'search', 'parameter'},
-    'waypoints': {'search', 'costmap', 'parameter', 'resources'},
-    'instructions': {'search', 'costmap', 'waypoints', 'parameter', 'resources', 'lazy'},
-    'planning': {
-        'search',
-        'costmap',
-        'waypoints',
-        'instructions',
-        'parameter',
-        'resources',
-        'lazy',
-    },
+    'costmap': COSTMAP,
+    'waypoints': WAYPOINTS,
+    'instructions': INSTRUCTIONS,
+    'planning': PLANNING,
     'visualization': {'search', 'costmap', 'instructions', 'planning'},
-    'benchmark': {
-        'parameter',
-        'search',
-        'costmap',
-        'waypoints',
-        'instructions',
-        'planning',
-        'visualization',
-        'resources',
-        'lazy',
-    },
-    'play': {
-        'parameter',
-        'search',
-        'costmap',
-        'waypoints',
-        'instructions',
-        'planning',
-        'visualization',
-        'benchmark',
-        'resources',
-    },
-    'nodes': {
-        'parameter',
-        'search',
-        'costmap',
-        'waypoints',
-        'instructions',
-        'planning',
-        'visualization',
-        'benchmark',
-        'resources',
-    },
+    'benchmark': BENCHMARK,
+    'play': ABOVE_BENCHMARK,
+    'nodes': ABOVE_BENCHMARK,
 }
 # Of the adapter's messages, those that read any object with a message's fields: no ROS needed.
 PLAIN_MESSAGES = {'fields', 'report', 'transforms'}

@@ -17,17 +17,17 @@ def start_numba() -> None:
 
     Of that package numba takes only the compiled module `cython_blas`, so an empty package stands
     in its place meanwhile. Afterwards scipy.linalg can be imported as ever. Call it before other
-    threads are started. Does nothing where scipy is missing or imported already.
+    threads are started. Where scipy is missing or scipy.linalg
+    imported already, numba sets itself up as ever.
     """
-    if PACKAGE not in sys.modules and importlib.util.find_spec('scipy') is not None:
-        scipy = importlib.import_module('scipy')
-        package = ModuleType(PACKAGE)
-        package.__path__ = [f'{folder}/linalg' for folder in scipy.__path__]
-        sys.modules[PACKAGE] = package
-    else:
-        package = None
+    if PACKAGE in sys.modules or importlib.util.find_spec('scipy') is None:
+        cpu_target.target_context.refresh()
+        return
+    scipy = importlib.import_module('scipy')
+    package = ModuleType(PACKAGE)
+    package.__path__ = [f'{folder}/linalg' for folder in scipy.__path__]
+    sys.modules[PACKAGE] = package
     try:
         cpu_target.target_context.refresh()
     finally:
-        if package is not None:
-            del sys.modules[PACKAGE]
+        del sys.modules[PACKAGE]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from llm_astar_planner.benchmark.runner.engine import Task
@@ -18,9 +19,7 @@ def split_timed(tasks: Sequence[Task]) -> tuple[dict[int, list[Task]], list[Task
     """Return the first tasks of each scale, which are run first and timed, and the others."""
     timed: dict[int, list[Task]] = {}
     others: list[Task] = []
-    counts: dict[int, int] = {}
-    for task in tasks:
-        counts[task.scale] = counts.get(task.scale, 0) + 1
+    counts = Counter(task.scale for task in tasks)
     for task in tasks:
         group = timed.setdefault(task.scale, [])
         most = min(MOST_TIMED, max(1, round(TIMED_PART * counts[task.scale])))
