@@ -110,8 +110,8 @@ def soak(rounds, calls_a_round, killed=()):
         callers = [stack.enter_context(calling(NAMESPACE, f'caller_{i}')) for i in range(CALLERS)]
         is_over = threading.Event()
         stack.callback(is_over.set)
-        showing = threads.submit(change_the_world, callers[0].node, planners, is_over)
-        introduce(callers)
+        showing = threads.submit(publish_maps_and_times, callers[0].node, planners, is_over)
+        wait_until_answered(callers)
         for turn in tqdm(range(rounds), disable=rounds < 100):
             if turn % 4 == 0:
                 process_client = client.enter_context(waypoint_client())
@@ -143,7 +143,7 @@ def soak(rounds, calls_a_round, killed=()):
             if turn in killed:
                 node_of_now.close()
                 node = node_of_now.enter_context(planner_node())
-                introduce(callers)
+                wait_until_answered(callers)
             used.append(usage(node.pid))
         is_over.set()
         showing.result()
@@ -166,7 +166,7 @@ def planner_node():
     return process('planner_node', *SETTINGS, namespace=NAMESPACE)
 
 
-def change_the_world(node, planners, is_over):
+def publish_maps_and_times(node, planners, is_over):
     """Publish another map and another time five times a second; the time jumps back and forth."""
     draw = random.Random(7)  # noqa: S311 - no secret
     maps = node.create_publisher(OccupancyGrid, 'map', LATCHED)
@@ -185,7 +185,7 @@ def waypoint_client():
     return process('llm_client_node', '-p', 'source:=straight', namespace=NAMESPACE)
 
 
-def introduce(callers):
+def wait_until_answered(callers):
     """Call until each caller is answered once.
 
     A response is lost if it is sent before the planner's side has discovered the caller's.

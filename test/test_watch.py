@@ -146,7 +146,15 @@ def test_a_line_has_the_figures_of_the_plan():
         assert words in line
     assert 'NONE' not in line
     assert '\033' not in line
-    assert json.loads(to_json(PLAN))['operation'] == 49
+    printed = json.loads(to_json(PLAN))
+    assert (printed['operation'], printed['stamp']) == (49, 5.0)
+
+
+@pytest.mark.parametrize(
+    ('count', 'words'), [(1, '  1 expansion  '), (82264, '  82,264 expansions  ')]
+)
+def test_counts_of_expansions_are_words_of_a_person(count, words):
+    assert words in to_line(PLAN._replace(values={**PLAN.values, 'operation': count}))
 
 
 EXCHANGE = ExchangeReport(

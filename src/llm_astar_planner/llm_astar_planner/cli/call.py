@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import time
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 
-from llm_astar_planner.cli.flags import add_graph_options, add_old_flag
+from llm_astar_planner.cli.flags import add_graph_options, add_old_flag, check_time_limit
 from llm_astar_planner.cli.pictures import add_picture_option
 from llm_astar_planner.parameter import ParameterError
 
@@ -67,9 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     has_goal = arguments.goal is not None or arguments.to is not None
     if arguments.interpret is None and (arguments.start is None or not has_goal):
         raise ParameterError('--start and one of --goal and --to, or --interpret, are expected')
-    if not 0.0 < arguments.time_limit < math.inf:
-        limit = arguments.time_limit
-        raise ParameterError(f'--time-limit: {limit} is not a number of seconds above 0')
+    check_time_limit(arguments.time_limit)
     from llm_astar_planner.nodes.tools.call import calling  # noqa: PLC0415
     from llm_astar_planner.planning.report import report_lines  # noqa: PLC0415
 

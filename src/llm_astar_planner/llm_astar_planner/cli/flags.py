@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from typing import Any
+
+from llm_astar_planner.parameter import ParameterError
 
 
 class OldFlag(argparse.Action):
@@ -54,3 +57,9 @@ def add_graph_options(group: Any) -> None:  # noqa: ANN401 - argparse keeps its 
         metavar='NAME',
         help='name of the planner (default: %(default)s)',
     )
+
+
+def check_time_limit(seconds: float) -> None:
+    """Check the `--time-limit` of waits. Raises ParameterError."""
+    if not 0.0 < seconds < math.inf:
+        raise ParameterError(f'--time-limit: {seconds:g} is not a number of seconds above 0')

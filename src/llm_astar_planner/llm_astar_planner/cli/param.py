@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import textwrap
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+from llm_astar_planner.cli.flags import check_time_limit
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
@@ -53,8 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ParameterError(
             f'param {action} {usage} is expected, not {" ".join(words) or "none"}'
         )
-    if not 0.0 < arguments.time_limit < math.inf:
-        raise ParameterError(f'--time-limit: {arguments.time_limit} is not above 0')
+    check_time_limit(arguments.time_limit)
     from llm_astar_planner.nodes.tools.parameter_client import parameter_client  # noqa: PLC0415
 
     with parameter_client(arguments.namespace, words[:1], arguments.time_limit) as client:

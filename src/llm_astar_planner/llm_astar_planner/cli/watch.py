@@ -145,12 +145,15 @@ def clause_lines(event: MonitorEvent) -> Iterator[tuple[int, str]]:
 
 def plan_words(event: MonitorEvent) -> list[str]:
     """Return the words of a plan's line; empty ones are left out."""
+    # Importing numpy takes a tenth of a second.
+    from llm_astar_planner.search.result import describe_expansions  # noqa: PLC0415
+
     plan = event.values
     report = PlanReport(**plan)
     return [
         report.summary if report.code else 'path found',
         '' if report.length is None else f'{report.length:.2f} m',
-        f'{report.operation} expansions',
+        describe_expansions(report.operation),
         '' if report.ratio is None else f'proven within {report.ratio:.3f} of the shortest',
         f'method {report.method}' if report.method else '',
         f'waypoints {report.waypoint_summary}',

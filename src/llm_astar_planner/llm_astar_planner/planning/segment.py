@@ -32,7 +32,12 @@ from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.layered import LayeredResult, VisitProblem, visit_search
 from llm_astar_planner.search.methods import EXACT, GUIDED, WAYPOINT_METHODS
 from llm_astar_planner.search.paper import PAPER_METHODS, SearchOptions
-from llm_astar_planner.search.result import BoundedResult, SearchResult, SearchStatus
+from llm_astar_planner.search.result import (
+    BoundedResult,
+    SearchResult,
+    SearchStatus,
+    describe_expansions,
+)
 from llm_astar_planner.waypoints.async_query import WaypointQueryTask, query_source
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
@@ -134,10 +139,11 @@ class SegmentPlanner:
         """Return why there is no path after so many expansions; `start` and `goal` are names."""
         code, message = ResultCode.NO_VALID_PATH, 'every reachable cell was searched'
         if self.result.status is SearchStatus.STOPPED:
-            code, message = ResultCode.TIMEOUT, f'cancelled after {expansions} expansions'
+            done = describe_expansions(expansions)
+            code, message = ResultCode.TIMEOUT, f'cancelled after {done}'
             if not self.stop[0]:
                 limit = f'the limit is {self.request.time_limit:g} s, max_planning_time'
-                message = f'out of time after {expansions} expansions ({limit})'
+                message = f'out of time after {done} ({limit})'
         start += f' {self.costmap.describe_cell(self.request.start)}'
         goal += f' {self.costmap.describe_cell(self.request.goal)}'
         return PlanningFailure(code, f'{message}, from {start} to {goal}')
@@ -331,7 +337,7 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
     message, metres = f'{result.length:.2f} cells', first.costmap.grid_map.resolution
     if metres != 1.0:
         message = f'{metres * result.length:.2f} m ({message})'
-    message += f', {result.expansions} expansions'
+    message += f', {result.expansions:,} expansion{"" if result.expansions == 1 else "s"}'
     if isinstance(result, BoundedResult):
         is_priced = not math.isclose(result.cost, result.length, rel_tol=1e-6)
         least = 'cheapest' if is_priced else 'shortest'

@@ -14,6 +14,7 @@ from matplotlib.font_manager import findfont
 from PIL import Image, ImageDraw, ImageFont
 
 from llm_astar_planner.search.expansion_order import ExpansionOrder
+from llm_astar_planner.search.result import describe_expansions
 from llm_astar_planner.visualization import raster, style
 from llm_astar_planner.visualization.comparison import on_one_window, panels_for
 from llm_astar_planner.visualization.figures import Picture, add_legend, draw, write_labels
@@ -49,8 +50,8 @@ def save_animation(path: str | Path, searches: Sequence[AnimatedSearch]) -> None
     All have the same number of expansions in a frame; it grows faster later where one search
     takes many more than another. Raises OSError where the file cannot be written.
     """
-    stage = Stage(searches)
-    frames = [stage.frame(count) for count in expansion_counts(searches)]
+    figure = AnimationFigure(searches)
+    frames = [figure.frame(count) for count in expansion_counts(searches)]
     palette = palette_of(frames[-1])
     first, *others = (
         frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames
@@ -83,12 +84,12 @@ def expansion_counts(searches: Sequence[AnimatedSearch]) -> list[int]:
     return [int(count) for count in np.unique(steps)]
 
 
-class Stage:
+class AnimationFigure:
     """The figure of an animation: what is the same in all frames, and where the rest goes."""
 
     def __init__(self, searches: Sequence[AnimatedSearch]) -> None:
         """Lay out the panels of the searches and draw what does not move."""
-        pictures = on_one_window([unturned(search.picture) for search in searches])
+        pictures = on_one_window([without_rotation(search.picture) for search in searches])
         self.searches = [replace(search, picture=own) for search, own in zip(searches, pictures)]
         self.window = pictures[0].window
         figure = Figure(dpi=DPI, layout='constrained')
@@ -130,7 +131,7 @@ class Stage:
             frame.paste(self.cells(search, count, (right - left, bottom - top)), (left, top))
             expansions = min(count, search.order.expansions)
             ended = count >= search.order.expansions
-            text = f'{search.name}\n{expansions:,} expansions'
+            text = f'{search.name}\n{describe_expansions(expansions)}'
             text += f': path of {search.outcome}' if ended else ''
             pen.text((left, top - 2.6 * TITLE_SIZE), text, fill=style.INK, font=self.font)
             if ended:
@@ -151,7 +152,7 @@ class Stage:
         return Image.fromarray(raster.PALETTE[raster.resize(codes, *size)[::-1]])
 
 
-def unturned(picture: Picture) -> Picture:
+def without_rotation(picture: Picture) -> Picture:
     """Return a picture whose map is upright, whatever the pose of the map's origin."""
     grid_map = picture.grid_map
     upright = replace(grid_map, origin=grid_map.origin._replace(yaw=0.0))

@@ -27,7 +27,7 @@ from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.types import Plan
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
-from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.result import Cell, describe_expansions
 from llm_astar_planner.visualization import raster, style
 from llm_astar_planner.visualization.instructions import (
     InstructedPath,
@@ -204,14 +204,14 @@ def describe_length(plan: Plan, resolution: float) -> str:
 def short_title(plan: Plan, resolution: float) -> str:
     """Return two lines about a plan, for the title of one of several."""
     outcome = 'no path' if plan.code else describe_length(plan, resolution)
-    return f'{describe_plan(plan)}\n{outcome}, {plan.expansions:,} expansions'
+    return f'{describe_plan(plan)}\n{outcome}, {describe_expansions(plan.expansions)}'
 
 
 def describe_outcome(plan: Plan, resolution: float) -> str:
     """Return length and expansions of a plan, for a title, or why there is no path."""
     if plan.code:
         return f'no path: {plan.message} [{plan.code.name} {int(plan.code)}]'
-    text = f'{describe_length(plan, resolution)}, {plan.expansions:,} expansions'
+    text = f'{describe_length(plan, resolution)}, {describe_expansions(plan.expansions)}'
     if math.isfinite(plan.suboptimality_bound):
         is_short = math.isclose(plan.cost, plan.length, rel_tol=1e-6)
         best = 'shortest' if is_short else 'cheapest'

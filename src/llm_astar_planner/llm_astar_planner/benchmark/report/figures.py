@@ -17,7 +17,7 @@ from llm_astar_planner.benchmark.analysis.trace import trace
 from llm_astar_planner.benchmark.report.sentences import variant_label
 from llm_astar_planner.benchmark.results import Variant
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
-from llm_astar_planner.search.result import Cell
+from llm_astar_planner.search.result import Cell, describe_expansions
 from llm_astar_planner.visualization import style
 from llm_astar_planner.visualization.style import OBSTACLE, PATH
 
@@ -104,11 +104,12 @@ def showcase_figure(
         if last:
             axes.plot(*zip(*guided.path), color=PATH, linewidth=2)
         mark_points(axes, endpoints, waypoints)
-        axes.set_title(f'LLM-A* towards {aim}:\n{count} expansions', fontsize=9)
+        axes.set_title(f'LLM-A* towards {aim}:\n{describe_expansions(count)}', fontsize=9)
     draw_cells(panels[-1], blocked, (guided.order, style.EXPANDED), (plain.order, BEYOND))
     panels[-1].plot(*zip(*plain.path), color=PATH, linewidth=2)
     mark_points(panels[-1], endpoints, ())
-    panels[-1].set_title(f'A* (grey: not by LLM-A*):\n{len(plain.order)} expansions', fontsize=9)
+    count = describe_expansions(len(plain.order))
+    panels[-1].set_title(f'A* (grey: not by LLM-A*):\n{count}', fontsize=9)
     return figure
 
 

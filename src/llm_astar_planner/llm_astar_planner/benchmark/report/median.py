@@ -21,6 +21,7 @@ from llm_astar_planner.benchmark.results import (
 from llm_astar_planner.benchmark.runner.engine import SearchSettings, request_again
 from llm_astar_planner.planning.retrace import retrace
 from llm_astar_planner.search.methods import GUIDED
+from llm_astar_planner.search.result import describe_expansions
 from llm_astar_planner.visualization.animation import AnimatedSearch
 from llm_astar_planner.visualization.figures import (
     Picture,
@@ -78,7 +79,7 @@ def drawn_row(
         plan, grid_map, plan.start, plan.goal, problem.offset, costmap=planner.costmap
     )
     name, length = variant_label(row.variant), describe_length(plan, grid_map.resolution)
-    title = f'{name}\n{length}, {plan.expansions:,} expansions'
+    title = f'{name}\n{length}, {describe_expansions(plan.expansions)}'
     picture = replace(picture, title=title, recorded=cells_of(row.recorded_path))
     order = retrace(planner, request, plan)
     return picture, None if order is None else AnimatedSearch(picture, order, name, length)

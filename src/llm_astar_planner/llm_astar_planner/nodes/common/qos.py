@@ -15,7 +15,7 @@ REPORTS = QoSProfile(
     depth=10, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 # For who waits for the reports of many calls at once, of which none may be lost.
-CALLED_REPORTS = QoSProfile(
+REPORTS_OF_CALLS = QoSProfile(
     depth=256, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)

@@ -13,6 +13,7 @@ from nav_msgs.msg import GridCells, OccupancyGrid, Path
 
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
+from llm_astar_planner.search.result import describe_expansions
 from llm_astar_planner.visualization.figures import Picture, describe_guidance
 
 # Longest wait for the expanded cells of a plan, which are published after it.
@@ -69,7 +70,7 @@ class PlanView:
         points = grid_map.world_to_grid([(x, y) for x, y, _ in report.waypoints]).tolist()
         cells = self._expanded.get(stamp_of(path))
         length = 'no path' if report.length is None else f'{report.length:.2f} m'
-        outcome = f'{length}, {report.operation:,} expansions'
+        outcome = f'{length}, {describe_expansions(report.operation)}'
         return Picture(
             grid_map,
             start,

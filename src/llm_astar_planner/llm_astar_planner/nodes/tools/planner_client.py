@@ -22,14 +22,14 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
-from llm_astar_planner.nodes.common.qos import CALLED_REPORTS, RELIABLE
+from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS_OF_CALLS
 from llm_astar_planner.nodes.common.spin import SpinThread
 
 # Discovery takes from milliseconds to seconds on a loaded machine.
 DISCOVERY_SECONDS = 15.0
 POLL_SECONDS = 0.01
 # Reports on plans of other clients arrive too, and nobody fetches them.
-KEPT_REPORTS = CALLED_REPORTS.depth
+KEPT_REPORTS = REPORTS_OF_CALLS.depth
 
 
 class PlannerClientError(LlmAstarError, RuntimeError):
@@ -51,7 +51,7 @@ class PlannerClient:
         self._reports: FIFOCache[int, PlanReport] = FIFOCache(KEPT_REPORTS)
         self._health: dict[str, dict[str, Any]] = {}
         self._client = node.create_client(GetPlan, f'{planner}/get_plan')
-        self.listen(DiagnosticArray, f'{planner}/report', self._on_report, CALLED_REPORTS)
+        self.listen(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS_OF_CALLS)
         self.listen(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
         self._thread = SpinThread(node)
 

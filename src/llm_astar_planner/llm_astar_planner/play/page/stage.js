@@ -80,12 +80,13 @@ export class Stage {
       .filter((item) => item.found)
       .map((item) => number(item.figures?.expansions) ?? Infinity);
     const least = Math.min(...counts);
+    const work = `${shown(expansions)} expansion${expansions === 1 ? '' : 's'}`;
     const figure = this.map.isMetric ? `${shown(metres, 2)} m` : `${shown(length, 2)} cells`;
     panel.figure.querySelector('.title').textContent =
       plan.role === 'chosen' ? text(plan.title, 80) : nameOf(plan);
     panel.figure.querySelector('.figures').textContent = plan.found
-      ? `${shown(expansions)} expansions, ${figure}`
-      : `no path, ${shown(expansions)} expansions`;
+      ? `${work}, ${figure}`
+      : `no path, ${work}`;
     const badge = panel.figure.querySelector('.badge');
     badge.textContent = 'fewest expansions';
     badge.hidden = !(
