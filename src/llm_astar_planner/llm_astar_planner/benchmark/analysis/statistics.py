@@ -91,12 +91,6 @@ def spread(values: ArrayLike) -> Spread:
     return Spread(float(array.mean()), float(median), float(p95), float(array.max()))
 
 
-def share(flags: ArrayLike) -> float:
-    """Return the share of flags that are set; of found paths this is the valid path ratio."""
-    array = np.asarray(flags, dtype=bool)
-    return float(array.mean()) if array.size else float('nan')
-
-
 def is_optimal(lengths: ArrayLike, best: ArrayLike) -> NDArray[np.bool_]:
     """Tell which lengths are at most those of A* (`best`), up to rounding."""
     found, reference = np.asarray(lengths, dtype=float), np.asarray(best, dtype=float)

@@ -18,7 +18,6 @@ from llm_astar_planner.benchmark.analysis.statistics import (
     is_optimal,
     mean_interval,
     ratio_interval,
-    share,
     spread,
 )
 from llm_astar_planner.benchmark.results import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant
@@ -58,6 +57,8 @@ class VariantSummary:
     paths found. `recorded` is the length over that of the path in the bag, where there is one.
     `instruction` is the share of satisfied instructions among the samples that had one, and
     `recorded_instruction` that of the plans in the bag; unknown where none had one.
+    `optimal_share` is the share of the paths found that are no longer than those of A*, `optimal`
+    its value.
     """
 
     variant: Variant
@@ -86,6 +87,7 @@ class VariantSummary:
     recorded: Ratio | None = None
     instruction: Interval = UNKNOWN
     recorded_instruction: Interval = UNKNOWN
+    optimal_share: Interval = UNKNOWN
 
 
 @dataclass(frozen=True)
@@ -162,7 +164,7 @@ def summarise_variant(
     recorded = [
         (row, replace(row, length=row.recorded_length)) for row in found if row.recorded_length > 0
     ]
-    lengths = [(row.length, base.length) for row, base in pairs]
+    optimal = optimal_share(pairs, seed)
     # A map without obstacles has an infinite clearance.
     clearances = [row.clearance for row in found if math.isfinite(row.clearance)]
     cost = None
@@ -176,7 +178,8 @@ def summarise_variant(
         operation=ratio(pairs, 'operation', seed),
         storage=ratio(pairs, 'storage', seed),
         length=ratio(pairs, 'length', seed),
-        optimal=share(is_optimal(*zip(*lengths))) if lengths else float('nan'),
+        optimal=optimal.value,
+        optimal_share=optimal,
         seconds_source=spread([row.seconds_source for row in every]),
         seconds_search=spread([row.seconds_search for row in every]),
         waypoints=sum(bool(row.waypoints) + row.waypoints.count(';') for row in every)
@@ -199,6 +202,14 @@ def summarise_variant(
         instruction=satisfied_share(every, 'instruction_satisfied', seed),
         recorded_instruction=satisfied_share(every, 'recorded_instruction_satisfied', seed),
     )
+
+
+def optimal_share(pairs: RowPairs, seed: int) -> Interval:
+    """Return the share of pairs of rows whose first path is no longer than the second."""
+    if not pairs:
+        return UNKNOWN
+    lengths, best = zip(*((row.length, base.length) for row, base in pairs))
+    return mean_interval(is_optimal(lengths, best), [row.map for row, _ in pairs], seed)
 
 
 def satisfied_share(rows: Sequence[Row], column: str, seed: int) -> Interval:

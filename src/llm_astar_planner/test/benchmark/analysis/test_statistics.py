@@ -8,7 +8,6 @@ from llm_astar_planner.benchmark.analysis.statistics import (
     is_optimal,
     mean_interval,
     ratio_interval,
-    share,
     spread,
     wilson_interval,
 )
@@ -64,7 +63,6 @@ def test_a_single_map_gives_no_interval_and_no_value_gives_no_mean():
 
 
 def test_no_values_give_no_figures():
-    assert math.isnan(share([]))
     assert all(math.isnan(value) for value in spread([]))
 
 
@@ -72,8 +70,7 @@ def test_spread_names_mean_median_p95_and_worst():
     assert spread(range(101)) == (50.0, 50.0, 95.0, 100.0)
 
 
-def test_shares_count_flags_and_optimal_allows_rounding_alone():
-    assert share([True, True, False, False]) == 0.5
+def test_optimal_allows_rounding_alone():
     assert is_optimal([10.0, 10.0 + 1e-12, 10.001], [10.0] * 3).tolist() == [True, True, False]
 
 

@@ -14,6 +14,7 @@ from llm_astar_planner.benchmark.analysis.summary import (
     summarise,
 )
 from llm_astar_planner.benchmark.report.sentences import growth_sentence
+from llm_astar_planner.benchmark.report.tables import main_table
 from llm_astar_planner.benchmark.results import Variant
 
 
@@ -37,6 +38,18 @@ def test_a_summary_holds_each_metric():
     assert summary.verdicts == {'accepted': 0.5, 'occupied': 0.5}
     assert summary.waypoints == pytest.approx(2 / 3)
     assert summary.cost == pytest.approx(0.9 + 1.0)
+
+
+def test_the_share_of_optimal_paths_has_an_interval_over_the_maps():
+    maps = range(10)
+    rows = [row(A_STAR, length=10.0, map_id=number) for number in maps]
+    rows += [row(NONE, length=10.0 + (number < 4), map_id=number) for number in maps]
+    astar, none = summarise(rows)
+    assert astar.optimal_share == (1.0, 1.0, 1.0)
+    assert none.optimal_share.value == none.optimal == 0.6
+    assert 0.2 < none.optimal_share.low < 0.5 < 0.7 < none.optimal_share.high < 1.0
+    heads = [column.head for column in main_table([none]).columns]
+    assert main_table([none]).rows[0][heads.index('Optimal paths ↑ (%)')] == none.optimal_share
 
 
 def test_variants_are_ordered_as_in_the_paper_with_baselines_below_models():
