@@ -196,7 +196,7 @@ BOMBS = {
         lambda _: 'start_x,start_y,goal_x,goal_y\n' + '0,0,0,0\n' * 980_000, load_requests
     ),
     'row of results': Bomb(
-        results, lambda path: ResultsFolder(path.parent).read(), name='results.csv'
+        results, lambda path: list(ResultsFolder(path.parent).read()), name='results.csv'
     ),
     'weights': Bomb(weights, lambda path: read_weights(path.read_bytes(), str(path))),
     'yaml aliases': Bomb(laughs, lambda path: read_parameter_files([path])),

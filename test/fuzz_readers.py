@@ -250,7 +250,8 @@ def make_results(name: str) -> Callable[[Path], Path]:
         guided = Row(maps[0].id, 0, 1, 'llm_astar', 'straight', '', '', 'NONE', 40.0, 50.0, 31.5,
                      waypoints='1,2;3,4', verdicts='accepted;occupied',
                      path='1,2;30,2')  # fmt: skip
-        results.rewrite([row, guided])
+        results.start()
+        results.append([row, guided])
         described = describe_run(
             [MAPS / 'samples_1000.json'],
             {'seed': 0, 'rules': {'unknown_cost': 1}, 'weight': 1.5, 'max_suboptimality': None},
@@ -269,7 +270,7 @@ def make_grid_problem(folder: Path) -> Path:
 
 def read_results(path: Path) -> None:
     folder = ResultsFolder(path.parent)
-    metadata, rows = folder.read_metadata(), folder.read()
+    metadata, rows = folder.read_metadata(), list(folder.read())
     seed = metadata['parameters'].get('seed', 0)
     search_settings(metadata)
     summarise(rows, seed)

@@ -6,38 +6,49 @@ keeps every finished row. `--resume` continues after the last complete one.
 
 from __future__ import annotations
 
-import contextlib
-import csv
-import dataclasses
 import hashlib
-import io
 import json
 import math
 import os
 import platform
-import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from itertools import islice, pairwise
 from pathlib import Path
 from types import NoneType
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
-from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
-from llm_astar_msgs_adapter.files import read_json, read_text
+from llm_astar_msgs_adapter.errors import short_repr
+from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.maps.places_file import load_places
-from numpy.typing import NDArray
 
 import llm_astar_planner
-from llm_astar_planner.search.any_angle import turning_points
-from llm_astar_planner.waypoints.source import SourceStatus
+from llm_astar_planner.benchmark.csv_rows import CsvRows, format_csv, replacing
+from llm_astar_planner.benchmark.row import (
+    ADDED_COLUMNS,
+    COLUMNS,
+    METHOD_ALIASES,
+    PAPER_ASTAR,
+    WAYPOINTS_ONLY,
+    ResultsError,
+    Row,
+    RowKey,
+    Variant,
+    cells_along,
+    format_points,
+    parse_points,
+    plan_columns,
+    satisfied_column,
+)
+from llm_astar_planner.benchmark.row_keys import FinishedRows, RowKeys
 
-# The method that takes the waypoints themselves as the path, called `llm_only` up to 0.1.0.
-WAYPOINTS_ONLY = 'waypoints_only'
-METHOD_ALIASES = {'llm_only': WAYPOINTS_ONLY}
+__all__ = [
+    'ADDED_COLUMNS', 'COLUMNS', 'METHOD_ALIASES', 'PAPER_ASTAR', 'WAYPOINTS_ONLY', 'FinishedRows',
+    'ResultsError', 'ResultsFolder', 'Row', 'RowKey', 'Variant', 'cells_along', 'describe_run',
+    'format_csv', 'format_points', 'parse_points', 'plan_columns', 'run_differences',
+    'satisfied_column',
+]  # fmt: skip
+
 # Costmap parameters that 0.1.0 wrote under another name.
 RULE_ALIASES = {'cost_multiplier': 'cost_travel_multiplier'}
 # Costmap parameters that 0.1.0 did not have, with the values that it planned by.
@@ -48,18 +59,11 @@ COMPARED_PARAMETERS = (
     'start_tolerance', 'paper_corners', 'requests', 'plan_window', 'topics', 'instruction',
     'instruction_policy',
 )  # fmt: skip
-# Source statuses that a second query would not change.
-FINAL_STATUSES = frozenset(status.value for status in (
-    SourceStatus.OK, SourceStatus.NONE, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED,
-))  # fmt: skip
 # The maps of the rows, stored in the folder so that a report needs no dataset.
 MAPS_FILE = 'maps.json'
 # The places that instructions of the run name, if there were any.
 PLACES_FILE = 'places.geojson'
 
-# Rows of a folder, which take about 1 kB each, and characters of one.
-MAX_ROWS = 200_000
-MAX_LINE_CHARS = 16_000_000
 # What the fields of metadata.json are, where they are there.
 METADATA_TYPES: dict[str, tuple[type, ...]] = {
     'version': (str,), 'parameters': (dict,), 'dataset': (dict,), 'machine': (dict,),
@@ -73,133 +77,6 @@ PARAMETER_TYPES: dict[str, tuple[type, ...]] = {
 }  # fmt: skip
 DATASET_TYPES: dict[str, tuple[type, ...]] = {'file': (str,), 'sha256': (str,)}
 
-# The turning points of a path through a maze exceed csv's default limit of 131072 characters.
-csv.field_size_limit(2**31 - 1)
-
-
-class ResultsError(LlmAstarError, RuntimeError):
-    """A results folder cannot be read, written or resumed; the message names the file."""
-
-
-class Variant(NamedTuple):
-    """What is compared: a method with a waypoint source, its prompt and its model."""
-
-    method: str
-    source: str = 'none'
-    prompt: str = ''
-    model: str = ''
-
-    def __str__(self) -> str:
-        """Return method/source/prompt/model without the empty parts."""
-        return '/'.join(part for part in self if part)
-
-
-# The paper's A*, to which every ratio refers.
-PAPER_ASTAR = Variant('astar')
-# Map id, pair index, scale and variant: unique within a run.
-RowKey = tuple[int, int, int, Variant]
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One sample planned with one variant: a line of results.csv, whose columns are the fields.
-
-    `code` is the name of the result code. `operation` (expansions), `storage` and `length` (cells)
-    are NaN where the variant has none. `waypoints` and `path` (its turning points) are cells
-    `x,y` joined by `;`, and `verdicts` are the statuses of the waypoints.
-    `seconds_round_trip` is the time of a call through the running graph, NaN without a graph.
-    `first_operation` counts the expansions up to the first path. `ratio` is the suboptimality
-    bound that was proven, NaN where the method proves none. `clearance` and `unknown_length` are
-    in metres, `turns` counts changes of direction. `instruction` says what became of each clause
-    of an instruction; `instruction_satisfied` is 1 if all of it was understood and satisfied, 0
-    if not, NaN where nothing was asked. `reply_problems` are the names of what is wrong with a
-    model's reply, joined by `;`: empty where nothing is, and where no model replied. `family` is
-    the family of the map, such as `rooms`, empty where it is unknown.
-
-    For a request from a bag: the bag's name, the index of the request in it, its time (seconds
-    since 1970) and the digest of the map at that time. `recorded_*` is the result of the planner
-    that was running on the robot: its result code and waypoints where it was this planner, length
-    (cells) and turning points of its path, why that path is invalid on this map, and what became
-    of its instruction. They are empty where nothing was recorded.
-    """
-
-    map: int
-    pair: int
-    scale: int
-    method: str
-    source: str
-    prompt: str
-    model: str
-    code: str
-    operation: float = math.nan
-    storage: float = math.nan
-    length: float = math.nan
-    seconds_source: float = 0.0
-    seconds_search: float = 0.0
-    source_status: str = 'NONE'
-    guided_by: str = 'none'
-    prompt_tokens: int = 0
-    completion_tokens: int = 0
-    waypoints: str = ''
-    verdicts: str = ''
-    path: str = ''
-    seconds_round_trip: float = math.nan
-    first_operation: float = math.nan
-    ratio: float = math.nan
-    clearance: float = math.nan
-    turns: float = math.nan
-    unknown_length: float = math.nan
-    bag: str = ''
-    request: int = 0
-    stamp: float = math.nan
-    map_digest: str = ''
-    recorded_code: str = ''
-    recorded_length: float = math.nan
-    recorded_problem: str = ''
-    recorded_waypoints: str = ''
-    recorded_path: str = ''
-    instruction: str = ''
-    instruction_satisfied: float = math.nan
-    recorded_instruction: str = ''
-    recorded_instruction_satisfied: float = math.nan
-    reply_problems: str = ''
-    family: str = ''
-
-    @property
-    def variant(self) -> Variant:
-        """The variant that was run."""
-        return Variant(self.method, self.source, self.prompt, self.model)
-
-    @property
-    def key(self) -> RowKey:
-        """Map, pair, scale and variant, unique within a run."""
-        return self.map, self.pair, self.scale, self.variant
-
-    @property
-    def found(self) -> bool:
-        """Whether there is a valid path."""
-        return self.code == 'NONE'
-
-    @property
-    def answered(self) -> bool:
-        """Whether the source answered, usefully or not, or no source was asked."""
-        return self.source_status in FINAL_STATUSES
-
-
-COLUMNS = {field.name: str(field.type) for field in dataclasses.fields(Row)}
-# The columns that results of earlier versions do not have.
-ADDED_COLUMNS = (
-    'instruction', 'instruction_satisfied', 'recorded_instruction',
-    'recorded_instruction_satisfied', 'reply_problems', 'family',
-)  # fmt: skip
-# The columns that a plan fills, by the names of `Plan.to_dict()` and of reports.
-PLAN_COLUMNS = (
-    'operation', 'storage', 'seconds_source', 'seconds_search', 'source_status', 'guided_by',
-    'ratio', 'instruction',
-)  # fmt: skip
-# The columns that it fills only if a path was found.
-PATH_COLUMNS = ('length', 'first_operation', 'clearance', 'turns', 'unknown_length')
-
 
 class ResultsFolder:
     """The results folder of one run, new or resumed."""
@@ -209,11 +86,12 @@ class ResultsFolder:
         self.path = Path(path)
         self.results = self.path / 'results.csv'
         self.transcript = self.path / 'transcript.jsonl'
+        self._csv = CsvRows(self.results)
 
     @property
     def has_rows(self) -> bool:
-        """Whether there is anything in results.csv below its header."""
-        return self.results.exists() and self.results.read_bytes().count(b'\n') > 1
+        """Whether there are rows."""
+        return self._csv.has_rows
 
     def require_new(self) -> None:
         """Raise ResultsError where the folder already has rows."""
@@ -234,17 +112,18 @@ class ResultsFolder:
     def start(self) -> None:
         """Create an empty results.csv. Raises ResultsError where one exists."""
         self.require_new()
-        self.rewrite([])
+        try:
+            self._csv.clear()
+        except OSError as error:
+            raise ResultsError(f'{self.results}: {error.strerror or error}') from None
 
     def append(self, rows: Iterable[Row]) -> None:
         """Append rows to results.csv.
 
         Raises ResultsError, for example on a full disk; the rows written before are kept.
         """
-        text = format_csv([format_row(row) for row in rows])
         try:
-            with self.results.open('a', encoding='utf-8', newline='') as file:
-                file.write(text)
+            self._csv.append(rows)
         except OSError as error:
             message = (
                 f'{self.results}: {error.strerror or error}; the rows before are kept: '
@@ -252,34 +131,31 @@ class ResultsFolder:
             )
             raise ResultsError(message) from None
 
-    def read(self) -> list[Row]:
-        """Read all complete rows, sorted by map, pair and scale.
+    def read(self) -> Iterator[Row]:
+        """Yield all complete rows once, sorted by map, pair and scale, without holding them.
 
         A last row that was cut short by a crash is skipped. Of rows with the same key, which two
-        simultaneous runs leave behind, the last one counts. Raises ResultsError.
+        simultaneous runs leave behind, the last one counts. Raises ResultsError: at once where
+        keys cannot be read, for other columns when their row is due.
         """
-        text = read_text(self.results, ResultsError)
-        reader = csv.DictReader(complete_lines(text))
-        names = list(reader.fieldnames or [])
-        if names != [name for name in COLUMNS if name in names or name not in ADDED_COLUMNS]:
-            message = (
-                f'{self.results}: its columns are not those of version '
-                f'{llm_astar_planner.__version__}'
-            )
-            raise ResultsError(message)
-        try:
-            rows = {row.key: row for row in islice(map(parse_row, reader), MAX_ROWS + 1)}
-        except (csv.Error, ValueError) as error:
-            message = f'{self.results}: line {reader.line_num}: {error}'
-            raise ResultsError(message) from None
-        if len(rows) > MAX_ROWS:
-            raise ResultsError(f'{self.results}: over {MAX_ROWS} rows')
-        return sorted(rows.values(), key=lambda row: row.key[:3])
+        return self._csv.rows(map(int, self._keys().positions))
 
-    def rewrite(self, rows: Iterable[Row]) -> None:
-        """Replace results.csv atomically by these rows."""
-        lines = [list(COLUMNS), *(format_row(row) for row in rows)]
-        self.write_text('results.csv', format_csv(lines))
+    def keep_answered(self) -> FinishedRows:
+        """Drop the rows whose source never answered and return the keys of the others.
+
+        Raises ResultsError; the rows are as before then.
+        """
+        try:
+            self._csv.keep(lambda row: row.answered)
+        except OSError as error:
+            raise ResultsError(f'{self.results}: {error.strerror or error}') from None
+        return FinishedRows(self._keys())
+
+    def _keys(self) -> RowKeys:
+        try:
+            return RowKeys.of(self._csv.keys())
+        except ValueError as error:
+            raise ResultsError(f'{self.results}: {error}') from None
 
     def write_json(self, name: str, values: Mapping[str, Any]) -> None:
         """Write a JSON file into the folder; NaN and infinities become null."""
@@ -292,14 +168,10 @@ class ResultsFolder:
         `name` may be in a subfolder, which is made. Raises ResultsError.
         """
         path = self.path / name
-        draft = path.with_name(f'.{path.name}.draft')
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            draft.write_text(text, encoding='utf-8', newline='')
-            draft.replace(path)
+            with replacing(path) as file:
+                file.write(text)
         except OSError as error:
-            with contextlib.suppress(OSError):
-                draft.unlink()
             message = f'{path}: {error.strerror or error}'
             raise ResultsError(message) from None
         return path
@@ -406,84 +278,6 @@ def run_differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[s
     ]
 
 
-def plan_columns(
-    values: Mapping[str, Any], statuses: Iterable[str], path: NDArray[np.int32]
-) -> dict[str, Any]:
-    """Return the columns of a row that describe a plan.
-
-    `values` is `Plan.to_dict()` or the fields of a report with its length in cells; `statuses`
-    are those of the waypoints, `path` the cells [n, 2]. A number that is None is unknown, except
-    that a clearance of None is infinite.
-    """
-    names = PLAN_COLUMNS + (PATH_COLUMNS if values['code'] == 0 else ())
-    columns: dict[str, Any] = {
-        'code': values['code_name'],
-        'verdicts': ';'.join(statuses),
-        'path': format_points(turning_points(path)),
-    }
-    for name in names:
-        unknown = math.inf if name == 'clearance' else math.nan
-        value = unknown if values[name] is None else values[name]
-        columns[name] = float(value) if COLUMNS[name] == 'float' else value
-    columns['instruction_satisfied'] = satisfied_column(values['instruction_report'])
-    return columns
-
-
-def satisfied_column(report: Mapping[str, Any] | None) -> float:
-    """Return 1 if a report says that an instruction is satisfied, 0 if not, NaN without one."""
-    satisfied = None if report is None else report.get('satisfied')
-    return math.nan if satisfied is None else float(satisfied is True)
-
-
-def format_row(row: Row) -> list[str]:
-    """Return the cells of a CSV line; NaN is an empty cell."""
-    values = [getattr(row, name) for name in COLUMNS]
-    return [
-        ('' if math.isnan(value) else repr(round(value, 9)))
-        if isinstance(value, float)
-        else str(value)
-        for value in values
-    ]
-
-
-def format_csv(lines: Iterable[Sequence[str]]) -> str:
-    """Return lines of cells as CSV text."""
-    buffer = io.StringIO()
-    csv.writer(buffer, lineterminator='\n').writerows(lines)
-    return buffer.getvalue()
-
-
-def complete_lines(text: str) -> Iterator[str]:
-    """Yield the lines of a text with their line ends, but for a last one without.
-
-    Raises ValueError for a line of over MAX_LINE_CHARS characters.
-    """
-    begin = 0
-    while end := text.find('\n', begin) + 1:
-        if end - begin > MAX_LINE_CHARS:
-            raise ValueError(f'over {MAX_LINE_CHARS} characters')
-        yield text[begin:end]
-        begin = end
-
-
-def parse_row(record: Mapping[str, str]) -> Row:
-    """Read a CSV record, with the method names of older versions. Raises ValueError."""
-    if None in record or None in record.values():  # more or fewer cells than columns
-        message = f'{len([name for name in record if name])} values are expected'
-        raise ValueError(message)
-    # Most texts stand in many rows: they are kept once.
-    values: dict[str, Any] = {name: sys.intern(text) for name, text in record.items()}
-    for name, kind in COLUMNS.items():
-        if name not in record:
-            continue
-        if kind == 'int':
-            values[name] = int(record[name])
-        elif kind == 'float':
-            values[name] = float(record[name]) if record[name] else math.nan
-    values['method'] = METHOD_ALIASES.get(record['method'], record['method'])
-    return Row(**values)
-
-
 def without_nan(value: Any) -> Any:  # noqa: ANN401 - any JSON value
     """Replace NaN and infinities, which JSON cannot hold, by None."""
     if isinstance(value, float):
@@ -516,25 +310,3 @@ def package_version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return 'missing'
-
-
-def parse_points(text: str) -> tuple[tuple[float, float], ...]:
-    """Read the points of a row, `x,y` joined by `;`. Raises ValueError."""
-    points = (item.split(',') for item in text.split(';') if item)
-    return tuple((float(x), float(y)) for x, y in points)
-
-
-def format_points(points: Iterable[Iterable[float]]) -> str:
-    """Write points as rows store them; `parse_points` is the inverse."""
-    return ';'.join(','.join(f'{value:g}' for value in point) for point in points)
-
-
-def cells_along(points: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Return the cells [m, 2] along a polyline through points [n, 2], in steps of one cell."""
-    corners = np.rint(points).astype(np.int32)
-    segments = [corners[:1]]
-    for begin, end in pairwise(corners):
-        steps = int(np.abs(end - begin).max())
-        parts = np.arange(1, steps + 1)[:, None] / max(steps, 1)
-        segments.append(np.rint(begin + parts * (end - begin)).astype(np.int32))
-    return np.concatenate(segments)

@@ -66,7 +66,7 @@ def write_parts(
     args: argparse.Namespace, folder: ResultsFolder, metadata: Mapping[str, Any]
 ) -> int:
     """Write the section and the tables that are asked for, and print their files; return 0."""
-    rows, seed = folder.read(), int(metadata['parameters'].get('seed', 0))
+    rows, seed = list(folder.read()), int(metadata['parameters'].get('seed', 0))
     price = metadata['parameters'].get('price')
     summaries = summarise(rows, seed, None if price is None else Price(*price))
     comparisons = compare_with_none(rows, seed)

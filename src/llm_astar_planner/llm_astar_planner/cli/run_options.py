@@ -333,7 +333,7 @@ def close_run(
     try:
         folder.write_json('metadata.json', metadata)
         summary = write_report(folder, metadata, maps)
-        rows = folder.read()
+        rows = list(folder.read())
     except ResultsError as error:
         return complain(args, str(error), INCOMPLETE)
     print(json.dumps(summary) if args.json else text_report(rows, args.seed))

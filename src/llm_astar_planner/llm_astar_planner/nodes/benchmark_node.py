@@ -9,7 +9,7 @@ import argparse
 import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import asdict
 from itertools import groupby
 from types import TracebackType
@@ -39,6 +39,7 @@ from llm_astar_planner.benchmark.report.write import write_report
 from llm_astar_planner.benchmark.results import (
     MAPS_FILE,
     PAPER_ASTAR,
+    FinishedRows,
     ResultsError,
     ResultsFolder,
     Row,
@@ -142,7 +143,7 @@ def plan_samples(
     arguments: argparse.Namespace,
     folder: ResultsFolder,
     samples: Sequence[BenchmarkSample],
-    done: frozenset[RowKey],
+    done: FinishedRows,
 ) -> int:
     """Plan the samples; every row is written as soon as it arrives."""
     # Python must get Ctrl-C, so that the planner's parameters are restored.
@@ -171,7 +172,7 @@ def plan_samples(
 def close_run(folder: ResultsFolder, metadata: dict[str, Any], seed: int, code: int) -> int:
     """Write the reports of a run and print the table."""
     try:
-        rows = folder.read()
+        rows = list(folder.read())
         if not rows:
             return code
         folder.write_json('metadata.json', metadata)
@@ -234,7 +235,7 @@ class LiveRun:
         self,
         samples: Sequence[BenchmarkSample],
         variants: Sequence[Variant],
-        done: frozenset[RowKey],
+        done: Container[RowKey],
     ) -> Iterator[Row]:
         """Plan what is not `done`, map by map and variant by variant; yield each row."""
         for _, group in groupby(samples, key=lambda sample: sample.barrier_map.id):

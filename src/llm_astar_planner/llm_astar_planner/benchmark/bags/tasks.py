@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -115,7 +115,7 @@ class BagTasks:
         self._ids = SampleIdAllocator()
         self.kept = KeptMaps()
 
-    def tasks(self, done: frozenset[RowKey]) -> Iterator[Task]:
+    def tasks(self, done: Container[RowKey]) -> Iterator[Task]:
         """Yield the tasks that are not `done`, bag after bag."""
         config = self._config
         for bag in config.bags:

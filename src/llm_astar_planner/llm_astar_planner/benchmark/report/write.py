@@ -52,7 +52,7 @@ def write_report(
 
     `maps` are the unscaled maps of the rows, with their samples. Raises ResultsError.
     """
-    rows = folder.read()
+    rows = list(folder.read())
     seed = int(metadata['parameters'].get('seed', 0))
     price = metadata['parameters'].get('price')
     summaries = summarise(rows, seed, None if price is None else Price(*price))

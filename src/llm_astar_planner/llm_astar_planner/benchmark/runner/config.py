@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, draw
 from llm_astar_planner.benchmark.results import (
+    FinishedRows,
     ResultsError,
     ResultsFolder,
     Row,
@@ -56,7 +57,7 @@ class BenchmarkConfig:
     seed: int = 0
     files: Sequence[Path] = ()
 
-    def tasks(self, done: frozenset[RowKey] = frozenset()) -> list[Task]:
+    def tasks(self, done: Container[RowKey] = ()) -> list[Task]:
         """Return the tasks without the rows that are `done`."""
         pairs = [(sample, 1) for sample in self.samples if 1 in self.scales]
         larger = [scale for scale in self.scales if scale != 1]
@@ -101,7 +102,7 @@ def start_run(
 
 def open_folder(
     folder: ResultsFolder, metadata: dict[str, Any], *, resume: bool, overwrite: bool = False
-) -> frozenset[RowKey]:
+) -> FinishedRows:
     """Start, replace or resume a results folder; return the keys of the finished rows.
 
     Resuming drops the rows whose source never answered, so that it is asked again, and adds the
@@ -114,16 +115,15 @@ def open_folder(
         # Before results.csv: a run that is killed between the two is started again by --resume.
         folder.write_json('metadata.json', metadata)
         folder.start()
-        return frozenset()
+        return FinishedRows()
     before = folder.read_metadata()
     changed = run_differences(before, metadata)
     if changed:
         message = f'{folder.path}: cannot be resumed, because these differ: {", ".join(changed)}'
         raise ResultsError(message)
-    rows = [row for row in folder.read() if row.answered]
-    folder.rewrite(rows)
+    finished = folder.keep_answered()
     metadata['seconds'] = float(before.get('seconds') or 0.0)
-    return frozenset(row.key for row in rows)
+    return finished
 
 
 def run_into_folder(

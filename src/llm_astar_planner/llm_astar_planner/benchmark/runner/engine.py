@@ -8,7 +8,7 @@ can run them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -145,7 +145,7 @@ def make_tasks(
     variants: Sequence[tuple[Variant, int]],
     sources: Sequence[SourceSpec],
     settings: SearchSettings,
-    done: frozenset[RowKey] = frozenset(),
+    done: Container[RowKey] = (),
 ) -> list[Task]:
     """Make one task per pair of sample and scale, without the rows whose keys are in `done`."""
     tasks = []

@@ -25,7 +25,7 @@ def test_an_interrupted_run_keeps_its_rows_and_is_resumed(dataset, tmp_path):
 
     with ThreadPoolExecutor(1) as executor, pytest.raises(KeyboardInterrupt):
         run_into_folder(folder, tasks, executor, 2, metadata=metadata, step=interrupt)
-    kept = folder.read()
+    kept = list(folder.read())
     assert len(kept) == 5 * 3
     folder.write_json('metadata.json', metadata)
     with folder.results.open('a') as file:

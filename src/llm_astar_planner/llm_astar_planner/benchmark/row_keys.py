@@ -1,0 +1,99 @@
+"""The keys of many rows, 8 bytes each: their order, the last of equal ones, which are finished."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llm_astar_planner.benchmark.row import RowKey, Variant
+
+# Map, pair, scale, number of the variant, and position in the file.
+WIDTH = 5
+
+
+@dataclass(frozen=True)
+class RowKeys:
+    """Positions [n] and keys [n, 4] of rows: map, pair, scale and the index in `variants`.
+
+    They are in the order of map, pair and scale, and of rows with equal keys only the last is
+    among them.
+    """
+
+    positions: NDArray[np.int64]
+    numbers: NDArray[np.int64]
+    variants: tuple[Variant, ...]
+
+    @classmethod
+    def of(cls, keys: Iterable[tuple[int, RowKey]]) -> RowKeys:
+        """Take positions and keys in the order of a file. Raises ValueError for a huge number."""
+        numbers = array('q')
+        variants: dict[Variant, int] = {}
+        try:
+            for position, (map_id, pair, scale, variant) in keys:
+                index = variants.setdefault(variant, len(variants))
+                numbers.extend((map_id, pair, scale, index, position))
+        except OverflowError:
+            raise ValueError('a number of over 63 bits') from None
+        table = np.frombuffer(numbers, np.int64).reshape(-1, WIDTH)
+        table = table[last_of_equal(table[:, :4])]
+        table = table[np.lexsort(table[:, 2::-1].T)]
+        return cls(table[:, 4].copy(), table[:, :4].copy(), tuple(variants))
+
+
+def last_of_equal(keys: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Return the indices, ascending, of the rows of `keys` [n, k] that no later one equals."""
+    order = np.lexsort(keys.T)  # stable: equal rows stay in their order
+    ordered = keys[order]
+    is_last = np.ones(len(keys), dtype=np.bool_)
+    is_last[:-1] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    return np.sort(order[is_last])
+
+
+class FinishedRows:
+    """The keys of the rows that an earlier run finished, 8 bytes a row."""
+
+    def __init__(self, keys: RowKeys | None = None) -> None:
+        """Take the keys, of no row by default."""
+        numbers = np.zeros((0, 4), np.int64) if keys is None else keys.numbers
+        self._values = [np.unique(numbers[:, column]) for column in range(3)]
+        packed, _ = self._pack(numbers[:, :3])
+        variants = () if keys is None else keys.variants
+        self._packed = {
+            variant: np.sort(packed[numbers[:, 3] == index])
+            for index, variant in enumerate(variants)
+        }
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return sum(map(len, self._packed.values()))
+
+    def __contains__(self, key: object) -> bool:
+        """Tell whether the row with this RowKey is finished."""
+        if not isinstance(key, tuple):
+            return False
+        *sample, variant = key
+        return bool(self.mask(np.array([sample], dtype=np.int64), variant)[0])
+
+    def mask(self, samples: NDArray[np.int64], variant: Variant) -> NDArray[np.bool_]:
+        """Tell for `samples` [n, 3] (map, pair, scale) which are finished with a variant."""
+        finished = self._packed.get(variant)
+        if finished is None or not len(finished):
+            return np.zeros(len(samples), dtype=np.bool_)
+        packed, known = self._pack(samples)
+        places = np.searchsorted(finished, packed).clip(max=len(finished) - 1)
+        return np.asarray(known & (finished[places] == packed))
+
+    def _pack(self, samples: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Return one number for each of `samples` [n, 3], and which have known values only."""
+        packed, known = np.zeros(len(samples), np.int64), np.ones(len(samples), np.bool_)
+        for values, column in zip(self._values, samples.T):
+            if not len(values):
+                continue
+            places = np.searchsorted(values, column).clip(max=len(values) - 1)
+            known &= values[places] == column
+            packed = packed * len(values) + places
+        return packed, known
