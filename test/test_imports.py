@@ -24,14 +24,14 @@ ROS = {
     'tf2_ros',
 }
 # What each room of the planner may import, besides itself, of the planner's other rooms.
-COSTMAP = {'search', 'parameter'}
+COSTMAP = {'search', 'parameter', 'plugins'}
 WAYPOINTS = COSTMAP | {'costmap', 'resources'}
 INSTRUCTIONS = WAYPOINTS | {'waypoints', 'lazy'}
 PLANNING = INSTRUCTIONS | {'instructions'}
 BENCHMARK = PLANNING | {'planning', 'visualization'}
 ABOVE_BENCHMARK = BENCHMARK - {'lazy'} | {'benchmark'}
 ROOMS = {
-    'search': set(),
+    'search': {'plugins'},
     'costmap': COSTMAP,
     'waypoints': WAYPOINTS,
     'instructions': INSTRUCTIONS,
@@ -95,7 +95,7 @@ def test_rooms_import_one_way(room, path):
     assert (rooms_of(path, PLANNER) & known) - {room, '__init__'} <= ROOMS[room]
 
 
-@pytest.mark.parametrize('name', ['parameter', 'resources', 'lazy'])
+@pytest.mark.parametrize('name', ['parameter', 'plugins', 'resources', 'lazy'])
 def test_the_modules_outside_of_the_rooms_import_none_of_them(name):
     path = SOURCE / PLANNER / PLANNER / f'{name}.py'
     assert rooms_of(path, PLANNER) == set()

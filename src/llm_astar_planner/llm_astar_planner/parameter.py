@@ -5,12 +5,22 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 
 Scalar = bool | int | float | str
 _T = TypeVar('_T', bool, int, float, str)
+
+
+class Extension(Protocol):
+    """What else a parameter with choices can be: the names of plug-ins."""
+
+    def problem(self, name: object) -> str | None:
+        """Say why a name cannot be chosen, None where it can."""
+
+    def admit(self, name: object) -> None:
+        """Take a name that whoever started the process has given. Raises LlmAstarError."""
 
 
 class ParameterError(LlmAstarError, ValueError):
@@ -21,9 +31,9 @@ class ParameterError(LlmAstarError, ValueError):
 class Parameter:
     """One parameter. Its default gives its type.
 
-    `choices` or `between`, the least and the greatest value, bound it; `zero` says what 0 means
-    where 0 is allowed outside of that range; `check` returns what else is wrong with a value, None
-    for nothing.
+    `choices` or `between`, the least and the greatest value, bound it; `plugins` are what else it
+    can be; `zero` says what 0 means where 0 is allowed outside of that range; `check` returns what
+    else is wrong with a value, None for nothing.
     A `read_only` parameter is set at start and never changed. A `node_only` one has no effect on
     a plan made without ROS, so `llm-astar plan` has no flag for it. Where the command line's
     default has to differ, `cli_default` is that default and `cli_reason` says why; `bench_default`
@@ -36,6 +46,7 @@ class Parameter:
     sentence: str
     unit: str = ''
     choices: tuple[str, ...] = ()
+    plugins: Extension | None = None
     between: tuple[float, float] | None = None
     zero: str = ''
     read_only: bool = False
@@ -52,7 +63,7 @@ class Parameter:
     def limits(self) -> str:
         """The values it can have, in words; '' where any value of its type will do."""
         if self.choices:
-            return ', '.join(self.choices)
+            return ', '.join(self.choices) + (', or a plug-in' if self.plugins else '')
         if self.between is None:
             return ''
         least, most = (int(end) if end == int(end) else end for end in self.between)
@@ -67,7 +78,11 @@ class Parameter:
     def problem(self, value: Any) -> str | None:  # noqa: ANN401 - values come from files
         """Say why the parameter cannot have a value of its type; None where it can."""
         if self.choices and value not in self.choices:
-            return f'{self.name}: {short_repr(value)} is not one of {self.limits}'
+            problem: str | None = f'{short_repr(value)} is not one of {self.limits}'
+            if self.plugins is not None:
+                problem = self.plugins.problem(value)
+            if problem:
+                return f'{self.name}: {problem}'
         if self.between is not None and not (self.zero and value == 0):
             # Written so that NaN is refused. rclpy's own check lets slight excesses pass.
             is_inside = self.between[0] <= value <= self.between[1]

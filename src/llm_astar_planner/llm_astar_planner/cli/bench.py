@@ -51,7 +51,7 @@ from llm_astar_planner.cli.run_options import (
 )
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
-from llm_astar_planner.waypoints.baselines import baseline_sources
+from llm_astar_planner.waypoints.config import BASELINE_NAMES
 
 USAGE = """\
 llm-astar bench [--map FILE] [--methods NAMES] [--source NAMES] [--limit N] [--out DIR]
@@ -134,7 +134,7 @@ def run(args: argparse.Namespace) -> int:
 def omits_baselines(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> bool:
     """Tell whether a grid is run without the baselines that are slow there."""
     uses_waypoints = bool(set(args.methods) & {*WAYPOINT_METHODS, WAYPOINTS_ONLY})
-    named = set(args.source) & baseline_sources().keys()
+    named = set(args.source) & set(BASELINE_NAMES)
     return isinstance(maps[0], GridProblem) and uses_waypoints and not named
 
 

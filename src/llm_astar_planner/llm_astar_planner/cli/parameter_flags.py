@@ -51,7 +51,7 @@ def add_parameter_flags(group: Any, parameters: Iterable[Parameter]) -> None:  #
         kind = type(item.default)
         word = TEXTS.get(item.name, 'NAME') if kind is str else 'N'
         if item.choices:
-            common['help'] += '; one of ' + ', '.join(item.choices)
+            common['help'] += f'; one of {item.limits}'
         flags = [flag, *map(flag_of, item.short_flags)]
         group.add_argument(*flags, type=kind, metavar=METAVARS.get(item.unit, word), **common)
         for old in item.old_flags:
@@ -83,12 +83,15 @@ def given_values(
 ) -> dict[str, Scalar]:
     """Return the values of the flags that were given, by parameter name.
 
-    Raises ParameterError for one that its parameter cannot have.
+    Raises ParameterError for one that its parameter cannot have, PluginError for a plug-in that
+    cannot be imported.
     """
     given = {}
     for item in parameters:
         value = getattr(arguments, item.name)
         if value is not None:
+            if item.plugins is not None:
+                item.plugins.admit(value)
             try:
                 given[item.name] = item.read(value)
             except ParameterError as error:

@@ -52,7 +52,6 @@ from llm_astar_planner.benchmark.runner.engine import (
 from llm_astar_planner.benchmark.runner.sources import (
     GRID_BASELINES,
     SourceSpec,
-    embedded_sources,
     make_source_specs,
 )
 from llm_astar_planner.cli.map_files import add_places_option
@@ -67,8 +66,8 @@ from llm_astar_planner.parameter import Scalar
 from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, defaults
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.methods import GUIDED
-from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
+from llm_astar_planner.waypoints.plugins import SOURCES
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
@@ -91,10 +90,10 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
     )  # fmt: skip
     group.add_argument(
         '--source', type=names, default=[], metavar='NAMES',
-        help=f'of {", ".join(SOURCE_NAMES)} (default: embedded and all baselines; the baselines '
-        f'are also added to every other source; on a grid only {", ".join(GRID_BASELINES)}, '
-        'because the others need a visibility graph, which is slow there and refused on large '
-        'maps)',
+        help=f'of {", ".join(SOURCE_NAMES)}, or plug-ins (default: embedded and all baselines; '
+        'the baselines are also added to every other source; on a grid only '
+        f'{", ".join(GRID_BASELINES)}, because the others need a visibility graph, which is slow '
+        'there and refused on large maps)',
     )  # fmt: skip
     group.add_argument(
         '--prompt', type=names, default=[], metavar='NAMES',
@@ -182,12 +181,15 @@ def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None 
     if args.methods is None:
         method = (file or {}).get('method', GUIDED)
         args.methods = list(ALL_METHODS) if file is None else [str(method)]
-    known = {'methods': ALL_METHODS, 'source': SOURCE_NAMES}
-    for option, names in known.items():
-        for name in getattr(args, option):
-            if name not in names:
-                message = f'--{option} {name!r} is unknown; available are {", ".join(names)}'
-                raise ValueError(message)
+    for name in args.methods:
+        if name not in ALL_METHODS:
+            message = f'--methods {name!r} is unknown; available are {", ".join(ALL_METHODS)}'
+            raise ValueError(message)
+    for name in args.source:
+        SOURCES.admit(name)
+        problem = SOURCES.problem(name)
+        if problem:
+            raise ValueError(f'--source {problem}')
     vars(args).update(parameter_values(args, SEARCH_PARAMETERS, file))
     args.max_suboptimality = args.max_suboptimality or None
 
@@ -259,8 +261,8 @@ def make_executor(
         with connect(args.dask, sources) as cluster:
             yield cluster
         return
-    local = {'none', 'replay', *baseline_sources(), *(spec.name for spec in embedded_sources())}
-    jobs = args.jobs or (1 if all(spec.name in local for spec in sources) else LIVE_JOBS)
+    is_live = any(spec.name == 'endpoint' for spec in sources)
+    jobs = args.jobs or (LIVE_JOBS if is_live else 1)
     executor = ThreadPoolExecutor(jobs)
     try:
         yield executor, 2 * jobs

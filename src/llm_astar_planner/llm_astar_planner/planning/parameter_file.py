@@ -12,6 +12,7 @@ from llm_astar_msgs_adapter.files import read_yaml
 
 from llm_astar_planner.parameter import ParameterError, Scalar
 from llm_astar_planner.planning.parameters import NODES, OTHERS, check_names
+from llm_astar_planner.plugins import PluginError
 
 WILDCARDS = ('*', '**')
 
@@ -30,6 +31,7 @@ def read_parameter_files(
     """Return what parameter files set of nodes, checked; a later file overrides an earlier one.
 
     Sections of a node, in any namespace, and of wildcards count; those of other nodes do not.
+    Plug-ins that they name as `package.module:name` are imported, so only the user may name files.
     Raises ParameterError naming the file and the parameter.
     """
     found = ParameterFile({node: {} for node in nodes})
@@ -41,7 +43,7 @@ def read_parameter_files(
             check_sections(sections, {node: node for node in NODES})
             for node in nodes:
                 _collect(found, node, sections)
-        except ParameterError as error:
+        except (ParameterError, PluginError) as error:
             raise ParameterError(f'{path}: {error}') from None
     return found
 
@@ -104,6 +106,8 @@ def _collect(
         if other.name in given:
             found.warnings += other.warnings
             given = other.translate(given[other.name]) | given
-    found.values[node] |= {
-        item.name: item.read(given[item.name]) for item in NODES[node] if item.name in given
-    }
+    for item in NODES[node]:
+        if item.name in given:
+            if item.plugins is not None:
+                item.plugins.admit(given[item.name])
+            found.values[node][item.name] = item.read(given[item.name])

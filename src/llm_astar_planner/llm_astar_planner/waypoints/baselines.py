@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.visibility import LineOfSightChecker
-from llm_astar_planner.waypoints.coarse import CoarseSource
+from llm_astar_planner.waypoints.config import BASELINE_NAMES, SourceSettings
+from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.plugins import SourceContext
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     Waypoint,
@@ -63,15 +65,36 @@ class BaselineSource:
 
 def baseline_sources(seed: int = 0) -> dict[str, WaypointSource]:
     """Return every baseline source by name; `noisy` and `random` draw from `seed`."""
-    points: dict[str, Callable[[WaypointQuery], Sequence[Waypoint]]] = {
-        'straight': straight_points,
-        'oracle': oracle_points,
-        'noisy': partial(noisy_points, seed=seed),
-        'random': partial(random_points, seed=seed),
-        'reversed': reversed_points,
-    }
-    sources: dict[str, WaypointSource] = {'coarse': CoarseSource()}
-    return sources | {name: BaselineSource(name, function) for name, function in points.items()}
+    settings = [SourceSettings(source=name) for name in BASELINE_NAMES]
+    return {item.source: make_source(item, seed=seed) for item in settings}
+
+
+def make_straight(context: SourceContext) -> BaselineSource:
+    """Make the source of points on the straight line."""
+    del context
+    return BaselineSource('straight', straight_points)
+
+
+def make_oracle(context: SourceContext) -> BaselineSource:
+    """Make the source of the corners of the shortest any-angle path."""
+    del context
+    return BaselineSource('oracle', oracle_points)
+
+
+def make_noisy(context: SourceContext) -> BaselineSource:
+    """Make the source of displaced corners, drawn from the seed."""
+    return BaselineSource('noisy', partial(noisy_points, seed=context.seed))
+
+
+def make_random(context: SourceContext) -> BaselineSource:
+    """Make the source of random cells, drawn from the seed."""
+    return BaselineSource('random', partial(random_points, seed=context.seed))
+
+
+def make_reversed(context: SourceContext) -> BaselineSource:
+    """Make the source of the corners in reverse order."""
+    del context
+    return BaselineSource('reversed', reversed_points)
 
 
 def straight_points(query: WaypointQuery) -> list[Waypoint]:

@@ -11,11 +11,19 @@ import math
 import time
 from dataclasses import dataclass
 
-from llm_astar_planner.search.coarse import EVERY_NODE
+from llm_astar_planner.search.coarse import EVERY_NODE, compile_kernels
+from llm_astar_planner.waypoints.plugins import SourceContext
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 # How many nodes are surely expanded in a second.
 NODES_A_SECOND = 500_000
+
+
+def make_coarse(context: SourceContext) -> CoarseSource:
+    """Make the source; compiles its searches, so that no query has to."""
+    del context
+    compile_kernels()
+    return CoarseSource()
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
 from llm_astar_planner.waypoints.llm.credentials import KEY_NAMES, Endpoint
 from llm_astar_planner.waypoints.llm.protocol import RESPONSE_FORMATS
+from llm_astar_planner.waypoints.plugins import SOURCES
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import name_problem
 
 DEFAULT_PROMPT = 'few_shot'
-# As `waypoints.baselines` has them.
 BASELINE_NAMES = ('coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
-SOURCE_NAMES = ('none', 'embedded', 'replay', 'endpoint', *BASELINE_NAMES)
+SOURCE_NAMES = tuple(SOURCES.own)
 
 
 class SettingsError(ParameterError):
@@ -29,8 +29,10 @@ class SourceSettings:
         'Where waypoints come from. `embedded` is a learned waypoint model, not an LLM; '
         '`endpoint` is a language model behind an OpenAI-compatible API; `replay` answers from '
         'a recorded transcript; `coarse` is the cheapest route on a coarser map, without a model; '
-        'the last five are baselines to compare with',
+        'the last five are baselines to compare with. Or the name of an installed plug-in, or, at '
+        'the start only, its `package.module:factory` (docs/plugins.md)',
         choices=SOURCE_NAMES,
+        plugins=SOURCES,
     )
     base_url: str = parameter(
         'https://api.openai.com/v1',

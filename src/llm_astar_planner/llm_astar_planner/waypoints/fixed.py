@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from llm_astar_planner.waypoints.answer import read_answer
+from llm_astar_planner.waypoints.plugins import SourceContext
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 
@@ -16,6 +17,12 @@ class NoSource:
     def waypoints(self, query: WaypointQuery) -> WaypointReply:  # noqa: ARG002 - the protocol
         """Return no waypoints."""
         return WaypointReply(label='none', status=SourceStatus.NONE)
+
+
+def make_none(context: SourceContext) -> NoSource:
+    """Make the source that returns no waypoints."""
+    del context
+    return NoSource()
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
 from llm_astar_planner.waypoints.answer import read_answer
+from llm_astar_planner.waypoints.config import SettingsError
+from llm_astar_planner.waypoints.plugins import SourceContext
 from llm_astar_planner.waypoints.prompts.map_description import Lattice
 from llm_astar_planner.waypoints.source import (
     SampleKey,
@@ -21,6 +23,14 @@ from llm_astar_planner.waypoints.transcript import Exchange, SampleResolver, rea
 
 class ReplayError(LlmAstarError, ValueError):
     """It is not clear which exchanges to replay; the message lists what the transcript holds."""
+
+
+def make_replay(context: SourceContext) -> ReplaySource:
+    """Make the source of the settings' transcript. Raises what ReplaySource does."""
+    settings = context.settings
+    if not settings.transcript:
+        raise SettingsError('transcript: name the JSON Lines file that source replay answers from')
+    return ReplaySource(settings.transcript, settings.model, settings.prompt, context.dataset)
 
 
 class ReplaySource:

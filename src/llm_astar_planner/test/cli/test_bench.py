@@ -214,7 +214,7 @@ def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
     ('words', 'part'),
     [
         (('--methods', 'dijkstra'), "--methods 'dijkstra' is unknown; available are guided"),
-        (('--source', 'tea_leaves'), "--source 'tea_leaves' is unknown"),
+        (('--source', 'tea_leaves'), "--source 'tea_leaves' is not one of none"),
         (('--source', 'replay'), 'transcript'),
         (('--source', 'endpoint'), '--model'),
         (('--source', 'endpoint', '--model', 'm', '--prompt', 'haiku'), 'haiku'),

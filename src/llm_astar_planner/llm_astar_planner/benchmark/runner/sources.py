@@ -11,9 +11,13 @@ from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import baseline_sources, visibility_problem
-from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SettingsError, SourceSettings
+from llm_astar_planner.waypoints.config import (
+    BASELINE_NAMES,
+    DEFAULT_PROMPT,
+    SettingsError,
+    SourceSettings,
+)
 from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.learned.source import EmbeddedSource
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import WaypointSource, name_problem
 from llm_astar_planner.waypoints.transcript import read_transcript
@@ -23,6 +27,7 @@ GRID_BASELINES = ('coarse', 'straight', 'random')
 EMBEDDED = 'embedded'
 # The embedded model is run twice: its greedy route, and the best of this many routes.
 BEST_OF = 8
+BEST_OF_EMBEDDED = f'{EMBEDDED}-best-of-{BEST_OF}'
 
 
 @dataclass(frozen=True)
@@ -60,18 +65,20 @@ def make_source_specs(
         chosen = list(baselines if default is None else default)
     specs = [SourceSpec()]
     if EMBEDDED in named or not names:
-        specs += embedded_sources()
+        specs += embedded_sources(settings)
     for name in named:
         if name not in baselines and name != EMBEDDED:
-            specs += model_sources(replace(settings, source=name), prompts, models, dataset)
+            chosen_settings = replace(settings, source=name)
+            specs += model_sources(chosen_settings, prompts, models, dataset, seed)
     return specs + [SourceSpec(baselines[name], name) for name in chosen]
 
 
-def embedded_sources() -> list[SourceSpec]:
+def embedded_sources(settings: SourceSettings) -> list[SourceSpec]:
     """Return the embedded model twice: greedy, and the best of BEST_OF routes."""
+    named = {1: EMBEDDED, BEST_OF: BEST_OF_EMBEDDED}
     return [
-        SourceSpec(EmbeddedSource(1), EMBEDDED),
-        SourceSpec(EmbeddedSource(BEST_OF), f'{EMBEDDED}-best-of-{BEST_OF}'),
+        SourceSpec(make_source(replace(settings, source=EMBEDDED, candidates=count)), name)
+        for count, name in named.items()
     ]
 
 
@@ -80,6 +87,7 @@ def model_sources(
     prompts: Sequence[str],
     models: Sequence[str],
     dataset: Sequence[BarrierMap],
+    seed: int = 0,
 ) -> list[SourceSpec]:
     """Make a source once per model and prompt. Raises ValueError where one cannot be made."""
     pairs = [(model, prompt) for model in models or ('',) for prompt in prompts or ('',)]
@@ -98,8 +106,9 @@ def model_sources(
         raise SettingsError('model: --source endpoint needs --model')
     specs = []
     for model, prompt in pairs:
-        source = make_source(replace(settings, model=model, prompt=prompt), dataset)
-        label = prompt if is_replay else prompt_label(prompt, settings.repair_rounds)
+        source = make_source(replace(settings, model=model, prompt=prompt), dataset, seed)
+        is_live = settings.source == 'endpoint'
+        label = prompt_label(prompt, settings.repair_rounds) if is_live else prompt
         problem = name_problem(label)
         if problem:
             raise SettingsError(f'prompt: {problem}')
@@ -117,7 +126,7 @@ def check_grid_options(problem: GridProblem, scales: Sequence[int], names: Seque
     """Raise ValueError where a grid cannot be run at these scales or with these sources."""
     for scale in scales:
         problem.scale(scale)
-    slow = [name for name in names if name in baseline_sources() and name not in GRID_BASELINES]
+    slow = [name for name in names if name in BASELINE_NAMES and name not in GRID_BASELINES]
     reason = visibility_problem(Costmap(problem.to_grid(), GRID_CONFIG)) if slow else None
     if reason:
         raise ValueError(f'--source {",".join(slow)}: {reason}')

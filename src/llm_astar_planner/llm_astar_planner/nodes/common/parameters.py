@@ -50,7 +50,8 @@ class Parameters:
     def __init__(self, node: Node, table: str, check: Check | None = None) -> None:
         """Declare the parameters that NODES lists under `table`, and those of OTHERS.
 
-        Raises ParameterError for an unknown name or an impossible value given at start.
+        Raises ParameterError for an unknown name or an impossible value given at start,
+        PluginError for a plug-in that cannot be imported.
         """
         self._node = node
         self._table = {parameter.name: parameter for parameter in NODES[table]}
@@ -65,6 +66,10 @@ class Parameters:
             for_any_node.update(*(names for section, names in sections if section in WILDCARDS))
         own = [name for name in given if name.partition('.')[0] not in for_any_node]
         check_names(table, own, shared=True)
+        # Only now: no participant of the graph may have code imported later.
+        for name, parameter in self._table.items():
+            if parameter.plugins is not None and name in given:
+                parameter.plugins.admit(given[name])
         self._declare(given)
         problem = self._problem(self.values())
         if problem:

@@ -25,6 +25,7 @@ from llm_astar_planner.waypoints.learned.features import (
     place_nodes,
 )
 from llm_astar_planner.waypoints.learned.network import hop_logits, packaged_weights
+from llm_astar_planner.waypoints.plugins import SourceContext
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
 # A route is a list of node numbers, START first and GOAL last.
@@ -36,6 +37,15 @@ MAPS_KEPT = 4
 MAX_HOPS = 24
 # How many routes are drawn for each candidate; draws may repeat a route.
 DRAWS_PER_CANDIDATE = 4
+
+
+def make_embedded(context: SourceContext) -> EmbeddedSource:
+    """Make the source with the `candidates` of the settings.
+
+    Reads the weights, so that a broken file is reported now and not at the first query.
+    """
+    packaged_weights()
+    return EmbeddedSource(context.settings.candidates)
 
 
 @dataclass(frozen=True)

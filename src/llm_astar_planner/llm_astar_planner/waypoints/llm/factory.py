@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
-
 from llm_astar_planner.waypoints.cache import CachedSource
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceSettings
 from llm_astar_planner.waypoints.llm.client import ChatClient
@@ -13,6 +9,7 @@ from llm_astar_planner.waypoints.llm.credentials import Endpoint
 from llm_astar_planner.waypoints.llm.protocol import Dialect
 from llm_astar_planner.waypoints.llm.resilience import CallBudget
 from llm_astar_planner.waypoints.llm.source import EndpointSource
+from llm_astar_planner.waypoints.plugins import SourceContext
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import WaypointSource
 from llm_astar_planner.waypoints.transcript import RecordingSource, TranscriptWriter
@@ -21,10 +18,9 @@ from llm_astar_planner.waypoints.transcript import RecordingSource, TranscriptWr
 LATE_S = 60.0
 
 
-def make_endpoint_source(
-    settings: SourceSettings, dataset: Sequence[BarrierMap] | None
-) -> WaypointSource:
+def make_endpoint(context: SourceContext) -> WaypointSource:
     """Make the source that asks a language model, with a cache and, if set, a recording."""
+    settings = context.settings
     client = make_client(settings)
     template = load_template(settings.prompt or DEFAULT_PROMPT)
     source: WaypointSource = EndpointSource(
@@ -34,10 +30,10 @@ def make_endpoint_source(
         max_prompt_tokens=settings.max_prompt_tokens,
         repair_rounds=settings.repair_rounds,
         late_s=LATE_S,
-        dataset=dataset,
+        dataset=context.dataset,
     )
     if settings.record:
-        source = RecordingSource(source, TranscriptWriter(settings.record), dataset)
+        source = RecordingSource(source, TranscriptWriter(settings.record), context.dataset)
     return CachedSource(
         source,
         model=settings.model,

@@ -1,0 +1,206 @@
+"""Finds what a name stands for: one of the package's own, an installed plug-in, or code by name.
+
+Waypoint sources and search methods are found here. The package's own are listed as
+`module:name` and are imported at their first use. Other packages install theirs as entry points
+(docs/plugins.md). A plug-in is foreign code: a `Guard` calls it on a thread of its own.
+"""
+
+from __future__ import annotations
+
+import os
+import pkgutil
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from llm_astar_msgs_adapter.errors import LlmAstarError, printable, short_repr, shortened
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+_T = TypeVar('_T')
+# Seconds that a plug-in may take to be imported and made: time to read a large model.
+LOADING_S = 600.0
+# Seconds between two looks at whether a call is still wanted.
+POLL_S = 0.01
+# Seconds in which a call whose time is over may still return what it has.
+GRACE_S = 0.05
+# Calls of one plug-in that may be left behind, each on a thread that does not come back.
+MAX_LATE = 4
+# Characters of the name of a plug-in, and of the message of an exception that is repeated.
+MAX_NAME, MAX_MESSAGE = 200, 300
+
+
+class PluginError(LlmAstarError, ValueError):
+    """A plug-in cannot be loaded or has failed; the message names it and says why."""
+
+
+class Guard:
+    """Calls a plug-in on threads of their own, so that nothing it does can stop a plan.
+
+    A call that is not back in time is left behind. After MAX_LATE of those the plug-in is called
+    no more until one has come back. Thread-safe.
+    """
+
+    def __init__(self, name: str) -> None:
+        """Guard the plug-in of that name."""
+        self.name = name
+        self._late: list[threading.Thread] = []
+
+    def call(
+        self,
+        function: Callable[[], _T],
+        seconds: float,
+        stop: NDArray[np.uint8] | None = None,
+        stopped: NDArray[np.uint8] | None = None,
+    ) -> _T:
+        """Return what `function()` returns within `seconds` and before `stop[0]` is 1.
+
+        After that `stopped[0]` becomes 1, and it has a moment to return. Raises PluginError where
+        it raises anything, SystemExit included, and TimeoutError where it does not return.
+        """
+        self._late = [thread for thread in self._late if thread.is_alive()]
+        if len(self._late) >= MAX_LATE:
+            raise PluginError(f'not called, since {MAX_LATE} calls of it have not come back')
+        call = _Call(function)
+        thread = threading.Thread(target=call.run, name=f'plug-in {self.name}', daemon=True)
+        thread.start()
+        begin = time.monotonic()
+        deadline = begin + seconds
+        while not call.done.wait(min(POLL_S, max(0.0, deadline - time.monotonic()))):
+            if time.monotonic() >= deadline or (stop is not None and stop[0]):
+                break
+        if stopped is not None:
+            stopped[0] = 1
+        if not call.done.wait(GRACE_S):
+            self._late.append(thread)
+            raise TimeoutError(f'had not come back after {time.monotonic() - begin:.2f} s')
+        if call.problem is not None:
+            raise PluginError(call.problem)
+        return call.result
+
+
+class _Call:
+    """One call of foreign code: its result, or what was raised, as a text."""
+
+    def __init__(self, function: Callable[[], Any]) -> None:
+        """Take what to call."""
+        self._function = function
+        self.result: Any = None
+        self.problem: str | None = None
+        self.done = threading.Event()
+
+    def run(self) -> None:
+        """Call the function; never raises."""
+        try:
+            self.result = self._function()
+        except BaseException as error:  # noqa: BLE001 - of foreign code, SystemExit too
+            self.problem = description(error)
+        self.done.set()
+
+
+def description(error: BaseException) -> str:
+    """Return an exception of foreign code in one line, with the place where it was raised."""
+    if isinstance(error, PluginError):
+        return str(error)
+    name = type(error).__name__
+    try:
+        name += f': {error}' if str(error) else ''
+    except BaseException:  # noqa: BLE001 - its __str__ is foreign code, too
+        name += ' without a readable message'
+    frames = traceback.extract_tb(error.__traceback__)[-1:]
+    where = ''.join(f' ({os.path.basename(at.filename)}, line {at.lineno})' for at in frames)
+    return printable(shortened(name, MAX_MESSAGE) + where)
+
+
+@dataclass(frozen=True, eq=False)
+class Plugins:
+    """The waypoint sources, or the search methods, that a name can stand for.
+
+    `kind` is what they are called in messages, `group` that of the entry points of other
+    packages, and `own` has the package's own as `module:name`. What a plug-in's name leads to
+    becomes `adapt(name, object)`. `loaded` has those that were used so far.
+    """
+
+    kind: str
+    group: str
+    own: Mapping[str, str]
+    adapt: Callable[[str, Any], Any]
+    loaded: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def installed(self) -> dict[str, list[EntryPoint]]:
+        """The entry points of installed packages by name; looked for once in a process."""
+        from importlib.metadata import entry_points  # noqa: PLC0415 - takes some milliseconds
+
+        found: dict[str, list[EntryPoint]] = {}
+        for entry in entry_points(group=self.group):
+            same = found.setdefault(entry.name, [])
+            if entry.value not in [other.value for other in same]:
+                same.append(entry)
+        return found
+
+    def problem(self, name: object) -> str | None:
+        """Say why a name cannot be chosen, None where it can; nothing is imported for that.
+
+        A name with a colon can be chosen only after `admit`, since it imports any code.
+        """
+        if not isinstance(name, str):
+            return f'{short_repr(name)} is not a name'
+        if name in self.own or name in self.loaded:
+            return None
+        if ':' in name:
+            return (
+                f'{short_repr(name)} names code, which is imported only where the command line or '
+                'a parameter file names it at the start'
+            )
+        entries = self.installed.get(name, [])
+        if len(entries) == 1:
+            return None
+        known = ', '.join([*self.own, *(other for other in self.installed if other != name)])
+        if not entries:
+            return f'{short_repr(name)} is not one of {known}'
+        values = ' and '.join(entry.value for entry in entries)
+        return f'{short_repr(name)} is installed twice, as {values}: remove one of them'
+
+    def admit(self, name: object) -> None:
+        """Import what a name with a colon says, so that it can be chosen; ignore other names.
+
+        This runs code. So the name must come from whoever started the process, and never from a
+        file of results, a page, or another process. Modules in the working directory are found.
+        Raises PluginError.
+        """
+        if not isinstance(name, str) or ':' not in name or name in self.loaded:
+            return
+        if len(name) > MAX_NAME or not name.isprintable():
+            raise PluginError(f'{short_repr(name)} is not the name of a {self.kind}')
+        if os.getcwd() not in sys.path:
+            sys.path.append(os.getcwd())
+        self.loaded[name] = self._import(name, name)
+
+    def load(self, name: str, seconds: float = LOADING_S) -> Any:  # noqa: ANN401 - of any kind
+        """Return what a name stands for; a plug-in has so many seconds. Raises PluginError."""
+        problem = self.problem(name)
+        if problem:
+            raise PluginError(f'{self.kind}: {problem}')
+        if name not in self.loaded:
+            if name in self.own:
+                self.loaded[name] = pkgutil.resolve_name(self.own[name])
+            else:
+                self.loaded[name] = self._import(name, self.installed[name][0].value, seconds)
+        return self.loaded[name]
+
+    def _import(self, name: str, place: str, seconds: float = LOADING_S) -> Any:  # noqa: ANN401
+        """Import a plug-in from `module:name`. Raises PluginError."""
+        try:
+            found = Guard(name).call(lambda: pkgutil.resolve_name(place), seconds)
+        except (PluginError, TimeoutError) as error:
+            raise PluginError(f'{self.kind} {name} cannot be imported: {error}') from None
+        return self.adapt(name, found)

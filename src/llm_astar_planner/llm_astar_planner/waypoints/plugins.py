@@ -1,0 +1,166 @@
+"""The waypoint sources by name, and how those of other packages are called."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+from llm_astar_msgs_adapter.errors import printable, short_repr
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+
+from llm_astar_planner.plugins import LOADING_S, Guard, PluginError, Plugins
+from llm_astar_planner.search.stop import no_stop
+from llm_astar_planner.waypoints.async_query import MAX_WAYPOINTS
+from llm_astar_planner.waypoints.source import (
+    SourceStatus,
+    Waypoint,
+    WaypointQuery,
+    WaypointReply,
+    WaypointSource,
+    name_problem,
+)
+
+if TYPE_CHECKING:
+    from llm_astar_planner.waypoints.config import SourceSettings
+
+GROUP = 'llm_astar.waypoint_sources'
+# Characters of a plug-in's texts that are kept.
+MAX_TEXT, MAX_DETAIL = 100_000, 500
+
+
+@dataclass(frozen=True)
+class SourceContext:
+    """What a source is made from.
+
+    `settings` are the parameters of sources, `dataset` the barrier maps whose samples may be
+    recognised by their cells, `seed` that of what is drawn at random.
+    """
+
+    settings: SourceSettings
+    dataset: Sequence[BarrierMap] | None = None
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class PluginFactory:
+    """Makes the source of a plug-in by its factory."""
+
+    name: str
+    factory: Callable[[SourceContext], WaypointSource]
+
+    def __call__(self, context: SourceContext) -> WaypointSource:
+        """Return the source. Raises PluginError where the factory makes none."""
+        try:
+            source = guard_of(self.name).call(lambda: self.factory(context), LOADING_S)
+        except (PluginError, TimeoutError) as error:
+            raise PluginError(f'source {self.name}: {error}') from None
+        if not callable(getattr(source, 'waypoints', None)):
+            kind = type(source).__name__
+            raise PluginError(
+                f'source {self.name}: its factory returned {kind}, which has no waypoints(query)'
+            )
+        return PluginSource(self.name, source)
+
+
+@dataclass(frozen=True)
+class PluginSource:
+    """The source of a plug-in, called under guard; its replies are checked and named after it."""
+
+    name: str
+    inner: WaypointSource
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return the plug-in's reply, or one with status ERROR or TIMEOUT that says why."""
+        stopped = no_stop()
+        asked = replace(query, stop=stopped)
+        try:
+            return guard_of(self.name).call(
+                lambda: checked_reply(self.name, self.inner.waypoints(asked)),
+                query.time_limit,
+                query.stop,
+                stopped,
+            )
+        except PluginError as error:
+            status, detail = SourceStatus.ERROR, str(error)
+        except TimeoutError as error:
+            status, detail = SourceStatus.TIMEOUT, str(error)
+        return WaypointReply(label=self.name, status=status, detail=detail)
+
+
+@cache
+def guard_of(name: str) -> Guard:
+    """Return the one guard of a plug-in: a source itself can be sent to another process."""
+    return Guard(name)
+
+
+def checked_reply(name: str, reply: Any) -> WaypointReply:  # noqa: ANN401 - of foreign code
+    """Return a plug-in's reply made of plain values, with at most MAX_WAYPOINTS waypoints.
+
+    Raises PluginError, which names the field.
+    """
+    if not isinstance(reply, WaypointReply):
+        raise PluginError(f'returned {type(reply).__name__}, not a WaypointReply')
+    model, prompt = str(reply.model), str(reply.prompt)
+    problem = name_problem(model) or name_problem(prompt)
+    if problem:
+        raise PluginError(f'model or prompt: {problem}')
+    points = list(map(checked_point, islice(reply.waypoints, MAX_WAYPOINTS + 1)))
+    detail = printable(str(reply.detail)[:MAX_DETAIL])
+    if len(points) > MAX_WAYPOINTS:
+        detail = '; '.join(filter(None, (detail, f'only its first {MAX_WAYPOINTS} waypoints')))
+    return WaypointReply(
+        tuple(points[:MAX_WAYPOINTS]),
+        name,
+        SourceStatus(reply.status),
+        detail,
+        str(reply.text)[:MAX_TEXT],
+        model,
+        prompt,
+        checked_count(reply.prompt_tokens, 'prompt_tokens'),
+        checked_count(reply.completion_tokens, 'completion_tokens'),
+    )
+
+
+def checked_point(point: Any) -> Waypoint:  # noqa: ANN401 - of foreign code
+    """Return a waypoint as two finite floats. Raises PluginError."""
+    try:
+        x, y = map(float, point)
+    except (TypeError, ValueError):
+        x = math.nan
+    else:
+        if math.isfinite(x) and math.isfinite(y):
+            return x, y
+    raise PluginError(f'waypoints: {short_repr(point)} is not two finite numbers (x, y)')
+
+
+def checked_count(value: Any, field: str) -> int:  # noqa: ANN401 - of foreign code
+    """Return a count of tokens. Raises PluginError."""
+    if isinstance(value, int) and 0 <= value < 2**53:
+        return int(value)
+    raise PluginError(f'{field}: {short_repr(value)} is not a number of tokens')
+
+
+# The package's own by name, in the order in which they are listed; each is a function of a
+# SourceContext.
+HERE = 'llm_astar_planner.waypoints'
+SOURCES = Plugins(
+    'source',
+    GROUP,
+    {
+        'none': f'{HERE}.fixed:make_none',
+        'embedded': f'{HERE}.learned.source:make_embedded',
+        'replay': f'{HERE}.replay:make_replay',
+        'endpoint': f'{HERE}.llm.factory:make_endpoint',
+        'coarse': f'{HERE}.coarse:make_coarse',
+        'straight': f'{HERE}.baselines:make_straight',
+        'oracle': f'{HERE}.baselines:make_oracle',
+        'noisy': f'{HERE}.baselines:make_noisy',
+        'random': f'{HERE}.baselines:make_random',
+        'reversed': f'{HERE}.baselines:make_reversed',
+    },
+    PluginFactory,
+)
