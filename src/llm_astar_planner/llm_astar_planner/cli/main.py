@@ -35,6 +35,7 @@ COMMANDS = {
     'evaluate': 'plan what recorded bags asked for, and compare',
     'instruct-bench': 'measure how well route instructions are understood and met',
     'report': 'write the reports of a results folder again',
+    'compare': 'compare results folders sample by sample, and find regressions',
     'draw': 'draw or animate the search of a method beside that of A*',
     'dataset': 'make, check or convert datasets',
     'record': 'record maps, requests, plans and exchanges of the live graph into a bag',

@@ -12,6 +12,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from llm_astar_planner.benchmark.analysis.run_comparison import RunComparison
+from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import Growth, VariantSummary
 from llm_astar_planner.benchmark.analysis.trace import trace
 from llm_astar_planner.benchmark.report.sentences import variant_label
@@ -28,6 +30,8 @@ BEYOND = style.LINE
 SHOWCASE = BarrierMap(
     0, (0, 11), (0, 11), (Barrier(3, 3, 7), Barrier(7, 3, 7)), (Barrier(7, 3, 7),)
 )
+# Ratios that differ by more than this factor are drawn on a log axis.
+WIDE = 5.0
 SHOWCASE_ENDPOINTS: tuple[Cell, Cell] = (2, 5), (9, 5)
 SHOWCASE_WAYPOINTS: tuple[Cell, ...] = ((2, 8), (7, 8))
 
@@ -65,19 +69,55 @@ def ratio_figure(summaries: Sequence[VariantSummary]) -> Figure:
     for axes, quantity in zip(panels, ('operation', 'length')):
         for position, summary in enumerate(shown):
             mean = getattr(summary, quantity).mean
-            value, low, high = (100 * end for end in mean)
-            # Without an interval there are no arms; rounding may put the ends of a point past it.
-            arms = np.maximum(np.nan_to_num([[value - low], [high - value]]), 0.0)
             colour = style.CHART if has_waypoints(summary.variant) else style.SOFT
-            axes.errorbar(
-                value, position, xerr=arms, fmt='o', color=colour, markersize=5, capsize=3
-            )
+            draw_interval(axes, position, mean, colour)
         axes.axvline(100.0, color=style.BASELINE, linewidth=1, linestyle=':')
         name = {'operation': 'expansions', 'length': 'path length'}[quantity]
         axes.set_xlabel(f'{name}, % of A* (95 % interval)')
         axes.grid(axis='x', alpha=0.25)
     panels[0].set_yticks(range(len(shown)), [variant_label(summary.variant) for summary in shown])
     return figure
+
+
+def change_figure(comparisons: Sequence[RunComparison], metric: str, threshold: float) -> Figure:
+    """Draw each variant's ratio to the base, in the metric and the length, for each run.
+
+    A point is the mean with its interval, orange for a regression; the grey line goes from the
+    5th to the 95th percentile of the samples.
+    """
+    rows = [(item, change) for item in comparisons for change in item.changes][::-1]
+    figure = Figure(figsize=(9.0, 0.3 * len(rows) + 1.2), layout='constrained')
+    metrics = list(dict.fromkeys((metric, 'length')))
+    panels = figure.subplots(1, len(metrics), sharey=True, squeeze=False)[0]
+    for axes, name in zip(panels, metrics):
+        for position, (_, change) in enumerate(rows):
+            found = change.metrics[name]
+            worse = name == metric and change.regression(metric, threshold) is not None
+            percentiles = [100.0 * found.p5, 100.0 * found.p95]
+            axes.plot(percentiles, [position] * 2, color=style.LINE, linewidth=5, zorder=1)
+            draw_interval(axes, position, found.mean, style.WORSE if worse else style.CHART)
+        axes.axvline(100.0, color=style.BASELINE, linewidth=1, linestyle=':')
+        axes.set_xlabel(f'{name}, % of the base (95 % interval)')
+        axes.grid(axis='x', alpha=0.25)
+        low, high = axes.get_xlim()
+        if high > WIDE * max(low, 1.0):
+            axes.set_xscale('log')
+            axes.xaxis.set_major_formatter('{x:g}')
+    several = len(comparisons) > 1
+    names = [
+        variant_label(change.variant) + (f' ({item.path.name})' if several else '')
+        for item, change in rows
+    ]
+    panels[0].set_yticks(range(len(rows)), names)
+    return figure
+
+
+def draw_interval(axes: Axes, position: float, interval: Interval, colour: str) -> None:
+    """Draw a ratio in percent with its interval at a height."""
+    value, low, high = (100 * end for end in interval)
+    # Without an interval there are no arms; rounding may put the ends of a point past it.
+    arms = np.maximum(np.nan_to_num([[value - low], [high - value]]), 0.0)
+    axes.errorbar(value, position, xerr=arms, fmt='o', color=colour, markersize=5, capsize=3)
 
 
 def has_waypoints(variant: Variant) -> bool:
