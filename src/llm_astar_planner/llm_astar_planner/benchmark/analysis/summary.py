@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from llm_astar_planner.benchmark.analysis.columns import (
+    RowColumns,
+    VariantColumns,
+    columns_of,
+)
 from llm_astar_planner.benchmark.analysis.statistics import (
     NO_SPREAD,
     UNKNOWN,
@@ -23,7 +28,6 @@ from llm_astar_planner.benchmark.analysis.statistics import (
 from llm_astar_planner.benchmark.results import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant
 
 SampleId = tuple[int, int]
-RowPairs = Sequence[tuple[Row, Row]]
 # Our exact A* needs about half as many expansions as the paper's, so the ratio to it is stricter.
 EXACT_ASTAR = Variant('exact_astar')
 # The order of a report: methods as in the paper, and models before the baseline sources.
@@ -123,6 +127,10 @@ class Price:
     prompt: float
     completion: float
 
+    def of(self, prompt_tokens: int, completion_tokens: int) -> float:
+        """Return what tokens cost."""
+        return (prompt_tokens * self.prompt + completion_tokens * self.completion) / 1e6
+
 
 def by_variant(rows: Iterable[Row], scale: int = 1) -> dict[Variant, dict[SampleId, Row]]:
     """Return the rows of a scale by variant and sample, variants in order of appearance."""
@@ -134,105 +142,108 @@ def by_variant(rows: Iterable[Row], scale: int = 1) -> dict[Variant, dict[Sample
 
 
 def summarise(
-    rows: Sequence[Row], seed: int = 0, price: Price | None = None
+    rows: Iterable[Row] | RowColumns, seed: int = 0, price: Price | None = None
 ) -> list[VariantSummary]:
-    """Summarise every variant at scale 1, in the order of the report's table."""
-    variants = by_variant(rows)
-    astar, exact = variants.get(PAPER_ASTAR, {}), variants.get(EXACT_ASTAR, {})
+    """Summarise every variant at scale 1, in the order of the report's table.
+
+    Rows are read once; columns that were made of them serve several analyses.
+    """
+    variants = columns_of(rows).at_scale(1)
+    bases = variants.get(PAPER_ASTAR), variants.get(EXACT_ASTAR)
     return [
-        summarise_variant(variant, variants[variant], astar, exact, seed=seed, price=price)
+        summarise_variant(variant, variants[variant], bases, seed, price)
         for variant in sorted(variants, key=report_order)
     ]
 
 
 def summarise_variant(
     variant: Variant,
-    rows: Mapping[SampleId, Row],
-    astar: Mapping[SampleId, Row],
-    exact: Mapping[SampleId, Row],
-    *,
+    rows: VariantColumns,
+    bases: tuple[VariantColumns | None, VariantColumns | None],
     seed: int,
     price: Price | None,
 ) -> VariantSummary:
-    """Summarise the rows of one variant against those of A* and of our exact A*."""
-    every = list(rows.values())
-    found = [row for row in every if row.found]
-    statuses = Counter(name for row in every for name in row.verdicts.split(';') if name)
-    prompt_tokens = sum(row.prompt_tokens for row in every)
-    completion_tokens = sum(row.completion_tokens for row in every)
-    pairs, exact_pairs = solved_by_both(rows, astar), solved_by_both(rows, exact)
-    recorded = [
-        (row, replace(row, length=row.recorded_length)) for row in found if row.recorded_length > 0
-    ]
+    """Summarise the rows of one variant against those of A* and of our exact A*, `bases`."""
+    found, maps = rows.flags('found'), rows.column('map')
+    pairs, exact_pairs = (SolvedPairs.of(rows, base) for base in bases)
     optimal = optimal_share(pairs, seed)
     # A map without obstacles has an infinite clearance.
-    clearances = [row.clearance for row in found if math.isfinite(row.clearance)]
-    cost = None
-    if price is not None:
-        cost = (prompt_tokens * price.prompt + completion_tokens * price.completion) / 1e6
+    clearances = finite(rows.column('clearance')[found])
+    tokens = [int(rows.column(name).sum()) for name in ('prompt_tokens', 'completion_tokens')]
+    bounds, round_trips = rows.column('ratio'), rows.column('seconds_round_trip')
     return VariantSummary(
         variant=variant,
-        samples=len(every),
-        maps=len({row.map for row in every}),
-        valid=mean_interval([row.found for row in every], [row.map for row in every], seed),
-        operation=ratio(pairs, 'operation', seed),
-        storage=ratio(pairs, 'storage', seed),
-        length=ratio(pairs, 'length', seed),
+        samples=len(rows),
+        maps=len(np.unique(maps)),
+        valid=mean_interval(found, maps, seed),
+        operation=pairs.ratio('operation', seed),
+        storage=pairs.ratio('storage', seed),
+        length=pairs.ratio('length', seed),
         optimal=optimal.value,
         optimal_share=optimal,
-        seconds_source=spread([row.seconds_source for row in every]),
-        seconds_search=spread([row.seconds_search for row in every]),
-        waypoints=sum(bool(row.waypoints) + row.waypoints.count(';') for row in every)
-        / len(every),
-        verdicts={name: count / statuses.total() for name, count in statuses.most_common()},
-        prompt_tokens=prompt_tokens,
-        completion_tokens=completion_tokens,
-        cost=cost,
-        seconds_round_trip=spread([t for row in every if (t := row.seconds_round_trip) >= 0]),
-        operation_exact=ratio(exact_pairs, 'operation', seed) if exact_pairs else None,
-        proven=spread([row.ratio for row in every if row.ratio >= 1.0]),
-        unanswered=sum(not row.answered for row in every),
+        seconds_source=spread(rows.column('seconds_source')),
+        seconds_search=spread(rows.column('seconds_search')),
+        waypoints=rows.waypoints / len(rows),
+        verdicts={
+            name: count / rows.verdicts.total() for name, count in rows.verdicts.most_common()
+        },
+        prompt_tokens=tokens[0],
+        completion_tokens=tokens[1],
+        cost=None if price is None else price.of(*tokens),
+        seconds_round_trip=spread(round_trips[round_trips >= 0]),
+        operation_exact=exact_pairs.ratio('operation', seed) if len(exact_pairs) else None,
+        proven=spread(bounds[bounds >= 1.0]),
+        unanswered=int(np.count_nonzero(~rows.flags('answered'))),
         clearance=spread(clearances),
-        least_clearance=min(clearances, default=float('nan')),
-        turns=spread([row.turns for row in found if math.isfinite(row.turns)]),
-        unknown_length=spread(
-            [row.unknown_length for row in found if math.isfinite(row.unknown_length)]
-        ),
-        recorded=ratio(recorded, 'length', seed) if recorded else None,
-        instruction=satisfied_share(every, 'instruction_satisfied', seed),
-        recorded_instruction=satisfied_share(every, 'recorded_instruction_satisfied', seed),
+        least_clearance=float(clearances.min()) if len(clearances) else math.nan,
+        turns=spread(finite(rows.column('turns')[found])),
+        unknown_length=spread(finite(rows.column('unknown_length')[found])),
+        recorded=recorded_ratio(rows, seed),
+        instruction=satisfied_share(rows, 'instruction_satisfied', seed),
+        recorded_instruction=satisfied_share(rows, 'recorded_instruction_satisfied', seed),
     )
 
 
-def optimal_share(pairs: RowPairs, seed: int) -> Interval:
+def finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the values that are numbers."""
+    return values[np.isfinite(values)]
+
+
+def optimal_share(pairs: SolvedPairs, seed: int) -> Interval:
     """Return the share of pairs of rows whose first path is no longer than the second."""
-    if not pairs:
+    if not len(pairs):
         return UNKNOWN
-    lengths, best = zip(*((row.length, base.length) for row, base in pairs))
-    return mean_interval(is_optimal(lengths, best), [row.map for row, _ in pairs], seed)
+    return mean_interval(is_optimal(*pairs.columns('length')), pairs.maps, seed)
 
 
-def satisfied_share(rows: Sequence[Row], column: str, seed: int) -> Interval:
+def recorded_ratio(rows: VariantColumns, seed: int) -> Ratio | None:
+    """Return the lengths over those of the paths in the bags; None where there is none."""
+    recorded = rows.column('recorded_length')
+    has_both = rows.flags('found') & (recorded > 0)
+    if not has_both.any():
+        return None
+    lengths, maps = rows.column('length'), rows.column('map')
+    return ratio_of(*quotients(lengths[has_both], recorded[has_both], maps[has_both]), seed)
+
+
+def satisfied_share(rows: VariantColumns, column: str, seed: int) -> Interval:
     """Return the share of rows with 1 in a column among those that have a number there."""
-    asked = [row for row in rows if math.isfinite(getattr(row, column))]
-    if not asked:
-        return UNKNOWN
-    return mean_interval(
-        [getattr(row, column) == 1.0 for row in asked], [row.map for row in asked], seed
-    )
+    values = rows.column(column)
+    asked = np.isfinite(values)
+    return mean_interval(values[asked] == 1.0, rows.column('map')[asked], seed)
 
 
-def compare_with_none(rows: Sequence[Row], seed: int = 0) -> list[PairedComparison]:
+def compare_with_none(rows: Iterable[Row] | RowColumns, seed: int = 0) -> list[PairedComparison]:
     """Compare every variant that had waypoints with its method without any, at scale 1."""
-    variants = by_variant(rows)
+    variants = columns_of(rows).at_scale(1)
     comparisons = []
     for variant in sorted(variants, key=report_order):
         none = variants.get(Variant(variant.method))
         if variant.source == 'none' or none is None:
             continue
-        pairs = solved_by_both(variants[variant], none)
-        operation, maps = quotients(pairs, 'operation')
-        length, length_maps = quotients(pairs, 'length')
+        pairs = SolvedPairs.of(variants[variant], none)
+        operation, maps = pairs.quotients('operation')
+        length, length_maps = pairs.quotients('length')
         comparisons.append(
             PairedComparison(
                 variant,
@@ -245,29 +256,33 @@ def compare_with_none(rows: Sequence[Row], seed: int = 0) -> list[PairedComparis
     return comparisons
 
 
-def growth(rows: Sequence[Row]) -> list[Growth]:
+def growth(rows: Iterable[Row] | RowColumns) -> list[Growth]:
     """Return the growth of every variant that was run at more than one scale.
 
     Only samples with a valid path at every scale of the variant count, so that all its factors
     are over the same samples.
     """
-    solved: dict[Variant, dict[int, dict[tuple[int, int], Row]]] = defaultdict(dict)
-    for row in rows:
-        if row.found and row.operation > 0:
-            solved[row.variant].setdefault(row.scale, {})[row.map, row.pair] = row
     found = []
-    for variant, by_scale in solved.items():
-        if len(by_scale) < 2 or 1 not in by_scale:
+    for variant, by_scale in columns_of(rows).by_variant():
+        solved = {
+            scale: np.flatnonzero(columns.flags('found') & (columns.column('operation') > 0))
+            for scale, columns in by_scale.items()
+        }
+        scales = tuple(sorted(scale for scale, places in solved.items() if len(places)))
+        if len(scales) < 2 or 1 not in scales:
             continue
-        scales = tuple(sorted(by_scale))
-        samples = sorted(set.intersection(*(set(of_scale) for of_scale in by_scale.values())))
+        own = {scale: by_scale[scale].samples()[solved[scale]] for scale in scales}
+        samples = own[1]
+        for others in own.values():
+            samples = np.intersect1d(samples, others)
+        places = {}
+        for scale, numbers in own.items():
+            order = np.argsort(numbers)
+            places[scale] = solved[scale][order[np.isin(numbers[order], samples)]]
         for quantity in GROWING_COLUMNS:
-            columns = {
-                scale: [float(getattr(by_scale[scale][sample], quantity)) for sample in samples]
-                for scale in scales
-            }
-            factors = tuple(growth_factor(columns[scale], columns[1]) for scale in scales)
-            slope = log_log_slope(scales, factors) if samples else float('nan')
+            values = {scale: by_scale[scale].column(quantity)[places[scale]] for scale in scales}
+            factors = tuple(growth_factor(values[scale], values[1]) for scale in scales)
+            slope = log_log_slope(scales, factors) if len(samples) else float('nan')
             found.append(Growth(variant, quantity, len(samples), scales, factors, slope))
     return found
 
@@ -289,28 +304,66 @@ def log_log_slope(scales: ArrayLike, growth: ArrayLike) -> float:
     return float(np.polyfit(np.log(xs), np.log(ys), 1)[0])
 
 
-def solved_by_both(
-    rows: Mapping[SampleId, Row], others: Mapping[SampleId, Row]
-) -> list[tuple[Row, Row]]:
-    """Return the pairs of rows for samples on which both found a path."""
-    return [
-        (row, others[sample])
-        for sample, row in rows.items()
-        if row.found and sample in others and others[sample].found
-    ]
+@dataclass(frozen=True)
+class SolvedPairs:
+    """The n samples on which two variants both found a path.
+
+    `places` are the indices [n] of their rows among those of the first variant and the second.
+    """
+
+    rows: VariantColumns
+    base: VariantColumns
+    places: tuple[NDArray[np.intp], NDArray[np.intp]]
+
+    @classmethod
+    def of(cls, rows: VariantColumns, base: VariantColumns | None) -> SolvedPairs:
+        """Pair the rows of two variants by sample; no pair without a second variant."""
+        nowhere = np.zeros(0, dtype=np.intp)
+        if base is None:
+            return cls(rows, rows, (nowhere, nowhere))
+        solved = [np.flatnonzero(columns.flags('found')) for columns in (rows, base)]
+        _, first, second = np.intersect1d(
+            rows.samples()[solved[0]],
+            base.samples()[solved[1]],
+            assume_unique=True,
+            return_indices=True,
+        )
+        return cls(rows, base, (solved[0][first], solved[1][second]))
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.places[0])
+
+    @property
+    def maps(self) -> NDArray[np.float64]:
+        """The map of each sample [n]."""
+        return self.rows.column('map')[self.places[0]]
+
+    def columns(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return a column [n] of the first variant and of the second."""
+        first, second = self.places
+        return self.rows.column(name)[first], self.base.column(name)[second]
+
+    def quotients(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return first / second of a column where both are above 0, and the maps of these."""
+        return quotients(*self.columns(name), self.maps)
+
+    def ratio(self, name: str, seed: int) -> Ratio:
+        """Return the ratios of a column."""
+        return ratio_of(*self.quotients(name), seed)
 
 
-def quotients(pairs: RowPairs, column: str) -> tuple[list[float], list[int]]:
-    """Return first / second of a column where both are above 0, and the maps of these rows."""
-    values = [(getattr(a, column), getattr(b, column), a.map) for a, b in pairs]
-    usable = [(a / b, number) for a, b, number in values if a > 0 and b > 0]
-    return [value for value, _ in usable], [number for _, number in usable]
+def quotients(
+    values: NDArray[np.float64], base: NDArray[np.float64], maps: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return values / base where both are above 0, and the maps of these."""
+    usable = (values > 0) & (base > 0)
+    return values[usable] / base[usable], maps[usable]
 
 
-def ratio(pairs: RowPairs, column: str, seed: int) -> Ratio:
-    """Return the ratios of a column over pairs of rows."""
-    values, maps = quotients(pairs, column)
-    return Ratio(ratio_interval(values, maps, seed) if values else UNKNOWN, spread(values))
+def ratio_of(values: NDArray[np.float64], maps: NDArray[np.float64], seed: int) -> Ratio:
+    """Return mean and spread of ratios and the interval of the mean."""
+    return Ratio(ratio_interval(values, maps, seed) if len(values) else UNKNOWN, spread(values))
 
 
 def is_baseline(variant: Variant) -> bool:
