@@ -12,13 +12,17 @@ from llm_astar_planner.waypoints.answer import read_answer
 from llm_astar_planner.waypoints.config import SettingsError
 from llm_astar_planner.waypoints.plugins import SourceContext
 from llm_astar_planner.waypoints.prompts.map_description import Lattice
+from llm_astar_planner.waypoints.sample_resolver import SampleResolver
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,
     WaypointQuery,
     WaypointReply,
 )
-from llm_astar_planner.waypoints.transcript import Exchange, SampleResolver, read_transcript
+from llm_astar_planner.waypoints.transcript import Exchange, read_transcript
+
+# What the status of an exchange is whose model answered, if only with an empty text.
+ANSWERS = (SourceStatus.OK, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED)
 
 
 class ReplayError(LlmAstarError, ValueError):
@@ -68,6 +72,14 @@ class ReplaySource:
                 continue
             if exchange.response or exchange.sample not in self._exchanges:
                 self._exchanges[exchange.sample] = exchange
+        # The samples whose query failed, by a timeout for example, and those that the model
+        # answered, usefully or not.
+        self.unanswered = frozenset(
+            key
+            for key, exchange in self._exchanges.items()
+            if not exchange.response and exchange.status not in ANSWERS
+        )
+        self.answered = self._exchanges.keys() - self.unanswered
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the recorded answer in grid coordinates; MISSING where there is none."""
@@ -109,6 +121,9 @@ class ReplaySource:
             prompt_tokens=exchange.prompt_tokens,
             completion_tokens=exchange.completion_tokens,
             seconds=exchange.seconds,
+            messages=exchange.messages,
+            unit=exchange.unit,
+            provenance=exchange.provenance,
         )
 
     def _choose(self, exchanges: list[Exchange], model: str, prompt: str) -> tuple[str, str]:

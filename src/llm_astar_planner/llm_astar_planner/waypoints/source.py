@@ -29,11 +29,38 @@ class SampleKey(NamedTuple):
     scale: int = 1
 
 
+def live_key(map_digest: str, start: tuple[int, int], goal: tuple[int, int]) -> SampleKey:
+    """Return the key of a query without a dataset: the map's digest, `x0,y0->x1,y1` in cells."""
+    (x0, y0), (x1, y1) = start, goal
+    return SampleKey(map_digest, f'{x0},{y0}->{x1},{y1}', 1)
+
+
 class Message(NamedTuple):
     """One message of a chat: its role (`system`, `user` or `assistant`) and its text."""
 
     role: str
     content: str
+
+
+class Provenance(NamedTuple):
+    """What is known of how a model came to its reply; '' and None are unknown.
+
+    `finish_reason` is why the model ended, as the server says: `length` is its token limit.
+    `model_digest` is how the server identifies the exact model, its `system_fingerprint`;
+    `prompt_digest` is the SHA-256 of the prompt's template, `dataset_digest` that of the dataset.
+    `time` is when the reply was recorded, as ISO 8601.
+    """
+
+    finish_reason: str = ''
+    model_digest: str = ''
+    prompt_digest: str = ''
+    dataset_digest: str = ''
+    temperature: float | None = None
+    seed: int | None = None
+    time: str = ''
+
+
+UNKNOWN_PROVENANCE = Provenance()
 
 
 class SourceStatus(str, Enum):
@@ -89,8 +116,7 @@ class WaypointQuery:
     @property
     def live_key(self) -> SampleKey:
         """Key of the query without a dataset: the map's digest, and `x0,y0->x1,y1` in cells."""
-        (x0, y0), (x1, y1) = self.start, self.goal
-        return SampleKey(self.grid_map.digest, f'{x0},{y0}->{x1},{y1}', 1)
+        return live_key(self.grid_map.digest, self.start, self.goal)
 
     def random_generator(self, salt: str = '') -> np.random.Generator:
         """Return a generator seeded by `salt`, map, start and goal: the same for equal queries."""
@@ -119,6 +145,7 @@ class WaypointReply:
     seconds: float = 0.0
     messages: tuple[Message, ...] = ()
     unit: int = 1
+    provenance: Provenance = UNKNOWN_PROVENANCE
 
 
 class WaypointSource(Protocol):

@@ -1,15 +1,15 @@
 """Transcripts: exchanges with a model as JSON Lines; read, written, and recorded from a source.
 
 A line holds `map, pair, scale, model, prompt, messages, response, prompt_tokens,
-completion_tokens, seconds, status`. Coordinates in it are the map's lattice coordinates. Where a
-big map was described on a coarser lattice, `unit` is its step in cells. Version 0.1 also put
-instructions into prompts; `instruction` is the text of such a one.
+completion_tokens, seconds, status`, and what is known of the fields of `Provenance`. Coordinates
+in it are the map's lattice coordinates. Where a big map was described on a coarser lattice, `unit`
+is its step in cells. Version 0.1 also put instructions into prompts; `instruction` is the text of
+such a one.
 """
 
 from __future__ import annotations
 
 import errno
-import hashlib
 import json
 import logging
 import mmap
@@ -17,6 +17,7 @@ import os
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, Protocol, TypeGuard
 
@@ -24,11 +25,12 @@ from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.files import read_text
 from llm_astar_msgs_adapter.json_values import parse_json
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
 
-from llm_astar_planner.waypoints.prompts.map_description import Lattice
+from llm_astar_planner.waypoints.sample_resolver import SampleResolver, dataset_digest
 from llm_astar_planner.waypoints.source import (
+    UNKNOWN_PROVENANCE,
     Message,
+    Provenance,
     SampleKey,
     SourceStatus,
     WaypointQuery,
@@ -38,8 +40,6 @@ from llm_astar_planner.waypoints.source import (
 )
 
 _LOG = logging.getLogger(__name__)
-# The paper scales its maps by up to 10; searching more scales would only cost time.
-MAX_SCALE = 10
 # Of a transcript: a few thousand exchanges with long prompts.
 MAX_BYTES = 32_000_000
 MAX_LINES = 100_000
@@ -74,6 +74,7 @@ class Exchange:
     status: SourceStatus
     unit: int = 1
     instruction: str = ''
+    provenance: Provenance = UNKNOWN_PROVENANCE
 
     @property
     def sample(self) -> SampleKey:
@@ -85,6 +86,7 @@ class Exchange:
         record = {name: getattr(self, name) for name in _FIELDS}
         record['messages'] = [message._asdict() for message in self.messages]
         record['status'] = self.status.value
+        record |= self.provenance._asdict()
         return {name: value for name, value in record.items() if value != _DEFAULTS.get(name)}
 
 
@@ -103,8 +105,17 @@ _FIELDS: dict[str, tuple[type, ...]] = {
     'unit': (int,),
     'instruction': (str,),
 }
+_PROVENANCE_FIELDS: dict[str, tuple[type, ...]] = {
+    'finish_reason': (str,),
+    'model_digest': (str,),
+    'prompt_digest': (str,),
+    'dataset_digest': (str,),
+    'temperature': (int, float),
+    'seed': (int,),
+    'time': (str,),
+}
 # The fields that a line may leave out.
-_DEFAULTS = {'unit': 1, 'instruction': ''}
+_DEFAULTS: dict[str, Any] = {'unit': 1, 'instruction': '', **UNKNOWN_PROVENANCE._asdict()}
 
 
 def read_transcript(path: str | Path) -> list[Exchange]:
@@ -172,7 +183,24 @@ def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
         shown = short_repr(values['status'])
         message = f'{where}: status: {shown} is none of {known}'
         raise TranscriptError(message) from None
-    return Exchange(**{name: values[name] for name in _FIELDS})
+    fields = {name: values[name] for name in _FIELDS}
+    return Exchange(**fields, provenance=parse_provenance(record, where))
+
+
+def parse_provenance(record: Mapping[str, Any], where: str) -> Provenance:
+    """Read what a line says of where its reply is from. Raises TranscriptError as above."""
+    known = {name: record[name] for name in _PROVENANCE_FIELDS if record.get(name) is not None}
+    for name, value in known.items():
+        check_type(value, _PROVENANCE_FIELDS[name], f'{where}: {name}')
+        if isinstance(value, str):
+            check_names(known, where, name)
+    if when := known.get('time'):
+        try:
+            datetime.fromisoformat(when)
+        except ValueError:
+            problem = f'{short_repr(when)} is no time such as 2026-01-31T12:00:00+00:00'
+            raise TranscriptError(f'{where}: time: {problem}') from None
+    return Provenance(**known)
 
 
 def check_type(value: object, types: tuple[type, ...], name: str) -> None:
@@ -271,67 +299,6 @@ def repair_last_line(path: Path) -> None:
             whole.write(b'\n')
 
 
-class SampleResolver:
-    """Finds the dataset's map and pair of a query by the map's cells, at any resolution."""
-
-    def __init__(self, dataset: Sequence[BarrierMap] | None = None) -> None:
-        """Take the maps to search; there may be none."""
-        self._maps = tuple(dataset or ())
-        self._indices: dict[int, dict[str, BarrierMap]] = {}
-
-    def resolve(self, query: WaypointQuery) -> tuple[SampleKey, Lattice]:
-        """Return the key of a query and the lattice its coordinates are recorded in.
-
-        The key is the query's own sample, else the dataset's, else the live key, which goes with
-        the lattice of the cells.
-        """
-        found = self._find(query.grid_map)
-        if query.sample is not None:
-            return query.sample, found[1] if found else lattice_of(query.grid_map)
-        if found is not None:
-            barrier_map, lattice, scale = found
-            for index, sample in enumerate(barrier_map.samples):
-                cells = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
-                if cells == (tuple(query.start), tuple(query.goal)):
-                    return SampleKey(barrier_map.id, index, scale), lattice
-        return query.live_key, Lattice()
-
-    def _find(self, grid_map: GridMap) -> tuple[BarrierMap, Lattice, int] | None:
-        """Return the scaled barrier map with exactly these cells, its lattice and its scale."""
-        digest = cells_digest(grid_map)
-        sizes = {
-            (item.range_x[1] - item.range_x[0], item.range_y[1] - item.range_y[0])
-            for item in self._maps
-        }
-        for scale in range(1, MAX_SCALE + 1):
-            if (grid_map.width, grid_map.height) not in {(w * scale, h * scale) for w, h in sizes}:
-                continue
-            if scale not in self._indices:
-                scaled = [barrier_map.scale(scale) for barrier_map in self._maps]
-                self._indices[scale] = {cells_digest(item.to_grid()): item for item in scaled}
-            found = self._indices[scale].get(digest)
-            if found is not None:
-                return found, Lattice(found.range_x[0], found.range_y[0]), scale
-        return None
-
-
-def lattice_of(grid_map: GridMap) -> Lattice:
-    """Return the lattice of a grid that was made from a barrier map; (0, 0) for other grids.
-
-    A barrier map puts lattice point (x, y) at (x, y) * resolution.
-    """
-    offsets = [value / grid_map.resolution + 0.5 for value in grid_map.origin[:2]]
-    if grid_map.origin.yaw != 0.0 or any(abs(v - round(v)) > 1e-6 for v in offsets):
-        return Lattice()
-    return Lattice(round(offsets[0]), round(offsets[1]))
-
-
-def cells_digest(grid_map: GridMap) -> str:
-    """Return a digest of the occupied cells alone: the same at any resolution and origin."""
-    occupied = grid_map.blocked()
-    return hashlib.sha256(str(occupied.shape).encode() + occupied.tobytes()).hexdigest()
-
-
 class RecordingSource:
     """Passes queries on to a source and writes each exchange to a transcript, for replays."""
 
@@ -345,6 +312,7 @@ class RecordingSource:
         self.inner = inner
         self._writer = writer
         self._resolver = SampleResolver(dataset)
+        self._dataset_digest = dataset_digest(dataset or ())
 
     @property
     def name(self) -> str:
@@ -363,6 +331,11 @@ class RecordingSource:
 
     def _exchange(self, query: WaypointQuery, reply: WaypointReply) -> Exchange:
         sample, _ = self._resolver.resolve(query)
+        provenance = reply.provenance._replace(
+            # A live map has a digest for its id, and belongs to no dataset.
+            dataset_digest=self._dataset_digest if isinstance(sample.map, int) else '',
+            time=datetime.now(timezone.utc).isoformat(timespec='seconds'),
+        )
         return Exchange(
             *sample,
             model=reply.model,
@@ -374,4 +347,5 @@ class RecordingSource:
             seconds=reply.seconds,
             status=reply.status,
             unit=reply.unit,
+            provenance=provenance,
         )

@@ -27,6 +27,7 @@ from llm_astar_planner.waypoints.prompts.map_description import (
     describe_coarser,
 )
 from llm_astar_planner.waypoints.prompts.template import Template, ask_for_json, path_schema
+from llm_astar_planner.waypoints.sample_resolver import SampleResolver
 from llm_astar_planner.waypoints.source import (
     Message,
     SourceStatus,
@@ -34,7 +35,6 @@ from llm_astar_planner.waypoints.source import (
     WaypointQuery,
     WaypointReply,
 )
-from llm_astar_planner.waypoints.transcript import SampleResolver
 
 # How much of an answer is quoted to the model when it is asked to correct it.
 MAX_QUOTED_CHARS = 4000
