@@ -57,7 +57,7 @@ OLD_RULES = {'unknown_cost': 0}
 COMPARED_PARAMETERS = (
     'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
     'start_tolerance', 'paper_corners', 'requests', 'plan_window', 'topics', 'instruction',
-    'instruction_policy',
+    'instruction_policy', 'samples',
 )  # fmt: skip
 # The maps of the rows, stored in the folder so that a report needs no dataset.
 MAPS_FILE = 'maps.json'

@@ -15,6 +15,7 @@ from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 
 from llm_astar_planner.benchmark.datasets.samples import (
     ProblemMap,
+    draw,
     format_kept_maps,
     load_maps,
     parse_ranges,
@@ -28,7 +29,13 @@ from llm_astar_planner.benchmark.results import (
 )
 from llm_astar_planner.benchmark.runner.config import BenchmarkConfig, choose_folder, start_run
 from llm_astar_planner.benchmark.runner.engine import SearchSettings
-from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, check_grid_options
+from llm_astar_planner.benchmark.runner.recorded import (
+    RECORDED,
+    SAMPLES,
+    RecordedRun,
+    keep_recorded,
+)
+from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, REPLAY, check_grid_options
 from llm_astar_planner.cli.map_files import add_dataset_options, open_places
 from llm_astar_planner.cli.run_options import (
     BAD_INPUT,
@@ -59,7 +66,7 @@ llm-astar bench [--map FILE] [--methods NAMES] [--source NAMES] [--limit N] [--o
 EPILOG = """\
 examples:
   llm-astar bench                                 every method and baseline, no key needed
-  llm-astar bench --source replay --transcript replies.jsonl --out out/replies
+  llm-astar bench --source replay --transcript a.jsonl,b.jsonl    recorded models, on their samples
   llm-astar bench --source endpoint --model gpt-4o-mini --prompt few_shot,cot --limit 50
   llm-astar bench --scales 1-10 --limit 100       also how work grows with the scale
   llm-astar bench --map x.map.scen --methods exact_astar,astar    a MovingAI benchmark
@@ -85,6 +92,11 @@ def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type p
     """Add the options that choose the samples."""
     add_dataset_options(group)
     group.add_argument(
+        '--samples', choices=SAMPLES, default=RECORDED,
+        help='with --source replay: only the samples that the transcripts hold, so that every row '
+        'is over the same samples, or all (%(default)s)',
+    )  # fmt: skip
+    group.add_argument(
         '--limit', type=count, metavar='N',
         help='draw N of the samples; on a yaml map N new pairs (100)',
     )  # fmt: skip
@@ -108,6 +120,8 @@ def run(args: argparse.Namespace) -> int:
     folder = choose_folder(args.out, args.default_out, resume=args.resume)
     config = benchmark_config(args, folder, dataset, maps)
     check_thresholds(args, config.sources)
+    for item in config.coverage:
+        complain(args, item.sentence(), OK)
     if omits_baselines(args, maps):
         names = ', '.join(GRID_BASELINES)
         message = f'on a grid only the baselines {names} are run; name others with --source'
@@ -153,14 +167,20 @@ def benchmark_config(
         raise ValueError('--instruction is about metres, so it needs --scales 1')
     barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
     sources = source_specs(args, folder, barrier_maps, GRID_BASELINES if grids else None)
-    samples = select_samples(maps, str(dataset), args.maps, args.limit, args.seed)
+    samples = select_samples(maps, str(dataset), args.maps)
+    recorded = RecordedRun(samples, sources, [])
+    if args.samples == RECORDED:
+        recorded = keep_recorded(samples, sources, scales)
+    samples = recorded.samples
+    if args.limit is not None:
+        samples = draw(samples, args.limit, args.seed)
     for sample in {sample.barrier_map.id: sample for sample in samples}.values():
         sample.barrier_map.scale(scales[-1])
     return BenchmarkConfig(
         dataset,
         samples,
         args.methods,
-        sources,
+        recorded.specs,
         SearchSettings(
             args.heuristic,
             args.weight,
@@ -172,12 +192,15 @@ def benchmark_config(
         args.scale_samples,
         args.seed,
         deciding_files(args),
+        recorded.coverage,
     )
 
 
 def run_parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict[str, Any]:
     """Return the parameters for the metadata of the run."""
     parameters = deciding_parameters(args, 'maps', 'limit', 'scales', 'scale_samples')
+    if REPLAY in args.source:
+        parameters['samples'] = args.samples
     # The dataset file only names the grid, so its digest says nothing about the cells.
     grids = [item.digest for item in maps if isinstance(item, GridProblem)]
     return parameters | ({'grid': grids[0]} if grids else {})

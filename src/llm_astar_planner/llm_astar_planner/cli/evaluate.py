@@ -149,7 +149,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             folder = choose_folder(args.out, args.default_out, resume=args.resume)
             if 'replay' in args.source and not args.transcript:
-                args.transcript = str(save_exchanges(args, bags, selection, folder))
+                args.transcript = [str(save_exchanges(args, bags, selection, folder))]
             config = make_config(args, bags, selection, listed, rules, folder=folder)
             check_thresholds(args, config.sources)
             files = [*args.bags, *([args.requests] if listed else [])]

@@ -13,7 +13,7 @@ from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning.parameter_file import ParameterFile, read_parameter_files
 from llm_astar_planner.planning.parameters import SOURCE, defaults
 
-ENDPOINT = ('transcript', 'base_url', 'api_key_env', 'api_key_names', 'repair_rounds')
+ENDPOINT = ('base_url', 'api_key_env', 'api_key_names', 'repair_rounds')
 METAVARS = {'s': 'SECONDS', 'm': 'METRES'}
 # What the flags of some parameters take; those with choices and the rest take a NAME.
 TEXTS = {

@@ -102,6 +102,11 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
     group.add_argument(
         '--model', type=names, default=[], metavar='NAMES', help='for endpoint and replay'
     )
+    group.add_argument(
+        '--transcript', type=file_names, action='extend', default=[], metavar='FILES',
+        help='transcripts that replay answers from: paths, or names in maps/, separated by '
+        'commas; each gives rows of its own',
+    )  # fmt: skip
     add_endpoint_arguments(group)
     add_parameter_flags(group, SEARCH_PARAMETERS)
     group.add_argument(
@@ -127,10 +132,12 @@ def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction
     if not text:
         return None
     names = [name for name in ('endpoint', 'replay') if name in args.source]
+    if 'replay' in args.source and len(args.transcript) > 1:
+        raise ValueError('--instruction is replayed from one file: name one --transcript')
     values = {
         'source': names[0] if names else 'none',
         'model': next(iter(args.model), ''),
-        'transcript': args.transcript,
+        'transcript': next(iter(args.transcript), ''),
         'base_url': args.base_url,
         'api_key_env': args.api_key_env,
         'api_key_names': args.api_key_names,
@@ -209,7 +216,6 @@ def source_specs(
         base_url=args.base_url,
         api_key_env=args.api_key_env,
         api_key_names=args.api_key_names,
-        transcript=args.transcript,
         timeout_s=args.max_planning_time,
         repair_rounds=args.repair_rounds,
         max_concurrent=args.jobs or LIVE_JOBS,
@@ -219,7 +225,12 @@ def source_specs(
     )
     variants = (args.source, args.prompt, args.model)
     return make_source_specs(
-        *variants, settings=settings, dataset=dataset, seed=args.seed, default=default
+        *variants,
+        settings=settings,
+        dataset=dataset,
+        transcripts=args.transcript,
+        seed=args.seed,
+        default=default,
     )
 
 
@@ -243,8 +254,8 @@ def deciding_parameters(args: argparse.Namespace, *more: str) -> dict[str, Any]:
 
 
 def deciding_files(args: argparse.Namespace) -> list[Path]:
-    """Return the transcript, the prompt files and the places, which change the rows too."""
-    files = [Path(args.transcript)] if args.transcript else []
+    """Return the transcripts, the prompt files and the places, which change the rows too."""
+    files = [Path(transcript) for transcript in args.transcript]
     files += [find_file(args.places_file, 'maps')] if args.places_file else []
     if 'endpoint' in args.source:
         prompts = args.prompt or [DEFAULT_PROMPT]
@@ -364,6 +375,13 @@ def names(text: str) -> list[str]:
     if not found:
         raise argparse.ArgumentTypeError('names are expected, separated by commas')
     return found
+
+
+def file_names(text: str) -> list[str]:
+    """Parse paths of files or names in maps/, separated by commas unless one has a comma."""
+    if Path(text).is_file():
+        return [text]
+    return [str(find_file(name, 'maps')) for name in names(text)]
 
 
 def method_names(text: str) -> list[str]:

@@ -110,13 +110,13 @@ def test_a_replay_is_named_by_its_model_and_baselines_are_added(
     assert digests == {'replies.jsonl': hashlib.sha256(transcript.read_bytes()).hexdigest()}
 
 
-def test_a_transcript_that_lacks_samples_is_incomplete_and_says_which(
+def test_all_samples_of_a_transcript_that_lacks_some_are_incomplete_and_it_says_which(
     undrawn, dataset, out, tmp_path, capsys
 ):
     transcript = tmp_path / 'replies.jsonl'
     record(transcript, [(0, pair, 'Generated Path: [[25, 15]]') for pair in range(8)])
     words = ('bench', '--dataset', dataset, '--out', out, '--maps', '0', '--methods', 'llm_astar')
-    replay = ('--source', 'replay', '--transcript', transcript)
+    replay = ('--source', 'replay', '--transcript', transcript, '--samples', 'all')
     assert llm_astar(*words, *replay) == 3
     error = capsys.readouterr().err
     assert '2 samples without an answer (MISSING 2), the first map 0, pair 8' in error

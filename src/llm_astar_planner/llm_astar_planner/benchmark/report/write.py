@@ -66,7 +66,7 @@ def write_report(
         'over_none': [to_json(item) for item in comparisons],
         'growth': [to_json(item) for item in growths],
         **{name: metadata[name] for name in ('version', 'dataset', 'machine')},
-        **{name: metadata[name] for name in ('left_out', 'notes') if name in metadata},
+        **{name: metadata[name] for name in ('left_out', 'notes', 'replays') if name in metadata},
     }
     folder.write_json('summary.json', summary)
     pictures = draw_all(folder.path, rows, maps, (summaries, growths), metadata)

@@ -33,6 +33,7 @@ from llm_astar_planner.benchmark.runner.engine import (
     make_tasks,
     run_tasks,
 )
+from llm_astar_planner.benchmark.runner.recorded import Coverage
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 
 # Steps between two lines where the total is unknown.
@@ -44,7 +45,8 @@ class BenchmarkConfig:
     """What a run covers.
 
     Scale 1 runs all `samples`. To compare scales, `scale_samples` drawn samples are run at every
-    scale, 1 included. `files` are the transcripts and prompts whose digests go into the metadata.
+    scale, 1 included. `files` are the transcripts and prompts whose digests go into the metadata;
+    `coverage` says which samples replays lack.
     """
 
     dataset: Path
@@ -56,6 +58,7 @@ class BenchmarkConfig:
     scale_samples: int = 10
     seed: int = 0
     files: Sequence[Path] = ()
+    coverage: Sequence[Coverage] = ()
 
     def tasks(self, done: Container[RowKey] = ()) -> list[Task]:
         """Return the tasks without the rows that are `done`."""
@@ -96,6 +99,9 @@ def start_run(
     Raises ResultsError where the folder holds rows of another dataset, version or seed.
     """
     metadata = describe_run([config.dataset], parameters, config.files)
+    if config.coverage:
+        metadata['replays'] = [item.to_json() for item in config.coverage]
+        metadata['notes'] = [item.sentence() for item in config.coverage]
     done = open_folder(folder, metadata, resume=resume, overwrite=overwrite)
     return config.tasks(done), metadata
 

@@ -147,16 +147,23 @@ def make_tasks(
     settings: SearchSettings,
     done: Container[RowKey] = (),
 ) -> list[Task]:
-    """Make one task per pair of sample and scale, without the rows whose keys are in `done`."""
+    """Make one task per pair of sample and scale, without the rows whose keys are in `done`.
+
+    A source with `samples` is run on these alone.
+    """
     tasks = []
+    # A task goes to its worker without the samples of the others.
+    plain = tuple(replace(spec, samples=None) for spec in sources)
+    limits = [spec.samples for spec in sources]
     for sample, scale in dict.fromkeys(samples):
+        key = SampleKey(*sample.key, scale)
         left = tuple(
             (variant, index)
             for variant, index in variants
-            if (*sample.key, scale, variant) not in done
+            if (*key, variant) not in done and (limits[index] is None or key in limits[index])
         )
         if left:
-            tasks.append(Task(sample, scale, left, tuple(sources), settings))
+            tasks.append(Task(sample, scale, left, plain, settings))
     return tasks
 
 

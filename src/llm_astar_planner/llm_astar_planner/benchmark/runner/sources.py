@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
@@ -19,12 +22,12 @@ from llm_astar_planner.waypoints.config import (
 )
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.prompts.template import load_template
-from llm_astar_planner.waypoints.source import WaypointSource, name_problem
+from llm_astar_planner.waypoints.source import SampleKey, WaypointSource, name_problem
 from llm_astar_planner.waypoints.transcript import read_transcript
 
 # The baselines that are cheap on any grid, because they need no visibility graph.
 GRID_BASELINES = ('coarse', 'straight', 'random')
-EMBEDDED = 'embedded'
+EMBEDDED, REPLAY = 'embedded', 'replay'
 # The embedded model is run twice: its greedy route, and the best of this many routes.
 BEST_OF = 8
 BEST_OF_EMBEDDED = f'{EMBEDDED}-best-of-{BEST_OF}'
@@ -32,12 +35,18 @@ BEST_OF_EMBEDDED = f'{EMBEDDED}-best-of-{BEST_OF}'
 
 @dataclass(frozen=True)
 class SourceSpec:
-    """A waypoint source with the name, prompt and model that its rows carry."""
+    """A waypoint source with the name, prompt and model that its rows carry.
+
+    `transcript` is the file name of a replay. `samples` are the samples to run it on, None for
+    all of a run.
+    """
 
     source: WaypointSource | None = None
     name: str = 'none'
     prompt: str = ''
     model: str = ''
+    transcript: str = ''
+    samples: frozenset[SampleKey] | None = None
 
 
 def make_source_specs(
@@ -47,16 +56,17 @@ def make_source_specs(
     *,
     settings: SourceSettings,
     dataset: Sequence[BarrierMap],
+    transcripts: Sequence[str] = (),
     seed: int = 0,
     default: Sequence[str] | None = None,
 ) -> list[SourceSpec]:
     """Make the sources of a run; the first one is `none`.
 
-    Every named source is made once per prompt and model, with the other `settings`. A replay
-    without prompt and model covers everything its transcript holds. All baselines (or `default`)
-    are added if a named source is not a baseline. Without names these are the baselines and the
-    embedded model; the name `none` alone gives `none` alone. Raises ValueError for a source that
-    cannot be made.
+    Every named source is made once per prompt and model, with the other `settings`, and a replay
+    once per transcript. A replay without prompt and model covers all that its transcript holds.
+    All baselines (or `default`) are added if a named source is not a baseline. Without names
+    these are the baselines and the embedded model; the name `none` alone gives `none` alone.
+    Raises ValueError for a source that cannot be made.
     """
     baselines = baseline_sources(seed)
     named = [name for name in names if name != 'none']
@@ -67,7 +77,9 @@ def make_source_specs(
     if EMBEDDED in named or not names:
         specs += embedded_sources(settings)
     for name in named:
-        if name not in baselines and name != EMBEDDED:
+        if name == REPLAY:
+            specs += replay_sources(settings, transcripts, prompts, models, dataset)
+        elif name not in baselines and name != EMBEDDED:
             chosen_settings = replace(settings, source=name)
             specs += model_sources(chosen_settings, prompts, models, dataset, seed)
     return specs + [SourceSpec(baselines[name], name) for name in chosen]
@@ -82,6 +94,58 @@ def embedded_sources(settings: SourceSettings) -> list[SourceSpec]:
     ]
 
 
+def replay_sources(
+    settings: SourceSettings,
+    transcripts: Sequence[str],
+    prompts: Sequence[str],
+    models: Sequence[str],
+    dataset: Sequence[BarrierMap],
+) -> list[SourceSpec]:
+    """Make a replay of each transcript, model and prompt; all that are recorded, or those named.
+
+    Where two transcripts hold the same model and prompt, their rows are told apart by file name:
+    `replay:NAME`. Raises SettingsError where that is the same too.
+    """
+    specs = []
+    for transcript in transcripts or ('',):
+        of_file = replace(settings, source=REPLAY, transcript=transcript)
+        recorded = recorded_models(transcript) if transcript else []
+        chosen = [
+            (model, prompt)
+            for model, prompt in recorded
+            if (not models or model in models) and (not prompts or prompt in prompts)
+        ]
+        for model, prompt in chosen or [(model, '') for model in models or ('',)]:
+            source = make_source(replace(of_file, model=model, prompt=prompt), dataset)
+            specs.append(SourceSpec(source, REPLAY, prompt, model, Path(transcript).name))
+    return told_apart(specs)
+
+
+def recorded_models(transcript: str) -> list[tuple[str, str]]:
+    """Return each model and prompt of a transcript. Raises TranscriptError."""
+    exchanges = read_transcript(transcript)
+    return list(dict.fromkeys((exchange.model, exchange.prompt) for exchange in exchanges))
+
+
+def told_apart(specs: Sequence[SourceSpec]) -> list[SourceSpec]:
+    """Name replays of the same model and prompt by their files. Raises SettingsError."""
+    held = Counter((spec.model, spec.prompt) for spec in specs)
+    named = [
+        replace(spec, name=f'{REPLAY}:{Path(spec.transcript).stem}')
+        if held[spec.model, spec.prompt] > 1
+        else spec
+        for spec in specs
+    ]
+    twice = Counter((spec.name, spec.model, spec.prompt) for spec in named)
+    for (name, model, prompt), count in twice.items():
+        if count > 1:
+            raise SettingsError(
+                f'transcript: {count} files named {name.removeprefix(REPLAY + ":")} hold model '
+                f'{model}, prompt {prompt}; rename all but one'
+            )
+    return named
+
+
 def model_sources(
     settings: SourceSettings,
     prompts: Sequence[str],
@@ -90,22 +154,10 @@ def model_sources(
     seed: int = 0,
 ) -> list[SourceSpec]:
     """Make a source once per model and prompt. Raises ValueError where one cannot be made."""
-    pairs = [(model, prompt) for model in models or ('',) for prompt in prompts or ('',)]
-    is_replay = settings.source == 'replay'
-    if is_replay and settings.transcript:
-        recorded = dict.fromkeys(
-            (exchange.model, exchange.prompt) for exchange in read_transcript(settings.transcript)
-        )
-        selected = [
-            (model, prompt)
-            for model, prompt in recorded
-            if (not models or model in models) and (not prompts or prompt in prompts)
-        ]
-        pairs = selected or pairs
-    elif settings.source == 'endpoint' and not models:
+    if settings.source == 'endpoint' and not models:
         raise SettingsError('model: --source endpoint needs --model')
     specs = []
-    for model, prompt in pairs:
+    for model, prompt in product(models or ('',), prompts or ('',)):
         source = make_source(replace(settings, model=model, prompt=prompt), dataset, seed)
         is_live = settings.source == 'endpoint'
         label = prompt_label(prompt, settings.repair_rounds) if is_live else prompt
