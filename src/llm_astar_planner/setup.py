@@ -96,7 +96,17 @@ setup(
         'mcp': ['mcp>=2'],
         # `llm-astar play`.
         'play': ['starlette', 'uvicorn'],
-        'test': ['pytest', 'hypothesis', 'mcap-ros2-support', 'mcp>=2', 'starlette', 'uvicorn'],
+        'test': [
+            'pytest',
+            'hypothesis',
+            'mcap-ros2-support',
+            'mcp>=2',
+            'starlette',
+            'uvicorn',
+            # Runs examples/benchmark.ipynb.
+            'nbclient',
+            'ipykernel',
+        ],
         # To train the embedded waypoint model again; see training/.
         'train': ['torch>=2.6'],
     },

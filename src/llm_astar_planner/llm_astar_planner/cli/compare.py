@@ -32,7 +32,7 @@ EPILOG = """\
 examples:
   llm-astar compare out/before out/after                   does any variant expand more nodes?
   llm-astar compare out/before out/after --threshold 2     by more than 2 %?
-  llm-astar compare out/a out/b out/c --variant guided --out out/compared
+  llm-astar compare out/a out/b out/c --variant guided/oracle --out out/compared
   llm-astar compare out/before out/after --metric seconds_search --threshold 5 --json
 
 A regression is a variant whose ratio to the base is above the threshold with its whole 95 %
@@ -55,7 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         '--variant', metavar='NAME',
-        help='only this variant, METHOD[/SOURCE[/PROMPT[/MODEL]]], or all that begin so',
+        help='only this variant, METHOD/SOURCE/PROMPT/MODEL without its empty parts, or all that '
+        'begin so; a method alone is the one without waypoints',
     )  # fmt: skip
     parser.add_argument(
         '--threshold', type=percent, metavar='PERCENT',

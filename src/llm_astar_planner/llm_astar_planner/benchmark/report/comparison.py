@@ -168,11 +168,12 @@ def sample_table(
 ) -> Table:
     """Return the samples that changed most: lost and gained paths, then the largest ratios."""
     label = LABELS[judgement.metric]
+    digits = 6 if judgement.metric == 'seconds_search' else 2
     columns = (
         *texts('Variant'),
         *(Column(head, digits=0) for head in ('Map', 'Pair', 'Scale')),
         *texts('Code, base', 'Code'),
-        *(Column(head, digits=6) for head in (f'{label}, base', label)),
+        *(Column(head, digits=digits) for head in (f'{label}, base', label)),
         *(Column(head) for head in ('Length, base', 'Length')),
     )
     rows = [
