@@ -13,7 +13,10 @@ from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning.parameter_file import ParameterFile, read_parameter_files
 from llm_astar_planner.planning.parameters import SOURCE, defaults
 
-ENDPOINT = ('base_url', 'api_key_env', 'api_key_names', 'repair_rounds')
+ENDPOINT = (
+    'base_url', 'api_key_env', 'api_key_names', 'repair_rounds', 'prompt_form',
+    'retrieved_examples', 'examples_file',
+)  # fmt: skip
 METAVARS = {'s': 'SECONDS', 'm': 'METRES'}
 # What the flags of some parameters take; those with choices and the rest take a NAME.
 TEXTS = {
@@ -21,6 +24,7 @@ TEXTS = {
     'instruction': 'TEXT',
     'base_url': 'URL',
     'prompt': 'NAME|FILE',
+    'examples_file': 'FILE',
     'instruction_examples': 'FILE',
     'transcript': 'FILE',
     'record': 'FILE',

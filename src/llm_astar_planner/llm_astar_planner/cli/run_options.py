@@ -68,6 +68,7 @@ from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.methods import GUIDED
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
 from llm_astar_planner.waypoints.plugins import SOURCES
+from llm_astar_planner.waypoints.prompts.examples import SAMPLES_FILE
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
@@ -218,6 +219,9 @@ def source_specs(
         api_key_names=args.api_key_names,
         timeout_s=args.max_planning_time,
         repair_rounds=args.repair_rounds,
+        prompt_form=args.prompt_form,
+        retrieved_examples=args.retrieved_examples,
+        examples_file=args.examples_file,
         max_concurrent=args.jobs or LIVE_JOBS,
         # The number of samples already bounds the calls.
         max_calls_per_hour=0,
@@ -245,8 +249,9 @@ def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) ->
 def deciding_parameters(args: argparse.Namespace, *more: str) -> dict[str, Any]:
     """Return the parameters of a run for its metadata; --resume compares them."""
     names = (
-        'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds', 'heuristic',
-        'weight', 'max_suboptimality', 'price', 'jobs', *more,
+        'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds',
+        'prompt_form', 'retrieved_examples', 'examples_file', 'heuristic', 'weight',
+        'max_suboptimality', 'price', 'jobs', *more,
     )  # fmt: skip
     instruction = INSTRUCTION if args.instruction else ()
     found = {name: getattr(args, name) for name in (*names, *instruction)}
@@ -260,6 +265,8 @@ def deciding_files(args: argparse.Namespace) -> list[Path]:
     if 'endpoint' in args.source:
         prompts = args.prompt or [DEFAULT_PROMPT]
         files += [template_path(p) if p in TEMPLATES else Path(p).expanduser() for p in prompts]
+        if args.retrieved_examples:
+            files.append(find_file(args.examples_file or SAMPLES_FILE, 'maps'))
     return files
 
 

@@ -28,6 +28,7 @@ from llm_astar_planner.instructions.model.replay import ReplayInterpreter
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
 from llm_astar_planner.waypoints.llm.factory import make_client
+from llm_astar_planner.waypoints.prompts.template import MESSAGE
 
 _LOG = logging.getLogger(__name__)
 CACHE_SIZE = 256
@@ -192,7 +193,13 @@ def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
         return None
     tokens = min(settings.max_output_tokens, MAX_OUTPUT_TOKENS)
     # Models keep to the form best when held to the schema; what refuses it falls back.
-    asked = replace(settings, response_format='json_schema', max_output_tokens=tokens)
+    # The form is that of prompts for waypoints.
+    asked = replace(
+        settings,
+        response_format='json_schema',
+        max_output_tokens=tokens,
+        prompt_form=MESSAGE,
+    )
     recorder = InstructionRecorder(settings.record) if settings.record else None
     examples = load_examples(settings.instruction_examples or EXAMPLES_FILE)
     return ModelInterpreter(make_client(asked), examples=examples, recorder=recorder)

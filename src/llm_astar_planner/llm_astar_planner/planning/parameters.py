@@ -220,7 +220,8 @@ NODE = (
 SOURCE = tuple(waypoints.SOURCE.values())
 # Parameters of llm_client_node that name an address, a key or a file.
 FIXED = (
-    'base_url', 'api_key_env', 'prompt', 'instruction_examples', 'transcript', 'record', 'dataset'
+    'base_url', 'api_key_env', 'prompt', 'examples_file', 'instruction_examples', 'transcript',
+    'record', 'dataset',
 )  # fmt: skip
 CLIENT = (
     *SOURCE,

@@ -8,7 +8,7 @@ from llm_astar_planner.parameter import ParameterError, parameter, parameters_of
 from llm_astar_planner.waypoints.llm.credentials import KEY_NAMES, Endpoint
 from llm_astar_planner.waypoints.llm.protocol import RESPONSE_FORMATS
 from llm_astar_planner.waypoints.plugins import SOURCES
-from llm_astar_planner.waypoints.prompts.template import load_template
+from llm_astar_planner.waypoints.prompts.template import FORMS, MESSAGE, load_template, prompt_name
 from llm_astar_planner.waypoints.source import name_problem
 
 DEFAULT_PROMPT = 'few_shot'
@@ -54,8 +54,26 @@ class SourceSettings:
     )
     prompt: str = parameter(
         '',
-        'Prompt template: `few_shot`, `cot`, `repe` or the path of a file; empty: `few_shot` for '
-        '`endpoint`, any for `replay`',
+        'Prompt template: `few_shot`, `zero_shot`, `cot`, `repe` or the path of a file; empty: '
+        '`few_shot` for `endpoint`, any for `replay`',
+    )
+    prompt_form: str = parameter(
+        MESSAGE,
+        'How `endpoint` is asked: `message`, the whole prompt in one message; `turns`, the '
+        'examples as turns of user and assistant; `completion`, one text for a model without '
+        'chat, by `/completions`',
+        choices=FORMS,
+    )
+    retrieved_examples: int = parameter(
+        0,
+        "How many solved samples, those most similar to the query, replace the template's own "
+        'examples; 0: none do',
+        between=(0, 100),
+    )
+    examples_file: str = parameter(
+        '',
+        'Dataset of barrier maps that examples are retrieved from: a path, or a name in `maps/`; '
+        'empty: `samples_1000.json`',
     )
     instruction_examples: str = parameter(
         '',
@@ -78,7 +96,7 @@ class SourceSettings:
     )
     max_prompt_tokens: int = parameter(
         2000,
-        'About how long the description of the map may be',
+        'About how long the description of the map may be, with the retrieved examples',
         unit='tokens',
         between=(100, 1000000),
     )
@@ -124,9 +142,20 @@ class SourceSettings:
             return
         try:
             Endpoint(self.base_url, self.api_key_env, self.api_key_names)
-            load_template(self.prompt or DEFAULT_PROMPT)
+            template = load_template(self.prompt or DEFAULT_PROMPT)
         except ValueError as error:
             raise SettingsError(str(error)) from None
+        if self.retrieved_examples and template.thinks:
+            raise SettingsError(
+                f'retrieved_examples: these hold no thoughts, which the prompt {template.name} '
+                'asks for; use few_shot or zero_shot'
+            )
+
+    @property
+    def prompt_name(self) -> str:
+        """The name of the prompt in replies, rows and transcripts. Raises TemplateError."""
+        template = load_template(self.prompt or DEFAULT_PROMPT)
+        return prompt_name(template.name, self.prompt_form, self.retrieved_examples)
 
 
 # The parameters, by field name.

@@ -14,14 +14,8 @@ from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import baseline_sources, visibility_problem
-from llm_astar_planner.waypoints.config import (
-    BASELINE_NAMES,
-    DEFAULT_PROMPT,
-    SettingsError,
-    SourceSettings,
-)
+from llm_astar_planner.waypoints.config import BASELINE_NAMES, SettingsError, SourceSettings
 from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource, name_problem
 from llm_astar_planner.waypoints.transcript import read_transcript
 
@@ -158,9 +152,9 @@ def model_sources(
         raise SettingsError('model: --source endpoint needs --model')
     specs = []
     for model, prompt in product(models or ('',), prompts or ('',)):
-        source = make_source(replace(settings, model=model, prompt=prompt), dataset, seed)
-        is_live = settings.source == 'endpoint'
-        label = prompt_label(prompt, settings.repair_rounds) if is_live else prompt
+        asked = replace(settings, model=model, prompt=prompt)
+        source = make_source(asked, dataset, seed)
+        label = prompt_label(asked) if settings.source == 'endpoint' else prompt
         problem = name_problem(label)
         if problem:
             raise SettingsError(f'prompt: {problem}')
@@ -168,10 +162,10 @@ def model_sources(
     return specs
 
 
-def prompt_label(prompt: str, repair_rounds: int) -> str:
-    """Return the name of a prompt in rows and transcripts; that of a file is its stem."""
-    name = load_template(prompt or DEFAULT_PROMPT).name
-    return f'{name}, repaired up to {repair_rounds}x' if repair_rounds else name
+def prompt_label(settings: SourceSettings) -> str:
+    """Return the name of a prompt in rows: how it was asked, and how often repaired."""
+    rounds = settings.repair_rounds
+    return f'{settings.prompt_name}, repaired up to {rounds}x' if rounds else settings.prompt_name
 
 
 def check_grid_options(problem: GridProblem, scales: Sequence[int], names: Sequence[str]) -> None:

@@ -66,7 +66,7 @@ class ChatClient:
             self.breaker.record_failure(failure)
             raise
         self.breaker.record_success()
-        return completion
+        return self.dialect.ended(completion)
 
     def problem(self) -> str | None:
         """Return why the endpoint is not asked at present, None where it is."""
@@ -112,7 +112,7 @@ class ChatClient:
         try:
             self.budget.admit()
             reply = post_json(
-                self.endpoint.url,
+                self.endpoint.url(self.dialect.path),
                 body,
                 {'Authorization': f'Bearer {key}'} if key else {},
                 deadline - time.monotonic(),
@@ -131,5 +131,6 @@ class ChatClient:
 def count_tokens(completion: Completion, body: dict[str, Any]) -> int:
     """Return the tokens that the server counted, or an estimate where it counts none."""
     counted = completion.prompt_tokens + completion.completion_tokens
-    asked = sum(len(message['content']) for message in body['messages'])
+    asked = len(body.get('prompt', ''))
+    asked += sum(len(message['content']) for message in body.get('messages', ()))
     return counted or (asked + len(completion.text)) // CHARS_PER_TOKEN

@@ -79,10 +79,9 @@ class Endpoint:
                 'base_url: must not hold a user, query or fragment; api_key_env names the key'
             )
 
-    @property
-    def url(self) -> str:
-        """The address that requests are posted to."""
-        return self.base_url.rstrip('/') + '/chat/completions'
+    def url(self, path: str) -> str:
+        """Return the address of a path below the base URL."""
+        return f'{self.base_url.rstrip("/")}/{path}'
 
     @property
     def host(self) -> str:

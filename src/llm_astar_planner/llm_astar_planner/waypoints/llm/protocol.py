@@ -1,4 +1,4 @@
-"""Chat completions: the request body, how it adapts to an endpoint, and the response."""
+"""Completions, of a chat or a text: the request, how it adapts to an endpoint, the response."""
 
 from __future__ import annotations
 
@@ -35,21 +35,34 @@ _STATUS_OF = {401: SourceStatus.AUTH, 403: SourceStatus.AUTH, 429: SourceStatus.
 
 @dataclass(frozen=True)
 class Dialect:
-    """The request fields that an endpoint is known to accept."""
+    """The request fields that an endpoint is known to accept.
+
+    With `is_completion` a model without chat continues a text, until it writes `stop`.
+    """
 
     max_output_tokens: int = 1000
     temperature: float | None = 0.0
     response_format: str = 'text'
     tokens_field: str = 'max_tokens'
+    is_completion: bool = False
+    stop: str = ''
+
+    @property
+    def path(self) -> str:
+        """Where below the base URL requests are posted to."""
+        return 'completions' if self.is_completion else 'chat/completions'
 
     def body(
         self, model: str, messages: Sequence[Message], schema: dict[str, Any]
     ) -> dict[str, Any]:
         """Return the JSON body of a request that is not streamed."""
-        body: dict[str, Any] = {
-            'messages': [message._asdict() for message in messages],
-            'stream': False,
-        }
+        body: dict[str, Any] = {'stream': False}
+        if self.is_completion:
+            body['prompt'] = text_to_complete(messages)
+            if self.stop:
+                body['stop'] = [self.stop]
+        else:
+            body['messages'] = [message._asdict() for message in messages]
         if model:
             body['model'] = model
         if self.tokens_field:
@@ -62,6 +75,14 @@ class Dialect:
         elif self.response_format == 'json_object':
             body['response_format'] = {'type': 'json_object'}
         return body
+
+    def ended(self, completion: Completion) -> Completion:
+        """Return a completion that ends at `stop`, which some servers ignore."""
+        if not (self.is_completion and self.stop):
+            return completion
+        # A text may begin with the next question at once: there is no line end before it then.
+        text = f'\n{completion.text}'.partition(self.stop)[0]
+        return completion._replace(text=text[1:])
 
     def adapted_to(self, failure: EndpointFailure) -> Dialect | None:
         """Return the dialect to try after a failure, None where another would not help."""
@@ -77,6 +98,20 @@ class Dialect:
         if self.temperature is not None and 'temperature' in error:
             return replace(self, temperature=None)
         return None
+
+
+def text_to_complete(messages: Sequence[Message]) -> str:
+    """Return a conversation as one text for a completion model: it ends where the answer begins.
+
+    The first message holds the prompt. After it come answers, and questions about them that ask
+    for a path.
+    """
+    first, *others = messages
+    more = (
+        f' {content.strip()}' if role == 'assistant' else f'\n\n{content}\nGenerated Path:'
+        for role, content in others
+    )
+    return first.content + ''.join(more)
 
 
 def is_context_too_long(error: str) -> bool:
@@ -104,7 +139,8 @@ def read_completion(reply: HttpReply, clean: Clean) -> Completion:
         raise http_failure(reply, data, clean)
     try:
         choice = data['choices'][0]
-        message = choice['message']
+        # The choice of a chat is a message, that of a text completion a text.
+        message = choice['message'] if 'message' in choice else {'content': choice['text']}
         text = message_text(message.get('content'))[-MAX_REPLY_CHARS:]
         refusal = message_text(message.get('refusal'))[:MAX_ERROR_CHARS]
         reason = message_text(choice.get('finish_reason'))[:MAX_ERROR_CHARS]
@@ -113,7 +149,7 @@ def read_completion(reply: HttpReply, clean: Clean) -> Completion:
         if error_in(data) is not None:
             problem = f'the endpoint says{words}'
             raise EndpointFailure(SourceStatus.ERROR, problem) from None
-        problem = f'the reply is no chat completion{words}'
+        problem = f'the reply is no completion{words}'
         raise EndpointFailure(SourceStatus.MALFORMED, problem) from None
     usage = data.get('usage')
     if reason == 'content_filter' and not refusal:

@@ -26,7 +26,8 @@ from llm_astar_planner.waypoints.prompts.map_description import (
     describe,
     describe_coarser,
 )
-from llm_astar_planner.waypoints.prompts.template import Template, ask_for_json, path_schema
+from llm_astar_planner.waypoints.prompts.prompt import Prompt
+from llm_astar_planner.waypoints.prompts.template import Example, ask_for_json, path_schema
 from llm_astar_planner.waypoints.sample_resolver import SampleResolver
 from llm_astar_planner.waypoints.source import (
     Message,
@@ -72,7 +73,7 @@ class EndpointSource:
     """
 
     client: ChatClient
-    template: Template
+    prompt: Prompt
     _: KW_ONLY
     timeout_s: float = 4.0
     max_prompt_tokens: int = 2000
@@ -104,7 +105,7 @@ class EndpointSource:
         return conversation.reply(conversation.turn.answer)
 
     def _ask(self, conversation: Conversation, query: WaypointQuery) -> None:
-        """Ask, and once more with a coarser map where the prompt does not fit the context."""
+        """Ask; if that is too long, once more with a coarser map and half of the examples."""
         _, lattice = self._resolver.resolve(query)
         description = describe(
             query.costmap,
@@ -113,13 +114,15 @@ class EndpointSource:
             lattice=lattice,
             max_tokens=self.max_prompt_tokens,
         )
+        examples = self.prompt.examples(query, description, self.max_prompt_tokens)
         try:
-            conversation.ask(description)
+            conversation.ask(description, examples)
         except EndpointFailure as failure:
             if not (failure.http == 413 or is_context_too_long(failure.body)):
                 raise
             coarser = describe_coarser(description, query.costmap, query.start, query.goal)
-            conversation.ask(coarser)
+            # The most similar examples come last.
+            conversation.ask(coarser, examples and examples[(len(examples) + 1) // 2 :])
 
 
 @dataclass(eq=False)
@@ -139,13 +142,16 @@ class Conversation:
     last_seconds: float = 0.0
     started: float = field(default_factory=time.monotonic)
 
-    def ask(self, description: Description) -> None:
-        """Ask for a path on the described map. Raises EndpointFailure."""
-        template = self.source.template
+    def ask(self, description: Description, examples: Sequence[Example] | None) -> None:
+        """Ask for a path on the described map; `examples` replace the template's own.
+
+        Raises EndpointFailure.
+        """
+        prompt = self.source.prompt
         self.lattice = description.lattice
-        messages = template.render(description)
+        messages = prompt.messages(description, examples)
         if self.source.client.dialect.response_format != 'text':
-            messages = ask_for_json(messages, thinks=template.thinks)
+            messages = ask_for_json(messages, thinks=prompt.template.thinks)
         self.turn = Turn(messages)
         self._send(messages)
 
@@ -181,7 +187,7 @@ class Conversation:
             detail=answer.detail,
             text=self.turn.text,
             model=self.source.client.model,
-            prompt=self.source.template.name,
+            prompt=self.source.prompt.name,
             prompt_tokens=self.prompt_tokens,
             completion_tokens=self.completion_tokens,
             seconds=time.monotonic() - self.started,
@@ -206,7 +212,7 @@ class Conversation:
     def _send(self, messages: tuple[Message, ...]) -> None:
         """Send the messages and read the answer. Raises EndpointFailure."""
         asked = time.monotonic()
-        schema = path_schema(thinks=self.source.template.thinks)
+        schema = path_schema(thinks=self.source.prompt.template.thinks)
         completion = self.source.client.complete(
             messages, self.deadline, schema, self.source.late_s
         )

@@ -1,26 +1,34 @@
 """Prompt templates: text files with placeholders in braces, shipped ones or the user's own.
 
+A template is an instruction, solved examples and a question. It is put to a model in one of three
+forms: `message` is one message of a user with the whole text, `turns` has the examples as turns of
+user and assistant, `completion` is one text that a model without chat continues.
 For structured output, a prompt also says which JSON is expected; the schema is sent along.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.files import read_text
 
+from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.prompts.map_description import Description
 from llm_astar_planner.waypoints.source import Message
 
-TEMPLATES = ('few_shot', 'cot', 'repe')
+TEMPLATES = ('few_shot', 'zero_shot', 'cot', 'repe')
+MESSAGE, TURNS, COMPLETION = FORMS = ('message', 'turns', 'completion')
 NEEDED = ('start', 'goal', 'horizontal_barriers', 'vertical_barriers')
 NAMES = (*NEEDED, 'x_min', 'x_max', 'y_min', 'y_max')
 MAX_TEMPLATE_BYTES = 65536
 _PLACEHOLDER = re.compile(r'\{(' + '|'.join(NAMES) + r')\}')
+_NEEDED = tuple('{' + name + '}' for name in NEEDED)
 _POINT: dict[str, Any] = {
     'type': 'object',
     'properties': {'x': {'type': 'number'}, 'y': {'type': 'number'}},
@@ -37,6 +45,22 @@ class TemplateError(LlmAstarError, ValueError):
     """A prompt template cannot be used; the message names it and what is wrong."""
 
 
+class Example(NamedTuple):
+    """A question as a prompt asks it, and its answer with what introduces it."""
+
+    question: str
+    answer: str
+
+
+class TemplateParts(NamedTuple):
+    """The paragraphs of a template; `cue` is how an answer begins, '' where that is open."""
+
+    instruction: str
+    examples: tuple[Example, ...]
+    question: str
+    cue: str
+
+
 @dataclass(frozen=True)
 class Template:
     """The text of a prompt with placeholders, the NAMES in braces; other braces stay."""
@@ -49,11 +73,105 @@ class Template:
         """Whether the template asks for thoughts before the path."""
         return 'thought' in self.text.lower()
 
-    def render(self, description: Description) -> tuple[Message, ...]:
-        """Return the messages that ask for a path on a described map."""
+    @cached_property
+    def parts(self) -> TemplateParts:
+        """The instruction, the examples and the question of the template."""
+        return split_template(self.text)
+
+    @property
+    def stop(self) -> str:
+        """What a model that goes on after its answer would write next; '' where unknown."""
+        label = line_labels(self.parts.question)[0].strip()
+        return f'\n{label}' if label else ''
+
+    def example(self, description: Description, path: Sequence[Cell]) -> Example:
+        """Return a solved question in the template's words; `path` has lattice points (x, y)."""
         values = description.values()
-        text = _PLACEHOLDER.sub(lambda match: values[match.group(1)], self.text).strip()
-        return (Message('user', text),)
+        points = str([list(point) for point in path])
+        cue = fill(self.parts.cue, values) or 'Generated Path:'
+        return Example(fill(self.parts.question, values), f'{cue} {points}')
+
+    def render(
+        self,
+        description: Description,
+        form: str = MESSAGE,
+        examples: Sequence[Example] | None = None,
+    ) -> tuple[Message, ...]:
+        """Return the messages that ask for a path on a described map, in one of FORMS.
+
+        `examples` replace the template's own. In the form `completion` the one message holds the
+        text to complete.
+        """
+        values, parts = description.values(), self.parts
+        if form == TURNS:
+            turns = chat_turns(parts.examples if examples is None else examples)
+            instruction = fill(parts.instruction, values)
+            system = (Message('system', instruction),) if instruction else ()
+            return (*system, *turns, Message('user', fill(parts.question, values)))
+        text = self.text
+        if examples is not None:
+            solved = (f'{question}\n{answer}' for question, answer in examples)
+            asked = f'{parts.question}\n{parts.cue}'
+            text = '\n\n'.join((parts.instruction, *solved, asked))
+        return (Message('user', fill(text, values)),)
+
+
+def split_template(text: str) -> TemplateParts:
+    """Split a template that uses all of NEEDED at its empty lines.
+
+    The question begins with the paragraph of the first needed placeholder and takes all that
+    follows, but for its cue: the lines after the last needed placeholder, if they end with a
+    colon. Earlier paragraphs are examples where their lines begin as those of the question do.
+    """
+    paragraphs = re.split(r'\n[ \t]*\n', text.strip())
+    begin = next(i for i, item in enumerate(paragraphs) if any(map(item.__contains__, _NEEDED)))
+    lines = '\n\n'.join(paragraphs[begin:]).split('\n')
+    end = len(lines)
+    if lines[-1].endswith(':'):
+        end = 1 + max(next(i for i, line in enumerate(lines) if name in line) for name in _NEEDED)
+    question, cue = '\n'.join(lines[:end]), '\n'.join(lines[end:])
+    found = [(item, read_example(item, line_labels(question))) for item in paragraphs[:begin]]
+    instruction = '\n\n'.join(item for item, example in found if example is None)
+    return TemplateParts(instruction, tuple(e for _, e in found if e is not None), question, cue)
+
+
+def line_labels(question: str) -> list[str]:
+    """Return what stands before the first placeholder of each line of a question."""
+    return [_PLACEHOLDER.split(line)[0] for line in question.split('\n')]
+
+
+def read_example(paragraph: str, labels: Sequence[str]) -> Example | None:
+    """Return the example that a paragraph holds if its lines begin with `labels`, else None."""
+    lines = paragraph.split('\n')
+    if len(lines) <= len(labels) or not any(labels):
+        return None
+    if not all(line.startswith(label) for line, label in zip(lines, labels)):
+        return None
+    return Example('\n'.join(lines[: len(labels)]), '\n'.join(lines[len(labels) :]))
+
+
+def chat_turns(examples: Sequence[Example]) -> list[Message]:
+    """Return a turn of the user and one of the assistant for each example."""
+    return [
+        message
+        for question, answer in examples
+        for message in (Message('user', question), Message('assistant', answer))
+    ]
+
+
+def fill(text: str, values: Mapping[str, str]) -> str:
+    """Return a text with its placeholders replaced by their values."""
+    return _PLACEHOLDER.sub(lambda match: values[match.group(1)], text).strip()
+
+
+def prompt_name(template: str, form: str, retrieved: int) -> str:
+    """Return the name of a prompt in replies, rows and transcripts, such as `few_shot+turns`.
+
+    It says which template it was, in which form if that is not `message`, and how many examples
+    were retrieved if any were.
+    """
+    parts = [template] if form == MESSAGE else [template, form]
+    return '+'.join(parts + ([f'retrieved_{retrieved}'] if retrieved else []))
 
 
 def template_path(name: str) -> Path:
@@ -80,10 +198,9 @@ def load_template(prompt: str) -> Template:
         text = read_text(path, TemplateError, limit=MAX_TEMPLATE_BYTES)
     except TemplateError as error:
         raise TemplateError(f'prompt: {error}') from None
-    missing = [name for name in NEEDED if '{' + name + '}' not in text]
+    missing = [name for name in _NEEDED if name not in text]
     if missing:
-        names = ', '.join('{' + name + '}' for name in missing)
-        raise TemplateError(f'prompt: {path}: does not use {names}')
+        raise TemplateError(f'prompt: {path}: does not use {", ".join(missing)}')
     return Template(path.stem, text)
 
 

@@ -17,6 +17,7 @@ from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.llm.factory import client_of
 from llm_astar_planner.waypoints.llm.source import MAX_QUOTED_CHARS, EndpointSource
+from llm_astar_planner.waypoints.prompts.prompt import Prompt
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
@@ -219,7 +220,7 @@ def test_no_server_outlives_the_deadline(chat_server, name, limited_by):
     else:
         # Without a cache around it the request itself ends in time.
         client = client_of(source_for(chat_server))
-        bare = EndpointSource(client, load_template('few_shot'), timeout_s=0.5)
+        bare = EndpointSource(client, Prompt(load_template('few_shot')), timeout_s=0.5)
         reply = bare.waypoints(QUERY)
     assert time.monotonic() - started < 0.5 + GENEROUS
     assert reply.status is SourceStatus.TIMEOUT

@@ -1,0 +1,198 @@
+"""Solved samples of a dataset, and retrieval of those most similar to a query, for prompts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, load_barrier_maps
+from numpy.typing import NDArray
+
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.resources import find_file
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.waypoints.baselines import shortest_route
+from llm_astar_planner.waypoints.prompts.map_description import (
+    MAX_BARRIERS,
+    Description,
+    Lattice,
+    describe,
+)
+from llm_astar_planner.waypoints.source import WaypointQuery
+
+SAMPLES_FILE = 'samples_1000.json'
+# Bounds on a file, so that a map is solved in a fraction of a second: a map that a prompt does
+# not describe exactly is no example either.
+MAX_CELLS = 250_000
+MAX_SAMPLES = 100_000
+# Maps are compared by which of so many tiles, across and up, hold an obstacle.
+TILES = (10, 6)
+
+
+class ExamplesError(LlmAstarError, ValueError):
+    """A file of examples cannot be used; the message names it and what is wrong."""
+
+
+class SolvedSample(NamedTuple):
+    """A sample's description, and its shortest path: start, corners and goal, lattice points."""
+
+    description: Description
+    path: tuple[Cell, ...]
+
+
+class ExampleLibrary:
+    """The samples of some maps, solved when they are retrieved. Thread-safe.
+
+    Two samples are compared with both maps scaled to the unit square. Their distance is the
+    distance of the starts, plus that of the goals, plus the share of the tiles of TILES that hold
+    an obstacle in one of the maps only.
+    """
+
+    def __init__(self, maps: Sequence[BarrierMap]) -> None:
+        """Take the maps; each may have MAX_CELLS cells and MAX_BARRIERS barriers."""
+        self._maps = tuple(maps)
+        self._samples = [
+            (index, sample) for index, item in enumerate(maps) for sample in item.samples
+        ]
+        self._tiles = np.array([occupied_tiles(item.to_grid().blocked()) for item in maps])
+        self._map_of = np.array([index for index, _ in self._samples], dtype=np.intp)
+        self._endpoints = np.array([
+            relative(maps[i].to_cell(s.start), maps[i].to_cell(s.goal), map_size(maps[i]))
+            for i, s in self._samples
+        ])  # fmt: skip
+        self._solved: dict[int, SolvedSample | None] = {}
+
+    def __len__(self) -> int:
+        """Return how many samples there are."""
+        return len(self._samples)
+
+    def nearest(self, query: WaypointQuery) -> Iterator[SolvedSample]:
+        """Yield solved samples, the most similar to a query first.
+
+        Samples of the query's own map, at any scale, are left out, and so are those that cannot
+        be solved within the bounds that prompts state. Of equally similar ones the first in the
+        file comes first.
+        """
+        height, width = query.costmap.blocked.shape
+        endpoints = relative(query.start, query.goal, (width, height))
+        away = np.linalg.norm((self._endpoints - endpoints).reshape(-1, 2, 2), axis=2).sum(axis=1)
+        differs = (self._tiles != occupied_tiles(query.costmap.blocked)).mean(axis=1)
+        own = [is_same_map(item, query.grid_map.blocked()) for item in self._maps]
+        for index in np.argsort(away + differs[self._map_of], kind='stable').tolist():
+            solved = None if own[self._map_of[index]] else self.solve(index)
+            if solved is not None:
+                yield solved
+
+    def solve(self, index: int) -> SolvedSample | None:
+        """Return a sample with its shortest path, None where a prompt can show none."""
+        if index not in self._solved:
+            map_index, sample = self._samples[index]
+            barrier_map = self._maps[map_index]
+            endpoints = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
+            self._solved[index] = solve(barrier_map, *endpoints)
+        return self._solved[index]
+
+
+def load_example_library(name: str, at_least: int) -> ExampleLibrary:
+    """Load a dataset of barrier maps, a path or the name of one in `maps/`; '' is SAMPLES_FILE.
+
+    One sample is solved at once, so that the search is compiled before the time of a query runs.
+    Raises ExamplesError for a file that cannot be used or has fewer samples than `at_least`.
+    """
+    try:
+        path = find_file(name or SAMPLES_FILE, 'maps')
+        maps = load_barrier_maps(path)
+    except (OSError, ValueError) as error:
+        raise ExamplesError(f'examples_file: {error}') from None
+    for item in maps:
+        problem = example_problem(item)
+        if problem:
+            raise ExamplesError(f'examples_file: {path}: map {item.id}: {problem}')
+    count = sum(len(item.samples) for item in maps)
+    if not at_least <= count <= MAX_SAMPLES:
+        expected = f'{at_least} to {MAX_SAMPLES} are expected'
+        raise ExamplesError(f'examples_file: {path}: holds {count} samples; {expected}')
+    library = ExampleLibrary(maps)
+    library.solve(0)
+    return library
+
+
+def example_problem(barrier_map: BarrierMap) -> str | None:
+    """Say why a map is too large for an example; None where it is not."""
+    width, height = map_size(barrier_map)
+    if width * height > MAX_CELLS:
+        return f'{width} x {height} cells are more than {MAX_CELLS}; choose smaller maps'
+    count = len(barrier_map.horizontal_barriers) + len(barrier_map.vertical_barriers)
+    if count > MAX_BARRIERS:
+        return f'{count} barriers are more than {MAX_BARRIERS}; choose simpler maps'
+    return None
+
+
+def solve(barrier_map: BarrierMap, start: Cell, goal: Cell) -> SolvedSample | None:
+    """Return the shortest any-angle path between two cells with its description.
+
+    None where there is no path, or where a corner is outside of the bounds that prompts state.
+    """
+    costmap = Costmap(barrier_map.to_grid())
+    if costmap.blocked[start[1], start[0]] or costmap.blocked[goal[1], goal[0]]:
+        return None
+    corners, length = shortest_route(costmap, start, goal)
+    if not np.isfinite(length):
+        return None
+    lattice = Lattice(barrier_map.range_x[0], barrier_map.range_y[0])
+    description = describe(costmap, start, goal, lattice=lattice)
+    cells = (start, *((round(x), round(y)) for x, y in corners), goal)
+    path = tuple(description.lattice.to_lattice(cell) for cell in cells)
+    (x_min, x_max), (y_min, y_max) = description.x_bounds, description.y_bounds
+    if not all(x_min <= x <= x_max and y_min <= y <= y_max for x, y in path[1:-1]):
+        return None
+    return SolvedSample(description, path)
+
+
+def map_size(barrier_map: BarrierMap) -> tuple[int, int]:
+    """Return width and height in cells."""
+    (x_min, x_max), (y_min, y_max) = barrier_map.range_x, barrier_map.range_y
+    return x_max - x_min, y_max - y_min
+
+
+def relative(start: Cell, goal: Cell, size: tuple[int, int]) -> NDArray[np.float64]:
+    """Return x, y of the start and of the goal as parts of width and height: float64 [4]."""
+    return np.array([*start, *goal]) / (*size, *size)
+
+
+def occupied_tiles(blocked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which tiles of a map hold a blocked cell, its outermost cells left aside.
+
+    `blocked` is bool [height, width], the result bool [tiles], bottom row first.
+    """
+    rows, columns = np.nonzero(blocked[1:-1, 1:-1])
+    across, up = TILES
+    tiles = np.zeros((up, across), dtype=np.bool_)
+    height, width = blocked.shape
+    tiles[rows * up // max(1, height - 2), columns * across // max(1, width - 2)] = True
+    return tiles.ravel()
+
+
+def is_same_map(barrier_map: BarrierMap, blocked: NDArray[np.bool_]) -> bool:
+    """Return whether a grid is this map at some scale: it is blocked along every barrier.
+
+    A grid with more obstacles than the map counts too. `blocked` is bool [height, width].
+    """
+    height, width = blocked.shape
+    own_width, own_height = map_size(barrier_map)
+    factor = width // own_width
+    if factor < 1 or (width, height) != (own_width * factor, own_height * factor):
+        return False
+    scaled = barrier_map.scale(factor)
+    (x0, _), (y0, _) = scaled.range_x, scaled.range_y
+    # The slices end with the grid, as the barriers of the published data do not.
+    return all(
+        lines[line - across : line - across + 1, first - along : last - along + 1].all()
+        for lines, barriers, across, along in (
+            (blocked, scaled.horizontal_barriers, y0, x0),
+            (blocked.T, scaled.vertical_barriers, x0, y0),
+        )
+        for line, first, last in barriers
+    )
