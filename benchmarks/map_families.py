@@ -6,11 +6,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import minimum_spanning_tree
-
-Blocked = NDArray[np.bool_]
+from llm_astar_planner.benchmark.datasets.families import Blocked, maze, rooms
 
 
 def boxes(size: int, random: np.random.Generator) -> Blocked:
@@ -40,40 +36,9 @@ def city(size: int, random: np.random.Generator) -> Blocked:
     return blocked
 
 
-def rooms(size: int, random: np.random.Generator, room: int = 16) -> Blocked:
-    """Return square rooms with thin walls, and a door in four of five walls."""
-    blocked = np.zeros((size, size), dtype=np.bool_)
-    blocked[::room] = blocked[:, ::room] = True
-    for top in range(0, size - room, room):
-        for left in range(0, size - room, room):
-            y, x = random.integers(1, room - 1, 2)
-            if random.random() < 0.8 and top:
-                blocked[top, left + x : left + x + 2] = False
-            if random.random() < 0.8 and left:
-                blocked[top + y : top + y + 2, left] = False
-    return blocked
-
-
 def random_40(size: int, random: np.random.Generator) -> Blocked:
     """Return cells that are blocked at random, 40 % of them."""
     return random.random((size, size)) < 0.4
-
-
-def maze(size: int, random: np.random.Generator) -> Blocked:
-    """Return a maze without loops, its ways and walls one cell wide."""
-    count = (size - 1) // 2
-    cells = np.arange(count * count).reshape(count, count)
-    first = np.concatenate([cells[:, :-1].ravel(), cells[:-1].ravel()])
-    second = np.concatenate([cells[:, 1:].ravel(), cells[1:].ravel()])
-    weights = 1.0 + random.random(len(first))
-    tree = minimum_spanning_tree(
-        coo_array((weights, (first, second)), shape=(count * count,) * 2)
-    ).tocoo()
-    blocked = np.ones((size, size), dtype=np.bool_)
-    blocked[1 : 2 * count : 2, 1 : 2 * count : 2] = False
-    (y, x), (to_y, to_x) = np.divmod(tree.row, count), np.divmod(tree.col, count)
-    blocked[1 + y + to_y, 1 + x + to_x] = False
-    return blocked
 
 
 def warehouse(size: int, random: np.random.Generator) -> Blocked:

@@ -2,15 +2,16 @@
 
 A dataset is a JSON list of `{id, range_x, range_y, horizontal_barriers [y, x0, x1],
 vertical_barriers [x, y0, y1], start_goal [[start, goal, query], ...]}` (LLM-A* paper, sec. 4.1).
+Ours may have a `family` too.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.grid_map import FREE, MAX_CELLS, OCCUPIED, GridMap, Pose2D
 
 Point = tuple[int, int]
+# Characters of the name of a family of maps.
+MAX_FAMILY = 40
 
 
 class BarrierMapError(LlmAstarError, ValueError):
@@ -32,6 +35,18 @@ class Barrier(NamedTuple):
     line: int
     first: int
     last: int
+
+
+class HasId(Protocol):
+    """A map of a dataset: barriers, or a grid."""
+
+    @property
+    def id(self) -> int:
+        """Which map of the file it is."""
+        ...
+
+
+MapWithId = TypeVar('MapWithId', bound=HasId)
 
 
 class Sample(NamedTuple):
@@ -47,7 +62,7 @@ class BarrierMap:
     """A lattice of integer points with straight barriers, all coordinates in lattice units.
 
     `range_x` and `range_y` are half open: x_min <= x < x_max. The outermost lattice lines are
-    walls, as in the paper's published environment.
+    walls, as in the paper's published environment. `family` names the kind of map, '' if unknown.
     """
 
     id: int
@@ -56,6 +71,7 @@ class BarrierMap:
     horizontal_barriers: tuple[Barrier, ...] = ()
     vertical_barriers: tuple[Barrier, ...] = ()
     samples: tuple[Sample, ...] = ()
+    family: str = ''
 
     def to_grid(self, resolution: float = 1.0, frame_id: str = 'map') -> GridMap:
         """Rasterise: lattice point (x, y) becomes the centre of its cell, at (x, y) * resolution.
@@ -135,6 +151,7 @@ class BarrierMap:
                 Sample(scale_pair(sample.start, factor), scale_pair(sample.goal, factor))
                 for sample in self.samples
             ),
+            self.family,
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -148,6 +165,7 @@ class BarrierMap:
             'start_goal': [
                 [list(sample.start), list(sample.goal), sample.query] for sample in self.samples
             ],
+            **({'family': self.family} if self.family else {}),
         }
 
 
@@ -156,8 +174,11 @@ def load_barrier_maps(path: str | Path) -> list[BarrierMap]:
 
     Raises BarrierMapError with the file, the map and the field that are wrong.
     """
-    path = Path(path)
-    data = read_json(path, BarrierMapError)
+    return parse_barrier_maps(read_json(path, BarrierMapError), path)
+
+
+def parse_barrier_maps(data: object, path: str | Path) -> list[BarrierMap]:
+    """Validate the contents of a dataset file; raises as `load_barrier_maps` does."""
     if not isinstance(data, list) or not data:
         raise BarrierMapError(f'{path}: a JSON list of barrier maps is expected')
     maps: dict[int, BarrierMap] = {}
@@ -169,12 +190,12 @@ def load_barrier_maps(path: str | Path) -> list[BarrierMap]:
     return list(maps.values())
 
 
-def find_barrier_map(maps: list[BarrierMap], map_id: int) -> BarrierMap:
+def find_barrier_map(maps: Sequence[MapWithId], map_id: int) -> MapWithId:
     """Return the map with an id. Raises BarrierMapError, which lists the ids of the maps."""
-    for barrier_map in maps:
-        if barrier_map.id == map_id:
-            return barrier_map
-    ids = ', '.join(str(barrier_map.id) for barrier_map in maps[:20])
+    for item in maps:
+        if item.id == map_id:
+            return item
+    ids = ', '.join(str(item.id) for item in maps[:20])
     more = ', ...' if len(maps) > 20 else ''
     raise BarrierMapError(f'map id {map_id} is not in the file; it holds {ids}{more}')
 
@@ -219,6 +240,20 @@ def parse_barrier_map(entry: object, where: str = 'barrier map') -> BarrierMap:
         parse_list('horizontal_barriers', parse_barrier, range_y, range_x),
         parse_list('vertical_barriers', parse_barrier, range_x, range_y),
         parse_list('start_goal', parse_sample, range_x, range_y),
+        parse_family(entry, f'{where}: family'),
+    )
+
+
+def parse_family(entry: dict[str, Any], name: str) -> str:
+    """Return the `family` of a map's JSON, '' without one.
+
+    Raises BarrierMapError, which begins with `name`.
+    """
+    family = entry.get('family', '')
+    if isinstance(family, str) and len(family) <= MAX_FAMILY and family.isprintable():
+        return family
+    raise BarrierMapError(
+        f'{name}: up to {MAX_FAMILY} printable characters are expected, not {short_repr(family)}'
     )
 
 

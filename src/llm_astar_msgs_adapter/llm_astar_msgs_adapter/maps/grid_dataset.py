@@ -8,7 +8,7 @@ import hashlib
 import math
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
-from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
+from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample, parse_family
 from llm_astar_msgs_adapter.maps.grid_map import MAX_CELLS, ORIGIN, GridMap, GridMapError, Pose2D
 
 
@@ -29,18 +29,21 @@ class GridProblem:
     """A grid map and start-goal pairs on it, in cells. It has the methods of BarrierMap.
 
     `optimal_lengths` are the lengths (in cells) published for the samples: NaN for a sample
-    without one, empty where there are none. Problems with equal contents are equal.
+    without one, empty where there are none. `family` names the kind of map, '' if unknown.
+    Problems with equal contents are equal.
     """
 
     id: int
     grid_map: GridMap
     samples: tuple[Sample, ...] = ()
     optimal_lengths: tuple[float, ...] = ()
+    family: str = ''
 
     @cached_property
     def digest(self) -> str:
-        """Twelve hex digits that identify the contents: map, samples and lengths."""
+        """Twelve hex digits that identify the contents: map, samples, lengths and family."""
         rest = f'{self.id} {self.grid_map.digest} {self.samples!r} {self.optimal_lengths!r}'
+        rest += f' {self.family}' if self.family else ''
         return hashlib.sha256(rest.encode()).hexdigest()[:12]
 
     def __eq__(self, other: object) -> bool:
@@ -63,10 +66,30 @@ class GridProblem:
         return point
 
     def scale(self, factor: int) -> GridProblem:
-        """Return the problem at scale 1, the only one. Raises GridProblemError for another."""
-        if factor != 1:
-            raise GridProblemError(f'scale: {factor} is not 1, the only scale a grid map has')
-        return self
+        """Divide each cell into `factor` x `factor` cells, on a map of the same size in metres.
+
+        Samples are at the middle of their former cells. The lengths are dropped, since a finer map
+        has other shortest paths. Raises GridProblemError for less than 1 and for too many cells.
+        """
+        if factor < 1:
+            raise GridProblemError(f'scale: {factor} is not 1 or more')
+        if self.grid_map.cells.size * factor**2 > MAX_CELLS:
+            raise GridProblemError(
+                f'scale: {factor} gives map {self.id} over {MAX_CELLS} cells; choose a smaller one'
+            )
+        if factor == 1:
+            return self
+        cells = self.grid_map.cells.repeat(factor, axis=0).repeat(factor, axis=1)
+        finer = replace(self.grid_map, cells=cells, resolution=self.grid_map.resolution / factor)
+        return GridProblem(self.id, finer, self.scaled_samples(factor), family=self.family)
+
+    def scaled_samples(self, factor: int) -> tuple[Sample, ...]:
+        """Return the samples in the cells of the map at scale `factor`."""
+
+        def middle(point: Point) -> Point:
+            return point[0] * factor + factor // 2, point[1] * factor + factor // 2
+
+        return tuple(Sample(middle(item.start), middle(item.goal)) for item in self.samples)
 
     def published(self, pair: int) -> float:
         """Return the length in cells published for a sample, NaN where there is none."""
@@ -85,6 +108,7 @@ class GridProblem:
             'cells': base64.b64encode(zlib.compress(self.grid_map.cells.tobytes())).decode(),
             'start_goal': [[list(sample.start), list(sample.goal)] for sample in self.samples],
             'optimal_lengths': lengths,
+            **({'family': self.family} if self.family else {}),
         }
 
 
@@ -107,6 +131,7 @@ def parse_grid_problem(entry: dict[str, Any], where: str = 'grid problem') -> Gr
                 for (x0, y0), (x1, y1) in entry['start_goal']
             ),
             tuple(math.nan if item is None else float(item) for item in entry['optimal_lengths']),
+            parse_family(entry, 'family'),
         )
     except KeyError as error:
         raise GridProblemError(f'{where}: {error.args[0]}: is missing') from None
