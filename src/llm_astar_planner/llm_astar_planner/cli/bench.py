@@ -6,6 +6,7 @@ Write a results folder: rows, summary, report.md, report.html, pictures.
 from __future__ import annotations
 
 import argparse
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,11 @@ from typing import Any
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 
+from llm_astar_planner.benchmark.datasets.named import Dataset
 from llm_astar_planner.benchmark.datasets.samples import (
     ProblemMap,
     draw,
     format_kept_maps,
-    load_maps,
     parse_ranges,
     select_samples,
 )
@@ -36,7 +37,8 @@ from llm_astar_planner.benchmark.runner.recorded import (
     keep_recorded,
 )
 from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, REPLAY, check_grid_options
-from llm_astar_planner.cli.map_files import add_dataset_options, open_places
+from llm_astar_planner.cli.dataset_options import add_dataset_choice, open_dataset
+from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.cli.run_options import (
     BAD_INPUT,
     INCOMPLETE,
@@ -56,7 +58,6 @@ from llm_astar_planner.cli.run_options import (
     settle_variants,
     source_specs,
 )
-from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
 from llm_astar_planner.waypoints.config import BASELINE_NAMES
 
@@ -69,7 +70,8 @@ examples:
   llm-astar bench --source replay --transcript a.jsonl,b.jsonl    recorded models, on their samples
   llm-astar bench --source endpoint --model gpt-4o-mini --prompt few_shot,cot --limit 50
   llm-astar bench --scales 1-10 --limit 100       also how work grows with the scale
-  llm-astar bench --map x.map.scen --methods exact_astar,astar    a MovingAI benchmark
+  llm-astar bench --dataset barriers,rooms,mazes,aisles,floors --maps 20 --seed 1
+  llm-astar bench --dataset movingai/dao --path FOLDER --methods exact_astar,astar --limit 500
   llm-astar bench --fail-under llm_astar/oracle:operation=60 --fail-under llm_astar:valid=100
 
 On a grid dataset paths may not cut corners, as in MovingAI's benchmarks. The optimal lengths in a
@@ -90,7 +92,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose the samples."""
-    add_dataset_options(group)
+    add_dataset_choice(group)
     group.add_argument(
         '--samples', choices=SAMPLES, default=RECORDED,
         help='with --source replay: only the samples that the transcripts hold, so that every row '
@@ -115,10 +117,10 @@ def add_samples(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type p
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark; return its exit code. Raises ValueError on bad input."""
     settle_variants(args)
-    dataset = find_file(args.dataset, 'maps')
-    maps = load_maps(dataset, args.limit, args.seed)
+    dataset = open_dataset(args)
+    maps = dataset.maps
     folder = choose_folder(args.out, args.default_out, resume=args.resume)
-    config = benchmark_config(args, folder, dataset, maps)
+    config = benchmark_config(args, folder, dataset)
     check_thresholds(args, config.sources)
     for item in config.coverage:
         complain(args, item.sentence(), OK)
@@ -149,20 +151,22 @@ def omits_baselines(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> boo
     """Tell whether a grid is run without the baselines that are slow there."""
     uses_waypoints = bool(set(args.methods) & {*WAYPOINT_METHODS, WAYPOINTS_ONLY})
     named = set(args.source) & set(BASELINE_NAMES)
-    return isinstance(maps[0], GridProblem) and uses_waypoints and not named
+    has_grids = any(isinstance(item, GridProblem) for item in maps)
+    return has_grids and uses_waypoints and not named
 
 
 def benchmark_config(
-    args: argparse.Namespace, folder: ResultsFolder, dataset: Path, maps: Sequence[ProblemMap]
+    args: argparse.Namespace, folder: ResultsFolder, dataset: Dataset
 ) -> BenchmarkConfig:
     """Return what the options ask for. Raises ValueError."""
     scales = parse_ranges(args.scales, '--scales')
     if scales[0] < 1:
         raise ValueError(f'--scales {args.scales}: the smallest scale is 1')
+    maps, file = dataset.maps, None if dataset.file is None else str(dataset.file)
     grids = [item for item in maps if isinstance(item, GridProblem)]
     for problem in grids:
-        check_grid_options(problem, scales, args.source)
-    instruction = instruction_of(args, open_places(args.places_file or '', str(dataset)))
+        check_grid_options(problem, args.source)
+    instruction = instruction_of(args, open_places(args.places_file or '', file))
     if instruction is not None and scales != [1]:
         raise ValueError('--instruction is about metres, so it needs --scales 1')
     barrier_maps = [item for item in maps if isinstance(item, BarrierMap)]
@@ -177,7 +181,7 @@ def benchmark_config(
     for sample in {sample.barrier_map.id: sample for sample in samples}.values():
         sample.barrier_map.scale(scales[-1])
     return BenchmarkConfig(
-        dataset,
+        dataset.file or Path(),
         samples,
         args.methods,
         recorded.specs,
@@ -193,6 +197,7 @@ def benchmark_config(
         args.seed,
         deciding_files(args),
         recorded.coverage,
+        dataset.identity,
     )
 
 
@@ -201,6 +206,8 @@ def run_parameters(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> dict
     parameters = deciding_parameters(args, 'maps', 'limit', 'scales', 'scale_samples')
     if REPLAY in args.source:
         parameters['samples'] = args.samples
-    # The dataset file only names the grid, so its digest says nothing about the cells.
+    # A dataset's file may only name a grid: its digest then says nothing about the cells.
     grids = [item.digest for item in maps if isinstance(item, GridProblem)]
+    if len(grids) > 1:
+        grids = [hashlib.sha256(' '.join(grids).encode()).hexdigest()[:12]]
     return parameters | ({'grid': grids[0]} if grids else {})

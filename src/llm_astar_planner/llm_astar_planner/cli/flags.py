@@ -28,9 +28,12 @@ class OldFlag(argparse.Action):
         """Set the value of the present flag."""
         del parser
         setattr(namespace, self.dest, values)
-        sys.stderr.write(
-            f'llm-astar: warning: {option_string} is deprecated: it became {self.present}\n'
-        )
+        warn_renamed(str(option_string), self.present)
+
+
+def warn_renamed(old: str, present: str) -> None:
+    """Warn that a flag has another name now."""
+    sys.stderr.write(f'llm-astar: warning: {old} is deprecated: it became {present}\n')
 
 
 def add_old_flag(group: Any, old: str, present: str, dest: str, **facts: Any) -> None:  # noqa: ANN401 - argparse keeps its types private

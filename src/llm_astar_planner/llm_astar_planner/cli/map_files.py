@@ -26,6 +26,7 @@ MAP_KINDS = (
     "a robot's map as a map_server yaml, a MovingAI x.map or x.map.scen, or barrier-map JSON; a "
     'path or a name in maps/'
 )
+DEFAULT_DATASET = 'samples_1000.json'
 # Decimals of metres in listings.
 DECIMALS = 3
 PLACES_FILE = next(item for item in PLANNER if item.name == 'places_file')
@@ -50,21 +51,31 @@ def add_map_options(group: Any, *, default: str | None = None) -> None:  # noqa:
 
 def add_dataset_options(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add `--map` and `--map-ids`, which choose maps with their start-goal pairs."""
+    add_map_option(group)
+    add_old_flag(group, '--dataset', '--map', 'dataset', metavar='FILE')
+    add_map_ids_option(group)
+    add_old_flag(group, '--maps', '--map-ids', 'maps', metavar='RANGES')
+
+
+def add_map_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add `--map`, a file of maps with their start-goal pairs."""
     group.add_argument(
         '--map',
         dest='dataset',
-        default='samples_1000.json',
+        default=DEFAULT_DATASET,
         metavar='FILE',
         help=f'{MAP_KINDS} (default: %(default)s); on a yaml pairs are drawn',
     )
-    add_old_flag(group, '--dataset', '--map', 'dataset', metavar='FILE')
+
+
+def add_map_ids_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add `--map-ids`, which chooses maps of a dataset."""
     group.add_argument(
         '--map-ids',
         dest='maps',
         metavar='RANGES',
-        help='which maps of the file, such as 50-99 or 0-9,12 (default: all)',
+        help='which maps of the dataset, such as 50-99 or 0-9,12 (default: all)',
     )
-    add_old_flag(group, '--maps', '--map-ids', 'maps', metavar='RANGES')
 
 
 def add_places_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
@@ -84,7 +95,7 @@ def open_maps(arguments: argparse.Namespace) -> tuple[list[ProblemMap], ProblemM
     maps = maps_of(find_file(arguments.map, 'maps'))
     if arguments.map_id in (None, maps[0].id):
         return maps, maps[0]
-    return maps, find_barrier_map(barrier_maps_of(maps), arguments.map_id)
+    return maps, find_barrier_map(maps, arguments.map_id)
 
 
 def maps_of(path: Path) -> list[ProblemMap]:

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError, printable
+from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
@@ -25,7 +26,6 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.utilities import remove_ros_args
 
-from llm_astar_planner.benchmark.datasets.grids import is_grid_dataset
 from llm_astar_planner.benchmark.datasets.samples import (
     BenchmarkSample,
     SelectionError,
@@ -75,12 +75,12 @@ def main(args: Sequence[str] | None = None) -> int:
     arguments = parse_arguments(remove_ros_args(sys.argv if args is None else args)[1:])
     try:
         dataset = find_file(arguments.dataset, 'maps')
-        if is_grid_dataset(dataset):
+        samples = load_samples(dataset, arguments.maps, arguments.limit, arguments.seed)
+        if any(isinstance(sample.barrier_map, GridProblem) for sample in samples):
             message = (
                 f'{dataset}: a grid dataset cannot be run through the graph; use llm-astar bench'
             )
             raise SelectionError(message)
-        samples = load_samples(dataset, arguments.maps, arguments.limit, arguments.seed)
         folder = choose_folder(arguments.out, DEFAULT_OUT, resume=arguments.resume)
         parameters = {'methods': arguments.methods, 'limit': arguments.limit}
         parameters |= {'maps': arguments.maps, 'seed': arguments.seed, 'live': True}
@@ -273,6 +273,7 @@ class LiveRun:
             values, [status for _, _, status in report.waypoints], np.rint(points).astype(np.int32)
         )
         columns['waypoints'] = format_points(waypoints.round(6).tolist())
+        columns['family'] = sample.barrier_map.family
         return Row(*sample.key, 1, *variant, seconds_round_trip=round_trip, **columns)
 
     def _get(self, node: str, names: Sequence[str]) -> dict[str, Any]:

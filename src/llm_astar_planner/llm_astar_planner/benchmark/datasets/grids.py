@@ -45,13 +45,20 @@ def load_grid_problem(path: str | Path, pairs: int | None = None, seed: int = 0)
     if suffix in BARE_MAP:
         message = f'{path}: a map has no start-goal pairs; name its scenario file, {path}.scen'
         raise GridProblemError(message)
-    grid_map = movingai.load_map(movingai.map_of(path))
+    return load_scenario_problem(path, movingai.map_of(path))
+
+
+def load_scenario_problem(
+    path: Path, map_path: Path, map_id: int = 0, family: str = ''
+) -> GridProblem:
+    """Load a `.scen` file with its map. Raises GridProblemError or MovingAiError."""
+    grid_map = movingai.load_map(map_path)
     scenarios = movingai.load_scenarios(path)
     for row, scenario in enumerate(scenarios):
         check_scenario(scenario, grid_map, f'{path}: row {row}')
     samples = tuple(Sample(scenario.start, scenario.goal) for scenario in scenarios)
     lengths = tuple(scenario.optimal_length for scenario in scenarios)
-    return GridProblem(0, grid_map, samples, lengths)
+    return GridProblem(map_id, grid_map, samples, lengths, family)
 
 
 def draw_pairs(grid_map: GridMap, count: int, seed: int) -> tuple[Sample, ...]:

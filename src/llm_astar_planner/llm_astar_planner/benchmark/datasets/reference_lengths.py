@@ -56,12 +56,13 @@ def compare_with_reference(
 ) -> list[Agreement]:
     """Compare the rows of the exact methods with the reference lengths, variant by variant.
 
-    A row without a path does not agree. `astar` is exact only with an admissible heuristic.
+    Only rows at scale 1 are: finer maps have other lengths. A row without a path does not agree.
+    `astar` is exact only with an admissible heuristic.
     """
     exact = {EXACT, 'astar'} if heuristic in ADMISSIBLE else {EXACT}
     compared: dict[Variant, list[Row]] = {}
     for row in rows:
-        if row.method in exact and (row.map, row.pair) in lengths:
+        if row.method in exact and row.scale == 1 and (row.map, row.pair) in lengths:
             compared.setdefault(row.variant, []).append(row)
     agreements = []
     for variant, of_variant in compared.items():

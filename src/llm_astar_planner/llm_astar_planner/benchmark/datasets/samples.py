@@ -14,8 +14,8 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,
     BarrierMapError,
     Sample,
-    load_barrier_maps,
     parse_barrier_map,
+    parse_barrier_maps,
 )
 from llm_astar_msgs_adapter.maps.grid_dataset import (
     GridProblem,
@@ -93,13 +93,22 @@ def select_samples(
 def load_maps(path: str | Path, limit: int | None = None, seed: int = 0) -> list[ProblemMap]:
     """Load the maps of a dataset with their samples.
 
-    The file is barrier-map JSON, MovingAI's `x.map.scen` in the folder of its map, or a map_server
-    yaml, on which `limit` pairs (default 100) are drawn with `seed`. Raises BarrierMapError,
-    GridProblemError, MovingAiError or MapServerError, which name the file and the field.
+    The file is barrier-map JSON, JSON of grids as `save_maps` writes it, MovingAI's `x.map.scen`
+    in the folder of its map, or a map_server yaml, on which `limit` pairs (default 100) are drawn
+    with `seed`. Raises BarrierMapError, GridProblemError, MovingAiError or MapServerError, which
+    name the file and the field.
     """
     if is_grid_dataset(path):
         return [load_grid_problem(path, limit, seed)]
-    return list(load_barrier_maps(path))
+    entries = read_json(path, BarrierMapError)
+    if isinstance(entries, list) and any(map(is_grid_problem, entries)):
+        return parse_maps(entries, path)
+    return list(parse_barrier_maps(entries, path))
+
+
+def save_maps(maps: Sequence[ProblemMap], path: str | Path) -> None:
+    """Write maps with their samples as JSON that `load_maps` reads. Raises OSError."""
+    Path(path).write_text(format_kept_maps(maps), encoding='utf-8')
 
 
 def format_kept_maps(maps: Sequence[ProblemMap]) -> str:
@@ -113,18 +122,26 @@ def load_kept_maps(path: str | Path) -> list[ProblemMap]:
     entries = read_json(path, BarrierMapError)
     if not isinstance(entries, list):
         raise BarrierMapError(f'{path}: a JSON list of maps is expected')
+    return parse_maps(entries, path)
+
+
+def parse_maps(entries: Sequence[object], path: str | Path) -> list[ProblemMap]:
+    """Read barrier maps and grids of a file; raises as `load_kept_maps` does."""
     cells = 0
     for index, entry in enumerate(entries):
         if is_grid_problem(entry):
             cells += cell_count(entry, f'{path}: map at index {index}')
         if cells > MAX_CELLS:
             raise GridProblemError(f'{path}: its maps have over {MAX_CELLS} cells')
-    return [
-        parse_grid_problem(entry, f'{path}: map at index {index}')
-        if is_grid_problem(entry)
-        else parse_barrier_map(entry, f'{path}: map at index {index}')
-        for index, entry in enumerate(entries)
-    ]
+    maps: dict[int, ProblemMap] = {}
+    for index, entry in enumerate(entries):
+        where = f'{path}: map at index {index}'
+        parse = parse_grid_problem if is_grid_problem(entry) else parse_barrier_map
+        parsed = parse(entry, where)
+        if parsed.id in maps:
+            raise GridProblemError(f'{where}: id: {parsed.id} is used twice')
+        maps[parsed.id] = parsed
+    return list(maps.values())
 
 
 def draw(samples: Sequence[BenchmarkSample], count: int, seed: int) -> list[BenchmarkSample]:

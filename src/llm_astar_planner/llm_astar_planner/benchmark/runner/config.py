@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -46,7 +46,8 @@ class BenchmarkConfig:
 
     Scale 1 runs all `samples`. To compare scales, `scale_samples` drawn samples are run at every
     scale, 1 included. `files` are the transcripts and prompts whose digests go into the metadata;
-    `coverage` says which samples replays lack.
+    `coverage` says which samples replays lack. `identity` is what the metadata says of a dataset
+    that is not the one file `dataset`.
     """
 
     dataset: Path
@@ -59,6 +60,7 @@ class BenchmarkConfig:
     seed: int = 0
     files: Sequence[Path] = ()
     coverage: Sequence[Coverage] = ()
+    identity: Mapping[str, str] | None = None
 
     def tasks(self, done: Container[RowKey] = ()) -> list[Task]:
         """Return the tasks without the rows that are `done`."""
@@ -98,7 +100,10 @@ def start_run(
 
     Raises ResultsError where the folder holds rows of another dataset, version or seed.
     """
-    metadata = describe_run([config.dataset], parameters, config.files)
+    if config.identity is None:
+        metadata = describe_run([config.dataset], parameters, config.files)
+    else:
+        metadata = describe_run([], parameters, config.files) | {'dataset': dict(config.identity)}
     if config.coverage:
         metadata['replays'] = [item.to_json() for item in config.coverage]
         metadata['notes'] = [item.sentence() for item in config.coverage]

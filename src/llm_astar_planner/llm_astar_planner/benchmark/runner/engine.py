@@ -232,6 +232,7 @@ def run_task(task: Task) -> list[Outcome]:
             'prompt_tokens': reply.prompt_tokens,
             'completion_tokens': reply.completion_tokens,
             'waypoints': format_points(reply.waypoints),
+            'family': task.sample.barrier_map.family,
             **recorded,
         }
         row = Row(*task.sample.key, task.scale, *variant, **columns)

@@ -168,10 +168,8 @@ def prompt_label(settings: SourceSettings) -> str:
     return f'{settings.prompt_name}, repaired up to {rounds}x' if rounds else settings.prompt_name
 
 
-def check_grid_options(problem: GridProblem, scales: Sequence[int], names: Sequence[str]) -> None:
-    """Raise ValueError where a grid cannot be run at these scales or with these sources."""
-    for scale in scales:
-        problem.scale(scale)
+def check_grid_options(problem: GridProblem, names: Sequence[str]) -> None:
+    """Raise ValueError where a grid cannot be run with these sources."""
     slow = [name for name in names if name in BASELINE_NAMES and name not in GRID_BASELINES]
     reason = visibility_problem(Costmap(problem.to_grid(), GRID_CONFIG)) if slow else None
     if reason:
