@@ -63,8 +63,9 @@ class Row:
     in metres, `turns` counts changes of direction. `instruction` says what became of each clause
     of an instruction; `instruction_satisfied` is 1 if all of it was understood and satisfied, 0
     if not, NaN where nothing was asked. `reply_problems` are the names of what is wrong with a
-    model's reply, joined by `;`: empty where nothing is, and where no model replied. `family` is
-    the family of the map, such as `rooms`, empty where it is unknown.
+    model's reply, joined by `;`: `none` where nothing is, empty where no model replied.
+    `seconds_reply` is how long the model took when its reply was recorded. `family` is the family
+    of the map, such as `rooms`, empty where it is unknown.
 
     For a request from a bag: the bag's name, the index of the request in it, its time (seconds
     since 1970) and the digest of the map at that time. `recorded_*` is the result of the planner
@@ -114,6 +115,7 @@ class Row:
     recorded_instruction_satisfied: float = math.nan
     reply_problems: str = ''
     family: str = ''
+    seconds_reply: float = math.nan
 
     @property
     def variant(self) -> Variant:
@@ -142,7 +144,7 @@ COLUMNS = {field.name: str(field.type) for field in dataclasses.fields(Row)}
 # The columns that results of earlier versions do not have.
 ADDED_COLUMNS = (
     'instruction', 'instruction_satisfied', 'recorded_instruction',
-    'recorded_instruction_satisfied', 'reply_problems', 'family',
+    'recorded_instruction_satisfied', 'reply_problems', 'family', 'seconds_reply',
 )  # fmt: skip
 
 

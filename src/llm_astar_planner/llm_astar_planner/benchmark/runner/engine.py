@@ -8,6 +8,7 @@ can run them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Container, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field, replace
@@ -19,6 +20,7 @@ import numpy as np
 from cachetools import LRUCache, cached
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
 
+from llm_astar_planner.benchmark.analysis.replies import problems_column
 from llm_astar_planner.benchmark.bags.recorded_plans import RecordedPlan
 from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, ProblemMap
@@ -203,7 +205,7 @@ def run_task(task: Task) -> list[Outcome]:
     sample = scaled.samples[0]
     endpoints = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
     key = SampleKey(*task.sample.key, task.scale)
-    replies: dict[int, tuple[WaypointReply, float]] = {}
+    replies: dict[int, tuple[WaypointReply, dict[str, Any]]] = {}
     recorded = {} if task.recorded_plan is None else task.recorded_plan.columns(planner)
     outcomes = []
     for variant, index in task.variants:
@@ -213,8 +215,9 @@ def run_task(task: Task) -> list[Outcome]:
             query = WaypointQuery(
                 planner.costmap, *endpoints, task.settings.time_limit, sample_key
             )
-            replies[index] = query_source(source, query)
-        reply, seconds = replies.get(index, (NOT_ASKED, 0.0))
+            answer, seconds = query_source(source, query)
+            replies[index] = answer, reply_columns(answer, seconds, query)
+        reply, of_reply = replies.get(index, (NOT_ASKED, {'source_status': 'NONE'}))
         if variant.method == WAYPOINTS_ONLY:
             columns = waypoints_only_columns(planner, endpoints, reply)
             plan = None
@@ -226,18 +229,24 @@ def run_task(task: Task) -> list[Outcome]:
             plan = replace(planner.plan(request), expanded=NOTHING_EXPANDED)
             statuses = [point.status.value for point in plan.checked_waypoints]
             columns = plan_columns(plan.to_dict(), statuses, plan.path)
-        columns |= {
-            'seconds_source': seconds,
-            'source_status': reply.status.value,
-            'prompt_tokens': reply.prompt_tokens,
-            'completion_tokens': reply.completion_tokens,
-            'waypoints': format_points(reply.waypoints),
-            'family': task.sample.barrier_map.family,
-            **recorded,
-        }
+        columns |= of_reply | recorded | {'family': task.sample.barrier_map.family}
         row = Row(*task.sample.key, task.scale, *variant, **columns)
         outcomes.append(Outcome(row, plan))
     return outcomes
+
+
+def reply_columns(reply: WaypointReply, seconds: float, query: WaypointQuery) -> dict[str, Any]:
+    """Return the columns of a row that describe the reply to a query, which took `seconds`."""
+    problems = problems_column(reply, query.costmap, query.start, query.goal)
+    return {
+        'seconds_source': seconds,
+        'source_status': reply.status.value,
+        'prompt_tokens': reply.prompt_tokens,
+        'completion_tokens': reply.completion_tokens,
+        'waypoints': format_points(reply.waypoints),
+        'reply_problems': problems,
+        'seconds_reply': reply.seconds if problems else math.nan,
+    }
 
 
 def request_again(

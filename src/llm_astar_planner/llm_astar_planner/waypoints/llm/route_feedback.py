@@ -20,6 +20,8 @@ ASK_FOR_A_LIST = (
     '"Generated Path: [[x1, y1], [x2, y2], ...]".'
 )
 
+_DOES_NOT_WORK = 'This route does not work:'
+
 
 class Fault(NamedTuple):
     """A point off the map or on a blocked cell, or a straight segment that meets one, in cells."""
@@ -71,9 +73,14 @@ def follow_up(faults: Sequence[Fault], lattice: Lattice) -> str:
     if len(faults) > MAX_FAULTS_NAMED:
         lines.append(f'- and {len(faults) - MAX_FAULTS_NAMED} more like these.')
     return (
-        'This route does not work:\n' + '\n'.join(lines) + '\nCorrect it. End the reply with '
+        f'{_DOES_NOT_WORK}\n' + '\n'.join(lines) + '\nCorrect it. End the reply with '
         'the whole new route in the form "Generated Path: [[x1, y1], [x2, y2], ...]".'
     )
+
+
+def is_follow_up(text: str) -> bool:
+    """Tell whether a message asks about an answer of the model, which stands before it."""
+    return text == ASK_FOR_A_LIST or text.startswith(_DOES_NOT_WORK)
 
 
 def point_name(point: Waypoint, lattice: Lattice) -> str:

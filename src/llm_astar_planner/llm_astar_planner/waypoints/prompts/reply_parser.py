@@ -92,6 +92,16 @@ def parse_reply(text: str) -> tuple[Waypoint, ...] | None:
     return None
 
 
+def labelled_lists(text: str) -> list[tuple[Waypoint, ...]]:
+    """Return every list of two or more points that a label such as `Generated Path:` introduces.
+
+    Reads as much of `text` as `parse_reply` does.
+    """
+    text = text[-MAX_REPLY_CHARS:].translate(_FULL_WIDTH)
+    runs = group_runs(text, [bracket_group(match) for match in _ITEM.finditer(text)])
+    return [tuple(run.waypoints) for run in runs if run.is_labelled and len(run.waypoints) > 1]
+
+
 def points_in_text(text: str) -> list[Waypoint] | None:
     """Return the last list of points, else the selected points, else the last bare run."""
     items = [bracket_group(match) for match in _ITEM.finditer(text)]
