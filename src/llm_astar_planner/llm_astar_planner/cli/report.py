@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from llm_astar_planner.benchmark.analysis.columns import RowColumns
 from llm_astar_planner.benchmark.analysis.summary import (
     Price,
     compare_with_none,
@@ -66,14 +67,14 @@ def write_parts(
     args: argparse.Namespace, folder: ResultsFolder, metadata: Mapping[str, Any]
 ) -> int:
     """Write the section and the tables that are asked for, and print their files; return 0."""
-    rows, seed = list(folder.read()), int(metadata['parameters'].get('seed', 0))
+    columns, seed = RowColumns(folder.read()), int(metadata['parameters'].get('seed', 0))
     price = metadata['parameters'].get('price')
-    summaries = summarise(rows, seed, None if price is None else Price(*price))
-    comparisons = compare_with_none(rows, seed)
+    summaries = summarise(columns, seed, None if price is None else Price(*price))
+    comparisons = compare_with_none(columns, seed)
     if args.readme:
         replace_section(Path(args.readme), results_section(summaries, comparisons, metadata))
         print(args.readme)
-    tables = report_tables(summaries, comparisons, growth(rows), metadata)
+    tables = report_tables(summaries, comparisons, growth(columns), metadata)
     for path in write_tables(folder, tables, as_latex=args.latex, as_csv=args.csv):
         print(path)
     return 0

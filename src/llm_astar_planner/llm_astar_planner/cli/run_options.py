@@ -17,6 +17,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.places import Places
 from tqdm import tqdm
 
+from llm_astar_planner.benchmark.analysis.columns import RowColumns
 from llm_astar_planner.benchmark.analysis.summary import summarise
 from llm_astar_planner.benchmark.analysis.thresholds import (
     Threshold,
@@ -29,6 +30,7 @@ from llm_astar_planner.benchmark.datasets.reference_lengths import (
     reference_lengths,
 )
 from llm_astar_planner.benchmark.datasets.samples import load_kept_maps
+from llm_astar_planner.benchmark.report.sentences import recorded_sentence
 from llm_astar_planner.benchmark.results import (
     MAPS_FILE,
     METHOD_ALIASES,
@@ -353,19 +355,25 @@ def close_run(
     try:
         folder.write_json('metadata.json', metadata)
         summary = write_report(folder, metadata, maps)
-        rows = list(folder.read())
+        columns = RowColumns()
+        unanswered = describe_unanswered(columns.passing(folder.read()))
+        recorded = recorded_sentence(folder.read()) if metadata.get('bags') else None
+        lengths = reference_lengths(maps)
+        agreements = (
+            compare_with_reference(folder.read(), lengths, args.heuristic) if lengths else []
+        )
     except ResultsError as error:
         return complain(args, str(error), INCOMPLETE)
-    print(json.dumps(summary) if args.json else text_report(rows, args.seed))
+    print(json.dumps(summary) if args.json else text_report(columns, args.seed, recorded))
     print(
-        f'{len(rows)} rows in {metadata["seconds"]:.1f} s: {folder.path}/report.html',
+        f'{len(columns)} rows in {metadata["seconds"]:.1f} s: {folder.path}/report.html',
         file=sys.stderr,
     )
-    for line in describe_unanswered(rows):
+    for line in unanswered:
         code = complain(args, line, code or INCOMPLETE)
-    for agreement in compare_with_reference(rows, reference_lengths(maps), args.heuristic):
+    for agreement in agreements:
         code = complain(args, str(agreement), code or (INCOMPLETE if agreement.first else OK))
-    for line in missed_thresholds(summarise(rows, args.seed), args.fail_under):
+    for line in missed_thresholds(summarise(columns, args.seed), args.fail_under):
         code = complain(args, line, code or MISSED)
     return code
 

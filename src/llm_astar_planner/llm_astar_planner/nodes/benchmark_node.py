@@ -26,6 +26,7 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.utilities import remove_ros_args
 
+from llm_astar_planner.benchmark.analysis.columns import RowColumns
 from llm_astar_planner.benchmark.datasets.samples import (
     BenchmarkSample,
     SelectionError,
@@ -172,15 +173,15 @@ def plan_samples(
 def close_run(folder: ResultsFolder, metadata: dict[str, Any], seed: int, code: int) -> int:
     """Write the reports of a run and print the table."""
     try:
-        rows = list(folder.read())
-        if not rows:
+        columns = RowColumns(folder.read())
+        if not len(columns):
             return code
         folder.write_json('metadata.json', metadata)
         write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
     except ResultsError as error:
         return report_error(str(error), INCOMPLETE)
-    sys.stdout.write(text_report(rows, seed) + '\n')
-    sys.stderr.write(f'{len(rows)} rows: {folder.path}/report.html\n')
+    sys.stdout.write(text_report(columns, seed) + '\n')
+    sys.stderr.write(f'{len(columns)} rows: {folder.path}/report.html\n')
     return code
 
 

@@ -115,6 +115,12 @@ class RowColumns:
         self._columns[key].add(row)
         self._count += 1
 
+    def passing(self, rows: Iterable[Row]) -> Iterator[Row]:
+        """Yield rows unchanged and add their numbers, so that others can read them as well."""
+        for row in rows:
+            self.add(row)
+            yield row
+
     def at_scale(self, scale: int = 1) -> dict[Variant, VariantColumns]:
         """Return the columns of each variant at a scale, in the order of appearance."""
         return {name: found for (at, name), found in self._columns.items() if at == scale}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
@@ -52,7 +52,7 @@ def reference_lengths(maps: Iterable[ProblemMap]) -> dict[tuple[int, int], float
 
 
 def compare_with_reference(
-    rows: Sequence[Row], lengths: Mapping[tuple[int, int], float], heuristic: str
+    rows: Iterable[Row], lengths: Mapping[tuple[int, int], float], heuristic: str
 ) -> list[Agreement]:
     """Compare the rows of the exact methods with the reference lengths, variant by variant.
 
@@ -60,19 +60,25 @@ def compare_with_reference(
     `astar` is exact only with an admissible heuristic.
     """
     exact = {EXACT, 'astar'} if heuristic in ADMISSIBLE else {EXACT}
-    compared: dict[Variant, list[Row]] = {}
+    compared: dict[Variant, int] = {}
+    # How many rows do not agree, and the first of them.
+    off: dict[Variant, tuple[int, str]] = {}
     for row in rows:
-        if row.method in exact and row.scale == 1 and (row.map, row.pair) in lengths:
-            compared.setdefault(row.variant, []).append(row)
+        reference = lengths.get((row.map, row.pair))
+        if row.method not in exact or row.scale != 1 or reference is None:
+            continue
+        compared[row.variant] = compared.get(row.variant, 0) + 1
+        if not (row.found and agrees(row.length, reference)):
+            count, first = off.get(row.variant, (0, describe(row, reference)))
+            off[row.variant] = count + 1, first
     agreements = []
-    for variant, of_variant in compared.items():
-        off = [
-            f'map {row.map}, pair {row.pair}, '
-            f'{f"length {row.length:.6f}" if row.found else row.code}, '
-            f'in the dataset {lengths[row.map, row.pair]:g}'
-            for row in of_variant
-            if not (row.found and agrees(row.length, lengths[row.map, row.pair]))
-        ]
-        first = off[0] if off else ''
-        agreements.append(Agreement(variant, len(of_variant), len(of_variant) - len(off), first))
+    for variant, count in compared.items():
+        differing, first = off.get(variant, (0, ''))
+        agreements.append(Agreement(variant, count, count - differing, first))
     return agreements
+
+
+def describe(row: Row, reference: float) -> str:
+    """Say which row it is and what it has instead of the reference length."""
+    found = f'length {row.length:.6f}' if row.found else row.code
+    return f'map {row.map}, pair {row.pair}, {found}, in the dataset {reference:g}'

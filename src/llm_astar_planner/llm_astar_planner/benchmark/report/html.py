@@ -21,16 +21,19 @@ from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.benchmark.report.figures import has_waypoints
 from llm_astar_planner.benchmark.report.formats import TextRows, texts_of, without_constant_columns
 from llm_astar_planner.benchmark.report.markdown import provenance, report_title
-from llm_astar_planner.benchmark.report.page_data import browser_data, data_url
+from llm_astar_planner.benchmark.report.page_data import (
+    NO_SAMPLES,
+    ShownSamples,
+    browser_data,
+    data_url,
+)
 from llm_astar_planner.benchmark.report.sentences import (
     growth_sentence,
     headline,
-    recorded_sentence,
     sentence,
     variant_label,
 )
 from llm_astar_planner.benchmark.report.tables import Table, report_tables
-from llm_astar_planner.benchmark.results import Row
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.visualization import style
 
@@ -75,8 +78,9 @@ def html_report(
     growths: Sequence[Growth],
     metadata: Mapping[str, Any],
     *,
-    rows: Sequence[Row],
-    maps: Sequence[ProblemMap],
+    shown: ShownSamples = NO_SAMPLES,
+    maps: Sequence[ProblemMap] = (),
+    recorded: str | None = None,
     costmap: CostmapConfig | None = None,
     places: Places = NO_PLACES,
     pictures: Sequence[tuple[Path, str]] = (),
@@ -93,7 +97,7 @@ def html_report(
     page: str = environment.get_template('report.html.j2').render(
         title=report_title(metadata),
         headline=without_code_marks(headline(comparisons)),
-        recorded=without_code_marks(recorded_sentence(rows) or ''),
+        recorded=without_code_marks(recorded or ''),
         provenance=without_code_marks(provenance(metadata, summaries)),
         bars=bars,
         mark_100=mark,
@@ -112,7 +116,7 @@ def html_report(
         style=style,
         glyphs=GLYPHS,
         zone=[(style.INFLATED, 'inflated zone')] if costmap and costmap.robot_radius else [],
-        data=script_json(browser_data(rows, maps, costmap, places)),
+        data=script_json(browser_data(shown, maps, costmap, places)),
         colours=script_json(style.page_colours()),
         **page_pictures(pictures),
     )

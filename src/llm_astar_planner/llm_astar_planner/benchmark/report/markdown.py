@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from llm_astar_planner.benchmark.analysis.columns import RowColumns
 from llm_astar_planner.benchmark.analysis.summary import (
     Growth,
     PairedComparison,
@@ -18,7 +19,6 @@ from llm_astar_planner.benchmark.report.sentences import (
     counted,
     growth_sentence,
     headline,
-    recorded_sentence,
     sentence,
 )
 from llm_astar_planner.benchmark.report.tables import (
@@ -28,7 +28,6 @@ from llm_astar_planner.benchmark.report.tables import (
     mean_of,
     report_tables,
 )
-from llm_astar_planner.benchmark.results import Row
 
 # The lines of a README between which `replace_section` writes.
 SECTION_BEGIN, SECTION_END = '<!-- results:begin -->', '<!-- results:end -->'
@@ -40,10 +39,13 @@ def markdown_report(
     growths: Sequence[Growth],
     metadata: Mapping[str, Any],
     *,
-    rows: Sequence[Row],
+    recorded: str | None = None,
     pictures: Sequence[tuple[str, str]] = (),
 ) -> str:
-    """Return the report; `pictures` are (file name, caption) in the same folder."""
+    """Return the report; `pictures` are (file name, caption) in the same folder.
+
+    `recorded` is the sentence about the plans in the bags.
+    """
     remarks = {
         'over_none': '\n'.join(f'- {sentence(item)}' for item in comparisons if item.samples),
         'growth': growth_sentence(growths) or '',
@@ -51,7 +53,7 @@ def markdown_report(
     parts = [
         f'# {report_title(metadata)}',
         headline(comparisons),
-        recorded_sentence(rows) or '',
+        recorded or '',
         provenance(metadata, summaries),
     ]
     for table in report_tables(summaries, comparisons, growths, metadata):
@@ -105,14 +107,17 @@ def provenance(metadata: Mapping[str, Any], summaries: Sequence[VariantSummary])
     return f'{text}.' if text else ''
 
 
-def text_report(rows: Sequence[Row], seed: int = 0) -> str:
-    """Return the finding and the table for a terminal; for bags also the recorded lengths."""
-    summaries = summarise(rows, seed)
+def text_report(columns: RowColumns, seed: int = 0, recorded: str | None = None) -> str:
+    """Return the finding and the table for a terminal; for bags also the recorded lengths.
+
+    `recorded` is the sentence about the plans in the bags.
+    """
+    summaries = summarise(columns, seed)
     table = main_table(summaries)
     table = table.with_column(RECORDED_COLUMN, [mean_of(item.recorded) for item in summaries])
     for column, name in zip(INSTRUCTION_COLUMNS, ('instruction', 'recorded_instruction')):
         table = table.with_column(column, [getattr(item, name) for item in summaries])
-    sentences = [recorded_sentence(rows), headline(compare_with_none(rows, seed))]
+    sentences = [recorded, headline(compare_with_none(columns, seed))]
     return '\n'.join([text(table), '', *filter(None, sentences)])
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import base64
 import io
 import json
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -25,12 +26,50 @@ from llm_astar_planner.visualization.figures import drawable_map
 
 # Characters of JSON that the samples may take; a page with all of a large run takes megabytes.
 BUDGET = 500_000
+# Bytes of rows that are kept to choose from, and of a row without its texts.
+MAX_KEPT, ROW_BYTES = 32_000_000, 900
 # Pixels of a map's picture along its longer side, at most.
 MAX_PIXELS = 1000
 
 
+class ShownSamples(NamedTuple):
+    """The rows of the samples that a page may show, of `total` samples that have a stored map."""
+
+    rows: Sequence[Row]
+    total: int
+
+
+NO_SAMPLES = ShownSamples((), 0)
+
+
+def shown_samples(rows: Iterable[Row], maps: Iterable[ProblemMap]) -> ShownSamples:
+    """Read rows once and keep those of scale 1 whose sample is stored in one of the maps.
+
+    Rows are in order of map and pair. Where all would take over MAX_KEPT bytes, only every
+    second sample is kept, every fourth and so on.
+    """
+    stored = {problem.id: len(problem.samples) for problem in maps}
+    drawable = (row for row in rows if row.scale == 1 and row.pair < stored.get(row.map, 0))
+    kept: list[list[Row]] = []
+    every, total, size = 1, 0, 0
+    for _, of_sample in groupby(drawable, key=lambda row: (row.map, row.pair)):
+        if total % every == 0:
+            kept.append(list(of_sample))
+            size += sum(map(row_size, kept[-1]))
+        total += 1
+        while size > MAX_KEPT and len(kept) > 1:
+            every, kept = 2 * every, kept[::2]
+            size = sum(row_size(row) for group in kept for row in group)
+    return ShownSamples([row for group in kept for row in group], total)
+
+
+def row_size(row: Row) -> int:
+    """Return about how many bytes a row takes in memory."""
+    return ROW_BYTES + len(row.waypoints) + len(row.path) + len(row.recorded_path)
+
+
 def browser_data(
-    rows: Sequence[Row],
+    shown: ShownSamples,
     maps: Sequence[ProblemMap],
     costmap: CostmapConfig | None,
     places: Places = NO_PLACES,
@@ -41,7 +80,7 @@ def browser_data(
     """
     every = 1
     while True:
-        data = samples_data(rows, maps, costmap, places, every)
+        data = samples_data(shown, maps, costmap, places, every)
         size = len(json.dumps(data, separators=(',', ':')))
         if size <= BUDGET or len(data['samples']) < 2:
             return data
@@ -49,18 +88,15 @@ def browser_data(
 
 
 def samples_data(
-    rows: Sequence[Row],
+    shown: ShownSamples,
     maps: Sequence[ProblemMap],
     costmap: CostmapConfig | None,
     places: Places,
     every: int,
 ) -> dict[str, Any]:
     """Return the data of `every` so many-th sample. `strings` holds what rows name by number."""
-    variants = dict(sorted(by_variant(rows).items(), key=lambda item: report_order(item[0])))
-    stored = {problem.id: len(problem.samples) for problem in maps}
-    shown = [row for row in rows if row.scale == 1 and row.pair < stored.get(row.map, 0)]
-    everything = sorted({(row.map, row.pair) for row in shown})
-    samples = everything[::every]
+    variants = dict(sorted(by_variant(shown.rows).items(), key=lambda item: report_order(item[0])))
+    samples = sorted({(row.map, row.pair) for row in shown.rows})[::every]
     wanted = {map_id for map_id, _ in samples}
     strings: dict[str, int] = {}
     entries = []
@@ -80,7 +116,7 @@ def samples_data(
         'cases': [variant_label(variant) for variant in variants],
         'samples': entries,
         'strings': list(strings),
-        'total': len(everything),
+        'total': shown.total,
     }
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 
 from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import (
@@ -59,18 +60,22 @@ def counted(number: int, thing: str) -> str:
     return f'{number} {thing}' if number == 1 else f'{number} {thing}s'
 
 
-def recorded_sentence(rows: Sequence[Row]) -> str | None:
+def recorded_sentence(rows: Iterable[Row]) -> str | None:
     """Say for how many requests the bags hold a plan; None where they hold none."""
-    requests = {row.key[:2]: row for row in rows if row.bag}.values()
-    plans = [row for row in requests if row.recorded_length >= 0]
-    broken = sum(bool(row.recorded_problem) for row in plans)
+    requests = {
+        row.key[:2]: (row.recorded_length >= 0, bool(row.recorded_problem))
+        for row in rows
+        if row.bag
+    }
+    counts = Counter(requests.values())
+    plans, broken = counts[True, False] + counts[True, True], counts[True, True]
     # An empty path has a problem but no length.
-    empty = sum(bool(row.recorded_problem) for row in requests) - broken
+    empty = counts[False, True]
     if not plans and not empty:
         return None
     none = f' (it found none for {empty})' if empty else ''
     return (
-        f"The robot's own plan is in the bags for {len(plans)} of "
+        f"The robot's own plan is in the bags for {plans} of "
         f'{counted(len(requests), "request")}{none}; not valid on their map by these rules: '
         f'{broken} (`recorded_problem` in results.csv says why).'
     )

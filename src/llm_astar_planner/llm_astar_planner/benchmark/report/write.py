@@ -10,6 +10,7 @@ from typing import Any
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
 
+from llm_astar_planner.benchmark.analysis.columns import RowColumns
 from llm_astar_planner.benchmark.analysis.statistics import Interval, Spread
 from llm_astar_planner.benchmark.analysis.summary import (
     Growth,
@@ -29,7 +30,8 @@ from llm_astar_planner.benchmark.report.figures import (
 from llm_astar_planner.benchmark.report.html import PANEL, html_report
 from llm_astar_planner.benchmark.report.markdown import markdown_report
 from llm_astar_planner.benchmark.report.median import draw_median
-from llm_astar_planner.benchmark.report.sentences import headline, sentence
+from llm_astar_planner.benchmark.report.page_data import shown_samples
+from llm_astar_planner.benchmark.report.sentences import headline, recorded_sentence, sentence
 from llm_astar_planner.benchmark.results import ResultsError, ResultsFolder, Row
 from llm_astar_planner.benchmark.runner.engine import SearchSettings
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -52,16 +54,18 @@ def write_report(
 
     `maps` are the unscaled maps of the rows, with their samples. Raises ResultsError.
     """
-    rows = list(folder.read())
+    columns = RowColumns()
+    shown = shown_samples(columns.passing(folder.read()), maps)
+    recorded = recorded_sentence(folder.read()) if metadata.get('bags') else None
     seed = int(metadata['parameters'].get('seed', 0))
     price = metadata['parameters'].get('price')
-    summaries = summarise(rows, seed, None if price is None else Price(*price))
-    comparisons = compare_with_none(rows, seed)
-    growths = growth(rows)
+    summaries = summarise(columns, seed, None if price is None else Price(*price))
+    comparisons = compare_with_none(columns, seed)
+    growths = growth(columns)
     summary: dict[str, Any] = {
         'headline': headline(comparisons),
         'sentences': [sentence(comparison) for comparison in comparisons if comparison.samples],
-        'rows': len(rows),
+        'rows': len(columns),
         'cases': [to_json(item) for item in summaries],
         'over_none': [to_json(item) for item in comparisons],
         'growth': [to_json(item) for item in growths],
@@ -69,17 +73,20 @@ def write_report(
         **{name: metadata[name] for name in ('left_out', 'notes', 'replays') if name in metadata},
     }
     folder.write_json('summary.json', summary)
-    pictures = draw_all(folder.path, rows, maps, (summaries, growths), metadata)
+    pictures = draw_all(folder.path, shown.rows, maps, (summaries, growths), metadata)
     names = [(path.name, caption) for path, caption in pictures if not path.name.startswith(PANEL)]
-    text = markdown_report(summaries, comparisons, growths, metadata, rows=rows, pictures=names)
+    text = markdown_report(
+        summaries, comparisons, growths, metadata, recorded=recorded, pictures=names
+    )
     folder.write_text('report.md', text)
     page = html_report(
         summaries,
         comparisons,
         growths,
         metadata,
-        rows=rows,
+        shown=shown,
         maps=maps,
+        recorded=recorded,
         costmap=search_settings(metadata).costmap,
         places=folder.read_places(),
         pictures=pictures,

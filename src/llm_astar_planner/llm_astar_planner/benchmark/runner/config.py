@@ -22,6 +22,7 @@ from llm_astar_planner.benchmark.results import (
     ResultsFolder,
     Row,
     RowKey,
+    Variant,
     describe_run,
     run_differences,
 )
@@ -162,17 +163,20 @@ def run_into_folder(
         metadata['seconds'] = float(metadata.get('seconds', 0.0)) + time.monotonic() - begun
 
 
-def describe_unanswered(rows: Sequence[Row]) -> list[str]:
-    """Return one line per variant whose source left samples unanswered."""
-    missing = [row for row in rows if not row.answered]
+def describe_unanswered(rows: Iterable[Row]) -> list[str]:
+    """Return one line per variant whose source left samples unanswered; read rows once."""
+    counts: dict[Variant, Counter[str]] = {}
+    firsts: dict[Variant, str] = {}
+    for row in rows:
+        if not row.answered:
+            counts.setdefault(row.variant, Counter())[row.source_status] += 1
+            firsts.setdefault(row.variant, f'map {row.map}, pair {row.pair}, scale {row.scale}')
     lines = []
-    for variant in dict.fromkeys(row.variant for row in missing):
-        found = [row for row in missing if row.variant == variant]
-        counts = Counter(row.source_status for row in found)
-        how = ', '.join(f'{status} {count}' for status, count in counts.items())
-        first = f'map {found[0].map}, pair {found[0].pair}, scale {found[0].scale}'
+    for variant, found in counts.items():
+        how = ', '.join(f'{status} {count}' for status, count in found.items())
         lines.append(
-            f'{variant}: {len(found)} samples without an answer ({how}), the first {first}'
+            f'{variant}: {found.total()} samples without an answer ({how}), '
+            f'the first {firsts[variant]}'
         )
     return lines
 

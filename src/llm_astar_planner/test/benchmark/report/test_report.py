@@ -17,7 +17,7 @@ from llm_astar_planner.benchmark.datasets.generate import generate
 from llm_astar_planner.benchmark.report.html import html_report
 from llm_astar_planner.benchmark.report.markdown import replace_section
 from llm_astar_planner.benchmark.report.median import median_rows
-from llm_astar_planner.benchmark.report.page_data import browser_data
+from llm_astar_planner.benchmark.report.page_data import browser_data, shown_samples
 from llm_astar_planner.benchmark.report.write import write_report
 from llm_astar_planner.benchmark.results import ResultsFolder, Variant, describe_run
 from llm_astar_planner.costmap.config import CostmapConfig
@@ -119,7 +119,7 @@ def test_guided_is_drawn_beside_astar_and_the_paper(reported):
 def test_the_samples_of_a_large_run_are_thinned_out_to_what_a_page_can_hold(monkeypatch):
     rows, maps = rows_with(0.8), list(generate(1, 20))
     monkeypatch.setattr('llm_astar_planner.benchmark.report.page_data.BUDGET', 8_000)
-    data = browser_data(rows, maps, None)
+    data = browser_data(shown_samples(rows, maps), maps, None)
     assert len(json.dumps(data, separators=(',', ':'))) <= 8_000
     assert 1 <= len(data['samples']) < data['total'] == 40
     assert set(data['maps']) == {sample[0] for sample in data['samples']}
@@ -144,7 +144,7 @@ def test_the_page_fits_the_width_of_a_phone(reported):
 
 
 def test_a_report_can_be_written_without_rows():
-    page = html_report([], [], [], {}, rows=[], maps=[])
+    page = html_report([], [], [], {})
     assert 'nothing to compare' in page
     assert by_variant([]) == {}
 
