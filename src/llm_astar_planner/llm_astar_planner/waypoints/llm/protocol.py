@@ -12,7 +12,7 @@ from llm_astar_msgs_adapter.errors import printable
 
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure, is_retryable, retry_after
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
-from llm_astar_planner.waypoints.source import Message, SourceStatus
+from llm_astar_planner.waypoints.source import MAX_NAME, Message, SourceStatus
 
 if TYPE_CHECKING:
     from llm_astar_planner.waypoints.llm.http import HttpReply
@@ -120,13 +120,17 @@ def is_context_too_long(error: str) -> bool:
 
 
 class Completion(NamedTuple):
-    """A model's answer: its text, why it ended, and the tokens it took."""
+    """A model's answer: its text, why it ended, and the tokens it took.
+
+    `fingerprint` is how the server identifies the exact model, '' where it does not.
+    """
 
     text: str
     finish_reason: str = ''
     refusal: str = ''
     prompt_tokens: int = 0
     completion_tokens: int = 0
+    fingerprint: str = ''
 
 
 def read_completion(reply: HttpReply, clean: Clean) -> Completion:
@@ -160,6 +164,7 @@ def read_completion(reply: HttpReply, clean: Clean) -> Completion:
         refusal=printable(clean(refusal)),
         prompt_tokens=token_count(usage, 'prompt_tokens'),
         completion_tokens=token_count(usage, 'completion_tokens'),
+        fingerprint=printable(clean(message_text(data.get('system_fingerprint'))))[:MAX_NAME],
     )
 
 

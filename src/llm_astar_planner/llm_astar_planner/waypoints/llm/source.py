@@ -30,7 +30,10 @@ from llm_astar_planner.waypoints.prompts.prompt import Prompt
 from llm_astar_planner.waypoints.prompts.template import Example, ask_for_json, path_schema
 from llm_astar_planner.waypoints.sample_resolver import SampleResolver
 from llm_astar_planner.waypoints.source import (
+    MAX_NAME,
+    UNKNOWN_PROVENANCE,
     Message,
+    Provenance,
     SourceStatus,
     Waypoint,
     WaypointQuery,
@@ -59,6 +62,7 @@ class Turn(NamedTuple):
     messages: tuple[Message, ...] = ()
     text: str = ''
     answer: Answer = read_answer('')
+    provenance: Provenance = UNKNOWN_PROVENANCE
     waypoints: tuple[Waypoint, ...] = ()  # those of the answer, in grid coordinates
 
 
@@ -193,6 +197,7 @@ class Conversation:
             seconds=time.monotonic() - self.started,
             messages=self.turn.messages,
             unit=self.lattice.unit,
+            provenance=self.turn.provenance,
         )
 
     def _has_time(self) -> bool:
@@ -222,4 +227,10 @@ class Conversation:
         answer = answer_of(completion)
         endpoints = self.query.start, self.query.goal
         waypoints = self.lattice.to_cells(answer.waypoints, self.query.costmap, endpoints)
-        self.turn = Turn(messages, completion.text, answer, waypoints)
+        provenance = Provenance(
+            finish_reason=completion.finish_reason[:MAX_NAME],
+            model_digest=completion.fingerprint,
+            prompt_digest=self.source.prompt.digest,
+            temperature=self.source.client.dialect.temperature,
+        )
+        self.turn = Turn(messages, completion.text, answer, provenance, waypoints)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -28,6 +29,11 @@ class Prompt:
     def name(self) -> str:
         """The name in replies, rows and transcripts."""
         return prompt_name(self.template.name, self.form, self.retrieved)
+
+    @property
+    def digest(self) -> str:
+        """The SHA-256 of the template's text."""
+        return hashlib.sha256(self.template.text.encode()).hexdigest()
 
     def examples(
         self, query: WaypointQuery, description: Description, max_tokens: int

@@ -1,5 +1,6 @@
 """The forms of a prompt and retrieved examples, as a real HTTP server receives them."""
 
+import hashlib
 import re
 from dataclasses import replace
 
@@ -116,6 +117,21 @@ def test_the_words_of_an_endpoint_without_completions_are_kept(chat_server):
     assert reply.status is SourceStatus.ERROR
     assert 'HTTP 404: This is a chat model' in reply.detail
     assert len(chat_server.requests) == 1
+
+
+def test_a_recording_says_which_model_and_prompt_its_reply_is_of(chat_server, tmp_path):
+    status, headers, body = chat_server.completion('Generated Path: [[5, 5], [20', 'length')
+    chat_server.script = [(status, headers, body | {'system_fingerprint': 'fp_1\x1b' + 'x' * 500})]
+    record = tmp_path / 't.jsonl'
+    mine = tmp_path / 'mine.txt'
+    mine.write_text('{start} {goal} {horizontal_barriers} {vertical_barriers}')
+    source_for(chat_server, prompt=str(mine), record=str(record), temperature=0.5).waypoints(QUERY)
+    (exchange,) = read_transcript(record)
+    made = exchange.provenance
+    assert (made.finish_reason, made.temperature, made.seed) == ('length', 0.5, None)
+    assert made.model_digest.startswith('fp_1')
+    assert len(made.model_digest) == 200
+    assert made.prompt_digest == hashlib.sha256(mine.read_bytes()).hexdigest()
 
 
 def starts_of(prompt):
