@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.benchmark.results import Row, Variant
 
-# The columns that summaries are made of: fields and properties of a row.
+# The columns that summaries are made of: fields and properties of a row, and its family's number.
 NUMBERS = (
     'map', 'pair', 'found', 'answered', 'operation', 'storage', 'length', 'seconds_source',
     'seconds_search', 'seconds_round_trip', 'prompt_tokens', 'completion_tokens', 'ratio',
     'clearance', 'turns', 'unknown_length', 'recorded_length', 'instruction_satisfied',
-    'recorded_instruction_satisfied',
+    'recorded_instruction_satisfied', 'family',
 )  # fmt: skip
 # Rows of a variant that are held before they go into the file, and bytes of a file in memory.
 BLOCK_ROWS, MAX_IN_MEMORY = 1024, 8 * 2**20
@@ -47,12 +47,14 @@ class BlockFile:
 class VariantColumns:
     """The numbers of the rows of one variant at one scale; a sample is among them once.
 
-    `waypoints` counts the waypoints of all rows, `verdicts` these by status.
+    `waypoints` counts the waypoints of all rows, `verdicts` these by status. The column `family`
+    has the numbers of families in `families`.
     """
 
-    def __init__(self, file: BlockFile) -> None:
-        """Store full blocks in `file`, which other variants store theirs in too."""
+    def __init__(self, file: BlockFile, families: dict[str, int]) -> None:
+        """Store full blocks in `file`; other variants use it and `families` too."""
         self._file = file
+        self.families = families
         self._blocks: list[int] = []
         self._held = array('d')
         self.waypoints = 0
@@ -64,7 +66,8 @@ class VariantColumns:
 
     def add(self, row: Row) -> None:
         """Add the numbers of a row."""
-        self._held.extend([getattr(row, name) for name in NUMBERS])
+        self._held.extend([getattr(row, name) for name in NUMBERS[:-1]])
+        self._held.append(self.families.setdefault(row.family, len(self.families)))
         self.waypoints += bool(row.waypoints) + row.waypoints.count(';')
         if row.verdicts:
             self.verdicts.update(name for name in row.verdicts.split(';') if name)
@@ -98,6 +101,7 @@ class RowColumns:
     def __init__(self, rows: Iterable[Row] = ()) -> None:
         """Read rows once, of which no two have the same key; `add` takes further ones."""
         self._file = BlockFile()
+        self._families: dict[str, int] = {}
         self._columns: dict[tuple[int, Variant], VariantColumns] = {}
         self._count = 0
         for row in rows:
@@ -111,7 +115,7 @@ class RowColumns:
         """Add the numbers of a row."""
         key = row.scale, row.variant
         if key not in self._columns:
-            self._columns[key] = VariantColumns(self._file)
+            self._columns[key] = VariantColumns(self._file, self._families)
         self._columns[key].add(row)
         self._count += 1
 

@@ -8,6 +8,7 @@ the means of the draws.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -49,16 +50,31 @@ def mean_interval(values: ArrayLike, groups: ArrayLike, seed: int = 0) -> Interv
     numbers = np.asarray(values, dtype=float)
     if numbers.size == 0:
         return UNKNOWN
+    return middle_of(float(numbers.mean()), bootstrap_means(numbers, groups, seed))
+
+
+def bootstrap_means(
+    values: ArrayLike, groups: ArrayLike, seed: int | Sequence[int]
+) -> NDArray[np.float64]:
+    """Return the means [DRAWS] of `values` [n], n > 0, over maps drawn with replacement.
+
+    They are NaN for values of a single map, unless there are several and all are equal.
+    """
+    numbers = np.asarray(values, dtype=float)
     _, group = np.unique(np.asarray(groups), return_inverse=True)
     sums, counts = np.bincount(group, weights=numbers), np.bincount(group)
     if len(sums) == 1 and (len(numbers) == 1 or np.ptp(numbers) > 0):
-        return Interval(float(numbers.mean()), float('nan'), float('nan'))
+        return np.full(DRAWS, np.nan)
     # The same seed draws the same maps, so methods run on the same maps stay paired.
     random = np.random.default_rng(seed)
     times = random.multinomial(len(sums), np.full(len(sums), 1.0 / len(sums)), size=DRAWS)
-    means = times @ sums / (times @ counts)
+    return np.asarray(times @ sums / (times @ counts))
+
+
+def middle_of(value: float, means: NDArray[np.float64]) -> Interval:
+    """Return a value with the middle of the means of bootstrap draws as its interval."""
     low, high = np.quantile(means, ((1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0))
-    return Interval(float(numbers.mean()), float(low), float(high))
+    return Interval(value, float(low), float(high))
 
 
 def wilson_interval(count: int, total: int) -> Interval:

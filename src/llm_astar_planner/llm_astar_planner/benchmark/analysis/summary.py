@@ -15,6 +15,13 @@ from llm_astar_planner.benchmark.analysis.columns import (
     VariantColumns,
     columns_of,
 )
+from llm_astar_planner.benchmark.analysis.families import (
+    FamilyMeans,
+    FamilySummary,
+    Grouped,
+    family_means,
+    family_summaries,
+)
 from llm_astar_planner.benchmark.analysis.statistics import (
     NO_SPREAD,
     UNKNOWN,
@@ -62,7 +69,8 @@ class VariantSummary:
     `instruction` is the share of satisfied instructions among the samples that had one, and
     `recorded_instruction` that of the plans in the bag; unknown where none had one.
     `optimal_share` is the share of the paths found that are no longer than those of A*, `optimal`
-    its value.
+    its value. `families` are the figures by family of maps, and `family_means` the operation
+    ratios over all families and over all but one.
     """
 
     variant: Variant
@@ -92,6 +100,8 @@ class VariantSummary:
     instruction: Interval = UNKNOWN
     recorded_instruction: Interval = UNKNOWN
     optimal_share: Interval = UNKNOWN
+    families: Mapping[str, FamilySummary] = field(default_factory=dict)
+    family_means: FamilyMeans = field(default_factory=FamilyMeans)
 
 
 @dataclass(frozen=True)
@@ -167,6 +177,7 @@ def summarise_variant(
     found, maps = rows.flags('found'), rows.column('map')
     pairs, exact_pairs = (SolvedPairs.of(rows, base) for base in bases)
     optimal = optimal_share(pairs, seed)
+    families, family_means = by_family(rows, pairs, seed)
     # A map without obstacles has an infinite clearance.
     clearances = finite(rows.column('clearance')[found])
     tokens = [int(rows.column(name).sum()) for name in ('prompt_tokens', 'completion_tokens')]
@@ -201,7 +212,28 @@ def summarise_variant(
         recorded=recorded_ratio(rows, seed),
         instruction=satisfied_share(rows, 'instruction_satisfied', seed),
         recorded_instruction=satisfied_share(rows, 'recorded_instruction_satisfied', seed),
+        families=families,
+        family_means=family_means,
     )
+
+
+def by_family(
+    rows: VariantColumns, pairs: SolvedPairs, seed: int
+) -> tuple[dict[str, FamilySummary], FamilyMeans]:
+    """Return the figures of a variant by family, and their means; empty for a single family."""
+    names = rows.families
+    if len(names) < 2:
+        return {}, FamilyMeans()
+    families = pairs.rows.column('family')[pairs.places[0]]
+    ratios = {}
+    for name in ('operation', 'length'):
+        first, base = pairs.columns(name)
+        usable = (first > 0) & (base > 0)
+        quotient = first[usable] / base[usable]
+        ratios[name] = Grouped(quotient, pairs.maps[usable], families[usable])
+    valid = Grouped(rows.flags('found'), rows.column('map'), rows.column('family'))
+    summaries = family_summaries(names, valid, ratios['operation'], ratios['length'], seed)
+    return summaries, family_means(summaries, names, ratios['operation'], seed)
 
 
 def finite(values: NDArray[np.float64]) -> NDArray[np.float64]:

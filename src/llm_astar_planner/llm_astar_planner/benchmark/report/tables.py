@@ -138,6 +138,15 @@ TABLE_NOTE = (
     'Geometric means of the ratios to A* on the same sample, in percent, with 95 % confidence '
     'intervals by bootstrap over maps. The rows without a model show what a model is worth.'
 )
+FAMILY_NOTE = 'Geometric means of the ratios to A* on the same sample, in percent.'
+VALID_NOTE = 'Shares of the samples in percent, of the variants that miss some.'
+LEFT_OUT_NOTE = (
+    "Geometric means of the families' operation ratios, in which each family weighs the same: of "
+    'all of them, and without one at a time. A figure that changes much hangs on that family. '
+    'Intervals are by bootstrap over the maps of each family.'
+)
+# Families that the tables show; summary.json has all.
+MAX_FAMILIES = 12
 GROWTH_NOTE = (
     'Mean growth factors against the same samples at scale 1. The slope is that of log growth '
     'over log scale: 1 is linear in the scale, 2 proportional to the area.'
@@ -161,6 +170,7 @@ def report_tables(
         spread_table(summaries),
         waypoint_table(summaries),
         path_table(summaries),
+        *family_tables(summaries),
         growth_table(growths),
         paper_table(metadata),
     ]
@@ -257,6 +267,44 @@ def path_table(summaries: Sequence[VariantSummary]) -> Table:
         for summary in summaries
     ]
     return Table('paths', 'The paths', PATH_COLUMNS, rows)
+
+
+def family_tables(summaries: Sequence[VariantSummary]) -> list[Table]:
+    """Return the tables by family of maps; without rows where there are no two families."""
+    every = list(dict.fromkeys(name for item in summaries for name in item.families))
+    names = every[:MAX_FAMILIES]
+    note = f' The first {len(names)} of {len(every)} families.' if names != every else ''
+    labels = [name or 'unknown' for name in names]
+    columns = (*texts('Variant'), *percents(*(f'{label} (%)' for label in labels)))
+    operation: list[tuple[Cell, ...]] = []
+    valid: list[tuple[Cell, ...]] = []
+    left_out: list[tuple[Cell, ...]] = []
+    for item in summaries:
+        label, families = variant_label(item.variant), item.families
+        found = [families[name] for name in names if name in families]
+        if len(found) == len(names) and any(part.valid.value < 1.0 for part in found):
+            valid.append((label, *(part.valid for part in found)))
+        if len(found) == len(names) and any(part.operation.value > 0 for part in found):
+            operation.append((label, *(part.operation for part in found)))
+        if means := item.family_means.without:
+            every_mean = item.family_means.every
+            left_out.append((label, every_mean, *(means[name] for name in names)))
+    heads = percents('All families (%)', *(f'without {label} (%)' for label in labels))
+    return [
+        Table(
+            'families', 'Operation ratio by family of maps', columns, operation, FAMILY_NOTE + note
+        ),
+        Table(
+            'families_valid', 'Valid paths by family of maps', columns, valid, VALID_NOTE + note
+        ),
+        Table(
+            'families_left_out',
+            'Operation ratio without one family at a time',
+            (*texts('Variant'), *heads),
+            left_out,
+            LEFT_OUT_NOTE + note,
+        ),
+    ]
 
 
 def growth_table(growths: Sequence[Growth]) -> Table:

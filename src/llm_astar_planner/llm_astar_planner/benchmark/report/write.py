@@ -113,7 +113,23 @@ def to_json(item: VariantSummary | PairedComparison | Growth) -> dict[str, Any]:
         for name in ('instruction', 'recorded_instruction'):
             if math.isnan(values[name]['value']):
                 del values[name]
+        values['families'] = {name: named(asdict(part)) for name, part in item.families.items()}
+        values['family_means'] = named(asdict(item.family_means))
+        if not item.families:
+            del values['families'], values['family_means']
     return {'case': str(item.variant), **values, **item.variant._asdict()}
+
+
+def named(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values with each interval as an object."""
+    return {
+        name: value._asdict()
+        if isinstance(value, Interval)
+        else named(value)
+        if isinstance(value, Mapping)
+        else value
+        for name, value in values.items()
+    }
 
 
 def draw_all(
