@@ -20,7 +20,7 @@ TextRows = list[tuple[str, ...]]
 LATEX = str.maketrans({
     '\\': r'\textbackslash{}', '{': r'\{', '}': r'\}', '$': r'\$', '&': r'\&', '#': r'\#',
     '%': r'\%', '_': r'\_', '^': r'\textasciicircum{}', '~': r'\textasciitilde{}',
-    '<': r'\textless{}', '>': r'\textgreater{}', '|': r'\textbar{}', '"': r'\textquotedbl{}',
+    '<': r'\textless{}', '>': r'\textgreater{}', '|': r'\textbar{}',
     '↓': r'$\downarrow$', '↑': r'$\uparrow$',
 })  # fmt: skip
 
@@ -73,8 +73,12 @@ def latex(table: Table) -> str:
 
 
 def latex_text(words: str) -> str:
-    """Return a text that LaTeX prints as it is."""
-    return printable(words).translate(LATEX)
+    r"""Return a text that LaTeX prints as it is, also at the beginning of a row.
+
+    There `[` and `*` would belong to the `\\` of the row above.
+    """
+    quoted = printable(words).translate(LATEX)
+    return f'{{}}{quoted}' if quoted.startswith(('[', '*')) else quoted
 
 
 def csv_table(table: Table) -> str:

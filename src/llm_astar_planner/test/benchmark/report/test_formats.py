@@ -77,6 +77,7 @@ def test_no_cell_breaks_a_table():
         r'a\textbar{}b \& 50\%\_\textbackslash{}\$\#\{\}\textasciitilde{}'
         r'\textasciicircum{}\textless{} ? & x \\'
     )
+    assert r'{}[1pt] & {}*' in latex(table_of(('name', 'other'), [('[1pt]', '*'), ('c', 'y')]))
 
 
 def test_every_table_of_a_report_is_written_as_latex_and_csv(tmp_path):
