@@ -4,6 +4,7 @@ import contextlib
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -188,6 +189,26 @@ def test_goals_that_are_published_back_to_back_are_taken_in_their_order(world, m
             assert [token.reason for token in tokens] == ['a newer goal came'] * 7 + ['']
     finally:
         sys.setswitchinterval(interval)
+
+
+def test_a_busy_caller_loses_no_response_among_those_to_others(world):
+    forget(world)
+    is_busy, is_free = threading.Event(), threading.Event()
+
+    def be_busy():
+        is_busy.set()
+        is_free.wait(LONG)
+
+    with calling(WORLD, 'busy_caller') as busy, ThreadPoolExecutor(1) as thread:
+        busy.call(START, GOAL)
+        busy.node.create_timer(0.01, be_busy)
+        assert is_busy.wait(LONG)
+        answer = thread.submit(busy.call, START, GOAL, seconds=LONG / 4.0)
+        # The middleware brings every caller the responses to all of them.
+        for _ in range(30):
+            world.caller.call(START, GOAL)
+        is_free.set()
+        assert answer.result()[1].code == 0
 
 
 def test_a_newer_goal_cancels_the_one_that_waits_for_waypoints(world):

@@ -74,6 +74,11 @@ class PlanStatistics:
     digests: set = field(default_factory=set)
     used: tuple = ()
 
+    def fail(self, sentence):
+        """Note what should not be, and say it at once: the rest may take an hour."""
+        self.wrong.append(sentence)
+        tqdm.write(f'{time.strftime("%H:%M:%S")} {sentence}')
+
 
 def test_calls_survive_changing_maps_and_a_dying_client():
     tally = soak(rounds=5, calls_a_round=64)
@@ -152,7 +157,7 @@ def soak(rounds, calls_a_round, killed=()):
     for name, most in MOST_GROWTH.items():
         first, last = half[0][name], half[-1][name]
         if last - first > most:
-            tally.wrong.append(f'{name} grew from {first} to {last}')
+            tally.fail(f'{name} grew from {first} to {last}')
     tally.used = half[0], half[-1]
     return tally
 
@@ -219,9 +224,13 @@ def call_on(caller, planners, tally, count, seed, *, may_be_unanswered):
             if may_be_unanswered:
                 tally.unanswered += 1
                 return
-            tally.wrong.append(f'{start} to {goal}: {error}')
+            tally.fail(f'{start} to {goal}: {error}')
             continue
-        note(planners[report.map_digest], tally, start, goal, path, report)
+        planner = planners.get(report.map_digest)
+        if planner is None:
+            tally.fail(f'{start} to {goal}: on no map: {report.summary}')
+            continue
+        note(planner, tally, start, goal, path, report)
 
 
 def note(planner, tally, start, goal, path, report):
@@ -239,7 +248,7 @@ def note(planner, tally, start, goal, path, report):
     elif report.code_name in REFUSALS and len(cells) == 0 and is_refusal(planner, *ends):
         tally.refused += 1
     else:
-        tally.wrong.append(f'{start} to {goal} on {grid_map.digest}: {report.summary}; {problem}')
+        tally.fail(f'{start} to {goal} on {grid_map.digest}: {report.summary}; {problem}')
 
 
 def is_refusal(planner, start, goal):

@@ -18,7 +18,7 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.qos import qos_profile_parameter_events
 
-from llm_astar_planner.nodes.common.qos import REPORTS
+from llm_astar_planner.nodes.common.qos import CALLS, REPORTS
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.nodes.planner.remote_parameters import RemoteParameters
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER
@@ -66,7 +66,7 @@ class WaypointClient:
         self._node = side_node(parent, 'waypoints')
         service = parent.resolve_service_name(f'{client}/get_waypoints')
         exchange = parent.resolve_topic_name(f'{client}/exchange')
-        self._client = self._node.create_client(GetPlan, service)
+        self._client = self._node.create_client(GetPlan, service, qos_profile=CALLS)
         self._exchanges: LRUCache[tuple[int, int], ExchangeReport] = LRUCache(KEPT_EXCHANGES)
         self._arrived = threading.Condition()
         self._free = threading.BoundedSemaphore(MAX_PENDING)

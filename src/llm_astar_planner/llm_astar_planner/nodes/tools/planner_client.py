@@ -22,7 +22,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
-from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS_OF_CALLS
+from llm_astar_planner.nodes.common.qos import CALLS, RELIABLE, REPORTS_OF_CALLS
 from llm_astar_planner.nodes.common.spin import SpinThread
 
 # Discovery takes from milliseconds to seconds on a loaded machine.
@@ -50,7 +50,7 @@ class PlannerClient:
         self._arrived = threading.Condition()
         self._reports: FIFOCache[int, PlanReport] = FIFOCache(KEPT_REPORTS)
         self._health: dict[str, dict[str, Any]] = {}
-        self._client = node.create_client(GetPlan, f'{planner}/get_plan')
+        self._client = node.create_client(GetPlan, f'{planner}/get_plan', qos_profile=CALLS)
         self.listen(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS_OF_CALLS)
         self.listen(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
         self._thread = SpinThread(node)
