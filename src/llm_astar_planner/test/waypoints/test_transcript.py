@@ -10,9 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.benchmark.datasets.generate import generate
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.fixed import NoSource
-from llm_astar_planner.waypoints.source import Message, SourceStatus, WaypointQuery, WaypointReply
+from llm_astar_planner.waypoints.sample_resolver import dataset_digest
+from llm_astar_planner.waypoints.source import (
+    Message,
+    Provenance,
+    SourceStatus,
+    WaypointQuery,
+    WaypointReply,
+)
 from llm_astar_planner.waypoints.transcript import (
     Exchange,
     RecordingSource,
@@ -57,6 +65,32 @@ def test_written_and_read_back(tmp_path):
         writer.write(exchange)
     assert read_transcript(path) == [EXCHANGE, live]
     assert list(json.loads(path.read_text().splitlines()[0])) == FIELDS
+
+
+def test_what_is_known_of_a_reply_is_written_and_read_back(tmp_path):
+    path = tmp_path / 'transcript.jsonl'
+    known = Provenance(
+        'stop', 'fp_1', 'ab' * 32, 'cd' * 32, 0.0, 20261001, '2026-11-22T19:00:00+00:00'
+    )
+    exchange = replace(EXCHANGE, provenance=known)
+    TranscriptWriter(path).write(exchange)
+    assert read_transcript(path) == [exchange]
+    record = json.loads(path.read_text())
+    assert record['seed'] == 20261001
+    assert record['temperature'] == 0.0
+    # What an earlier version reads of it is the same as without.
+    assert {name: record[name] for name in FIELDS} == EXCHANGE.to_json()
+    path.write_text(json.dumps({**EXCHANGE.to_json(), 'seed': None, 'temperature': 1}) + '\n')
+    assert read_transcript(path)[0].provenance == Provenance(temperature=1)
+
+
+def test_a_dataset_keeps_its_digest_whatever_its_sentences_and_file(tmp_path):
+    first, second = generate(9, 2)
+    reworded = [sample._replace(query='another sentence') for sample in first.samples]
+    digest = dataset_digest([first, second])
+    assert dataset_digest([replace(first, samples=tuple(reworded)), second]) == digest
+    assert dataset_digest([second, first]) != digest
+    assert dataset_digest([replace(first, samples=first.samples[1:]), second]) != digest
 
 
 def test_a_cut_off_last_line_is_left_out_with_a_warning(tmp_path, caplog):
@@ -111,6 +145,10 @@ def test_nothing_but_a_regular_file_is_recorded_to(tmp_path):
         ({'unit': 'x'}, 'line 2: unit: int is expected'),
         ({'model': 'gpt\x1b[2J'}, 'line 2: model: .* is no name'),
         ({'prompt': 'p' * 100_000}, 'line 2: prompt: .* is no name'),
+        ({'seed': 1.5}, 'line 2: seed: int is expected'),
+        ({'temperature': 'hot'}, 'line 2: temperature: int or float is expected'),
+        ({'model_digest': 'a\nb'}, 'line 2: model_digest: .* is no name'),
+        ({'time': 'yesterday'}, "line 2: time: 'yesterday' is no time such as 2026-"),
     ],
 )
 def test_a_bad_field_is_named(tmp_path, change, words):

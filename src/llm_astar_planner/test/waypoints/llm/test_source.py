@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from datetime import datetime, timezone
 
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
@@ -9,6 +10,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.llm.factory import client_of
+from llm_astar_planner.waypoints.sample_resolver import dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus, WaypointQuery
 from llm_astar_planner.waypoints.transcript import read_transcript
 
@@ -125,6 +127,21 @@ def test_a_recording_is_keyed_by_the_dataset(chat_server, tmp_path):
     source = source_for(chat_server, [MAP], record=str(record))
     source.waypoints(replace(QUERY, costmap=Costmap(MAP.to_grid(0.05))))
     assert read_transcript(record)[0].sample == SampleKey(0, 0, 1)
+
+
+def test_a_recording_says_of_which_dataset_it_is_and_when_it_was_made(chat_server, tmp_path):
+    record = tmp_path / 't.jsonl'
+    before = datetime.now(timezone.utc).replace(microsecond=0)
+    source = source_for(chat_server, [MAP], record=str(record))
+    source.waypoints(QUERY)
+    known = read_transcript(record)[0].provenance
+    assert known.dataset_digest == dataset_digest([MAP])
+    assert before <= datetime.fromisoformat(known.time) <= datetime.now(timezone.utc)
+    replay = make_source(SourceSettings(source='replay', transcript=str(record)))
+    assert replay.waypoints(replace(QUERY, sample=SampleKey(0, 0))).provenance == known
+    # Of no sample of the dataset.
+    source.waypoints(replace(QUERY, goal=(40, 20)))
+    assert read_transcript(record)[1].provenance.dataset_digest == ''
 
 
 def test_a_coarse_map_is_replayed_as_it_was_answered(chat_server, tmp_path):
