@@ -11,6 +11,7 @@ from tempfile import SpooledTemporaryFile
 import numpy as np
 from numpy.typing import NDArray
 
+from llm_astar_planner.benchmark.analysis.replies import count_problems
 from llm_astar_planner.benchmark.results import Row, Variant
 
 # The columns that summaries are made of: fields and properties of a row, and its family's number.
@@ -18,7 +19,7 @@ NUMBERS = (
     'map', 'pair', 'found', 'answered', 'operation', 'storage', 'length', 'seconds_source',
     'seconds_search', 'seconds_round_trip', 'prompt_tokens', 'completion_tokens', 'ratio',
     'clearance', 'turns', 'unknown_length', 'recorded_length', 'instruction_satisfied',
-    'recorded_instruction_satisfied', 'family',
+    'recorded_instruction_satisfied', 'seconds_reply', 'family',
 )  # fmt: skip
 # Rows of a variant that are held before they go into the file, and bytes of a file in memory.
 BLOCK_ROWS, MAX_IN_MEMORY = 1024, 8 * 2**20
@@ -47,8 +48,9 @@ class BlockFile:
 class VariantColumns:
     """The numbers of the rows of one variant at one scale; a sample is among them once.
 
-    `waypoints` counts the waypoints of all rows, `verdicts` these by status. The column `family`
-    has the numbers of families in `families`.
+    `waypoints` counts the waypoints of all rows, `verdicts` these by status, `replies` the replies
+    of a model by what is wrong with them. The column `family` has the numbers of families in
+    `families`.
     """
 
     def __init__(self, file: BlockFile, families: dict[str, int]) -> None:
@@ -59,6 +61,7 @@ class VariantColumns:
         self._held = array('d')
         self.waypoints = 0
         self.verdicts: Counter[str] = Counter()
+        self.replies: Counter[str] = Counter()
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -71,6 +74,8 @@ class VariantColumns:
         self.waypoints += bool(row.waypoints) + row.waypoints.count(';')
         if row.verdicts:
             self.verdicts.update(name for name in row.verdicts.split(';') if name)
+        if row.reply_problems:
+            self.replies.update(count_problems(row.reply_problems))
         if len(self._held) == BLOCK_ROWS * len(NUMBERS):
             self._blocks.append(self._file.append(self._table().T.tobytes()))
             self._held = array('d')

@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-from array import array
-from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
-from llm_astar_planner.benchmark.analysis.statistics import (
-    Interval,
-    Spread,
-    spread,
-    wilson_interval,
-)
-from llm_astar_planner.benchmark.row import Row
+from llm_astar_planner.benchmark.analysis.statistics import Interval, wilson_interval
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.llm.route_feedback import is_follow_up
@@ -30,6 +20,8 @@ from llm_astar_planner.waypoints.source import Message, SourceStatus, Waypoint, 
 Route = tuple[Waypoint, ...]
 # What the column says of a reply with which nothing is wrong; '' is no reply.
 NOTHING_WRONG = 'none'
+# What replies are counted by besides their problems.
+REPLIES, PARSED, WRONG_ENDS = 'replies', 'parsed', 'wrong_start_or_goal'
 # The routes of the examples in the prompts that the paper's authors published, for transcripts
 # that others made with these prompts and that keep no messages.
 PUBLISHED_PROMPTS = ('few_shot', 'cot', 'repe')
@@ -160,74 +152,24 @@ def routes_in(message: Message) -> Sequence[Route]:
     return labelled_lists(message.content) or ([answer] if answer else [])
 
 
-@dataclass
-class ReplySummary:
-    """What was wrong with the replies of one model to one prompt, and what they took.
+def count_problems(column: str) -> Iterator[str]:
+    """Yield the names that a reply counts for, by its `reply_problems`.
 
-    `counts` are replies by problem, `wrong_ends` those with a wrong start or goal, `sound` those
-    with nothing wrong. Tokens are sums, `times` are seconds.
+    Besides its problems these are REPLIES, PARSED, WRONG_ENDS for a wrong start or goal, and
+    NOTHING_WRONG. That a sample stands in the prompt is no fault of the reply.
     """
-
-    source: str
-    prompt: str
-    model: str
-    replies: int = 0
-    sound: int = 0
-    wrong_ends: int = 0
-    counts: Counter[str] = field(default_factory=Counter)
-    prompt_tokens: int = 0
-    completion_tokens: int = 0
-    times: array[float] = field(default_factory=lambda: array('d'))
-
-    def add(self, row: Row) -> None:
-        """Count the reply of a row."""
-        names = [] if row.reply_problems == NOTHING_WRONG else row.reply_problems.split(';')
-        self.replies += 1
-        self.sound += not set(names) - {ReplyProblem.IN_PROMPT.value}
-        self.wrong_ends += bool({*names} & {'wrong_start', 'wrong_goal'})
-        self.counts.update(names)
-        self.prompt_tokens += row.prompt_tokens
-        self.completion_tokens += row.completion_tokens
-        if row.seconds_reply >= 0.0:
-            self.times.append(row.seconds_reply)
-
-    @property
-    def seconds(self) -> Spread:
-        """How long the model took for a reply."""
-        return spread(self.times)
-
-    def share(self, count: int) -> Interval:
-        """Return the share of so many of the replies, with Wilson's interval."""
-        return wilson_interval(count, self.replies)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the counts, the shares and the spread of the seconds for summary.json."""
-        counts = {problem.value: self.counts[problem.value] for problem in ReplyProblem}
-        counts |= {'wrong_start_or_goal': self.wrong_ends, NOTHING_WRONG: self.sound}
-        return {
-            'source': self.source,
-            'prompt': self.prompt,
-            'model': self.model,
-            'replies': self.replies,
-            'counts': counts,
-            'shares': {name: self.share(count)._asdict() for name, count in counts.items()},
-            'prompt_tokens': self.prompt_tokens,
-            'completion_tokens': self.completion_tokens,
-            'seconds': self.seconds._asdict(),
-        }
+    names = set(column.split(';')) - {NOTHING_WRONG}
+    yield REPLIES
+    yield from names
+    if ReplyProblem.NO_LIST.value not in names:
+        yield PARSED
+    if names & {ReplyProblem.WRONG_START.value, ReplyProblem.WRONG_GOAL.value}:
+        yield WRONG_ENDS
+    if not names - {ReplyProblem.IN_PROMPT.value}:
+        yield NOTHING_WRONG
 
 
-def summarise_replies(rows: Iterable[Row]) -> list[ReplySummary]:
-    """Count the replies of every model, in order of appearance.
-
-    All methods of a sample have the same reply: it counts once, for the first of them.
-    """
-    found: dict[tuple[str, str, str], ReplySummary] = {}
-    methods: dict[tuple[str, str, str], str] = {}
-    for row in rows:
-        if not row.reply_problems:
-            continue
-        asked = row.source, row.prompt, row.model
-        if methods.setdefault(asked, row.method) == row.method:
-            found.setdefault(asked, ReplySummary(*asked)).add(row)
-    return list(found.values())
+def reply_shares(counts: Mapping[str, int]) -> dict[str, Interval]:
+    """Return the shares of all replies by the names of `count_problems`, with Wilson intervals."""
+    names = (PARSED, *(problem.value for problem in ReplyProblem), WRONG_ENDS, NOTHING_WRONG)
+    return {name: wilson_interval(counts.get(name, 0), counts[REPLIES]) for name in names}

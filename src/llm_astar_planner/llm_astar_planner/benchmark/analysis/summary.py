@@ -70,7 +70,9 @@ class VariantSummary:
     `recorded_instruction` that of the plans in the bag; unknown where none had one.
     `optimal_share` is the share of the paths found that are no longer than those of A*, `optimal`
     its value. `families` are the figures by family of maps, and `family_means` the operation
-    ratios over all families and over all but one.
+    ratios over all families and over all but one. `replies` counts a model's replies by what is
+    wrong with them, empty where none was judged; `seconds_reply` is how long the model took when
+    they were recorded.
     """
 
     variant: Variant
@@ -102,6 +104,8 @@ class VariantSummary:
     optimal_share: Interval = UNKNOWN
     families: Mapping[str, FamilySummary] = field(default_factory=dict)
     family_means: FamilyMeans = field(default_factory=FamilyMeans)
+    replies: Mapping[str, int] = field(default_factory=dict)
+    seconds_reply: Spread = NO_SPREAD
 
 
 @dataclass(frozen=True)
@@ -214,6 +218,8 @@ def summarise_variant(
         recorded_instruction=satisfied_share(rows, 'recorded_instruction_satisfied', seed),
         families=families,
         family_means=family_means,
+        replies=dict(rows.replies),
+        seconds_reply=spread(finite(rows.column('seconds_reply'))),
     )
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from llm_astar_planner.benchmark.analysis.replies import REPLIES, reply_shares
 from llm_astar_planner.benchmark.analysis.statistics import UNKNOWN, Interval
 from llm_astar_planner.benchmark.analysis.summary import (
     Growth,
@@ -19,6 +20,7 @@ from llm_astar_planner.benchmark.analysis.summary import (
     is_learned,
 )
 from llm_astar_planner.benchmark.report.sentences import effect_on, method_label, variant_label
+from llm_astar_planner.benchmark.results import Variant
 
 # A number that is NaN is unknown.
 Cell = str | float | Interval
@@ -117,6 +119,28 @@ WAYPOINT_COLUMNS = (
     Column('Cost', digits=4),
     Column('Unanswered', digits=0),
 )
+# The shares of a model's replies, by their names in `reply_shares`.
+REPLY_SHARES = {
+    'parsed': 'Parsed (%)',
+    'empty': 'Empty list (%)',
+    'cut': 'Cut at the token limit (%)',
+    'wrong_start_or_goal': 'Wrong start or goal (%)',
+    'off_map': 'Off the map (%)',
+    'on_obstacle': 'On obstacles (%)',
+    'crosses_barrier': 'Crossing barriers (%)',
+    'example_repeated': 'Example repeated (%)',
+    'none': 'Nothing wrong (%)',
+    'in_prompt': 'Sample in the prompt (%)',
+}
+REPLY_COLUMNS = (
+    *texts('Model or source', 'Prompt'),
+    Column('Replies', digits=0),
+    *(Column(head, 100.0, 1) for head in REPLY_SHARES.values()),
+    Column('Tokens in, mean', digits=1),
+    Column('Tokens out, mean', digits=1),
+    Column('Seconds, median'),
+    Column('Seconds, p95'),
+)
 RECORDED_COLUMN = Column('Length / recorded plan (%)', 100.0)
 INSTRUCTION_COLUMNS = percents('Instruction satisfied (%)', 'by the recorded plan (%)')
 PATH_COLUMNS = (
@@ -147,6 +171,11 @@ LEFT_OUT_NOTE = (
 )
 # Families that the tables show; summary.json has all.
 MAX_FAMILIES = 12
+REPLY_NOTE = (
+    'Shares of all replies, with 95 % Wilson intervals. A reply may have several faults; whether '
+    'it crosses barriers is told between those of its points that are free. The seconds are those '
+    'of the recording.'
+)
 GROWTH_NOTE = (
     'Mean growth factors against the same samples at scale 1. The slope is that of log growth '
     'over log scale: 1 is linear in the scale, 2 proportional to the area.'
@@ -169,6 +198,7 @@ def report_tables(
         comparison_table(comparisons),
         spread_table(summaries),
         waypoint_table(summaries),
+        reply_table(summaries),
         path_table(summaries),
         *family_tables(summaries),
         growth_table(growths),
@@ -182,9 +212,7 @@ def main_table(summaries: Sequence[VariantSummary]) -> Table:
     rows = [
         (
             method_label(summary.variant.method),
-            f'{summary.variant.source} (learned, not an LLM)'
-            if is_learned(summary.variant)
-            else summary.variant.model or summary.variant.source,
+            model_label(summary.variant),
             summary.variant.prompt or '-',
             summary.operation.mean,
             summary.storage.mean,
@@ -195,6 +223,15 @@ def main_table(summaries: Sequence[VariantSummary]) -> Table:
         for summary in summaries
     ]
     return Table('main', 'The table', MAIN_COLUMNS, rows, TABLE_NOTE)
+
+
+def model_label(variant: Variant) -> str:
+    """Return the model or source of a variant, and what tells it from one of the same name."""
+    if is_learned(variant):
+        return f'{variant.source} (learned, not an LLM)'
+    _, _, transcript = variant.source.partition('replay:')
+    name = variant.model or variant.source
+    return f'{name} ({transcript})' if transcript else name
 
 
 def comparison_table(comparisons: Sequence[PairedComparison]) -> Table:
@@ -248,6 +285,26 @@ def waypoint_table(summaries: Sequence[VariantSummary]) -> Table:
         if summary.variant.source != 'none'
     ]
     return Table('waypoints', 'Waypoints, tokens, cost', WAYPOINT_COLUMNS, rows)
+
+
+def reply_table(summaries: Sequence[VariantSummary]) -> Table:
+    """Return the table of what was wrong with each model's replies, once for all methods."""
+    of_model = {item.variant[1:]: item for item in reversed(summaries) if item.replies}
+    rows: list[tuple[Cell, ...]] = []
+    for item in reversed(of_model.values()):
+        count, shares = item.replies[REPLIES], reply_shares(item.replies)
+        rows.append(
+            (
+                model_label(item.variant),
+                item.variant.prompt or '-',
+                count,
+                *(shares[name] for name in REPLY_SHARES),
+                item.prompt_tokens / count,
+                item.completion_tokens / count,
+                *item.seconds_reply[1:3],
+            )
+        )
+    return Table('replies', 'What was wrong with the replies', REPLY_COLUMNS, rows, REPLY_NOTE)
 
 
 def path_table(summaries: Sequence[VariantSummary]) -> Table:

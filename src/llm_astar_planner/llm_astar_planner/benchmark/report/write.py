@@ -11,6 +11,7 @@ from typing import Any
 from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
 
 from llm_astar_planner.benchmark.analysis.columns import RowColumns
+from llm_astar_planner.benchmark.analysis.replies import reply_shares
 from llm_astar_planner.benchmark.analysis.statistics import Interval, Spread
 from llm_astar_planner.benchmark.analysis.summary import (
     Growth,
@@ -99,7 +100,7 @@ def to_json(item: VariantSummary | PairedComparison | Growth) -> dict[str, Any]:
     """Return the figures of a variant by name; named tuples become objects.
 
     The keys of the file are older than the word variant: `case` is its name. Shares of satisfied
-    instructions are left out where nothing was asked.
+    instructions are left out where nothing was asked, and what is wrong with replies without any.
     """
     values = asdict(item)
     del values['variant']
@@ -117,6 +118,11 @@ def to_json(item: VariantSummary | PairedComparison | Growth) -> dict[str, Any]:
         values['family_means'] = named(asdict(item.family_means))
         if not item.families:
             del values['families'], values['family_means']
+        if item.replies:
+            shares = reply_shares(item.replies)
+            values['reply_shares'] = {name: share._asdict() for name, share in shares.items()}
+        else:
+            del values['replies'], values['seconds_reply']
     return {'case': str(item.variant), **values, **item.variant._asdict()}
 
 

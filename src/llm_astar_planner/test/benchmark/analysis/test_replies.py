@@ -8,10 +8,13 @@ from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 from llm_astar_planner.benchmark.analysis.replies import (
     example_routes,
     problems_column,
-    summarise_replies,
+    reply_shares,
 )
 from llm_astar_planner.benchmark.analysis.statistics import wilson_interval
+from llm_astar_planner.benchmark.analysis.summary import summarise
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample
+from llm_astar_planner.benchmark.report.tables import main_table, reply_table
+from llm_astar_planner.benchmark.report.write import to_json
 from llm_astar_planner.benchmark.results import Variant
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.costmap.costmap import Costmap
@@ -116,20 +119,38 @@ def test_a_row_tells_what_is_wrong_once_per_method_and_the_reply_counts_once():
     ]  # fmt: skip
     assert {row.reply_problems for row in rows[:2]} == {''}
     assert all(math.isnan(row.seconds_reply) for row in rows[:2])
-    (summary,) = summarise_replies(rows)
-    assert (summary.replies, summary.counts['cut'], summary.completion_tokens) == (1, 1, 9)
+    table = reply_table(summarise(rows))
+    heads = [column.head for column in table.columns]
+    (line,) = table.rows
+    shown = dict(zip(heads, line))
+    assert (shown['Model or source'], shown['Replies'], shown['Tokens out, mean']) == ('m', 1, 9)
+    assert shown['Cut at the token limit (%)'] == wilson_interval(1, 1)
+    assert shown['Seconds, median'] == 2.5
 
 
 def test_shares_are_of_all_replies_with_wilsons_interval():
     variant = Variant('guided', 'replay', 'few_shot', 'm')
     said = ['none', 'none', 'in_prompt', 'wrong_start;wrong_goal', 'wrong_goal;in_prompt', '']
     rows = [
-        row(variant, pair=pair, reply_problems=text, seconds_reply=float(pair))
+        row(variant, pair=pair, reply_problems=text, seconds_reply=pair if text else math.nan)
         for pair, text in enumerate(said)
     ]
-    (summary,) = summarise_replies(rows)
-    values = summary.to_json()
-    assert (values['replies'], values['counts']['none']) == (5, 3)
-    assert values['counts']['wrong_start_or_goal'] == 2
-    assert values['shares']['in_prompt'] == wilson_interval(2, 5)._asdict()
-    assert (values['seconds']['median'], values['seconds']['worst']) == (2.0, 4.0)
+    (summary,) = summarise(rows)
+    assert (summary.replies['replies'], summary.replies['none']) == (5, 3)
+    assert summary.replies['wrong_start_or_goal'] == 2
+    assert reply_shares(summary.replies)['in_prompt'] == wilson_interval(2, 5)
+    values = to_json(summary)
+    assert values['reply_shares']['parsed']['value'] == 1.0
+    assert values['seconds_reply']['median'] == 2.0
+    (without,) = summarise([row(variant)])
+    assert not {'replies', 'reply_shares', 'seconds_reply'} & set(to_json(without))
+    assert not reply_table([without]).rows
+
+
+def test_two_recordings_of_one_model_are_told_apart_in_the_tables():
+    variants = [Variant('guided', f'replay:{name}', 'few_shot', 'm') for name in ('one', 'two')]
+    rows = [row(variant, reply_problems='none') for variant in variants]
+    summaries = summarise(rows)
+    for table in (main_table(summaries), reply_table(summaries)):
+        shown = {cell for line in table.rows for cell in line if isinstance(cell, str)}
+        assert {'m (one)', 'm (two)'} <= shown
