@@ -15,6 +15,7 @@ from local_llm import LocalLlm, needs_llm
 MAP = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 25),), (Barrier(25, 10, 22),))
 QUERY = WaypointQuery(Costmap(MAP.to_grid()), (5, 5), (20, 20))
 KEY = 'local-secret-key'
+ANSWERED = (SourceStatus.OK, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED)
 
 
 @pytest.fixture(scope='module')
@@ -46,8 +47,7 @@ def ask(server, query=QUERY, **settings):
 def test_a_real_model_answers(server, monkeypatch):
     monkeypatch.setenv('LOCAL_API_KEY', KEY)
     _, reply = ask(server)
-    answered = (SourceStatus.OK, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED)
-    assert reply.status in answered, reply
+    assert reply.status in ANSWERED, reply
     assert reply.text
     assert reply.prompt_tokens > 200
     assert 0 < reply.completion_tokens <= 64
@@ -60,6 +60,22 @@ def test_a_real_model_keeps_to_the_schema(server, monkeypatch):
     _, reply = ask(server, response_format='json_schema')
     assert reply.text.lstrip().startswith('{')
     assert '"path"' in reply.text
+
+
+@needs_llm
+def test_a_real_server_completes_a_text(server, monkeypatch, tmp_path):
+    monkeypatch.setenv('LOCAL_API_KEY', KEY)
+    path = tmp_path / 'short.txt'
+    path.write_text(
+        'From: [1, 1]\nTo: [4, 4]\nWalls: [] []\nPath: [[1, 1], [4, 4]]\n\n'
+        'From: {start}\nTo: {goal}\nWalls: {horizontal_barriers} {vertical_barriers}\nPath:'
+    )
+    _, reply = ask(server, prompt=str(path), prompt_form='completion')
+    assert reply.prompt == 'short+completion'
+    assert reply.status in ANSWERED, reply
+    assert reply.text
+    assert '\nFrom:' not in reply.text
+    assert reply.prompt_tokens > 60
 
 
 @needs_llm

@@ -118,6 +118,24 @@ def test_the_most_similar_sample_comes_first():
     assert [path for _, path in again] == [path for _, path in found]
 
 
+def test_the_paths_of_similar_samples_fit_a_query_more_often(library):
+    def fits(solved, query):
+        corners = [(x, y) for x, y in solved.path[1:-1]]
+        free = not any(query.costmap.blocked[y, x] for x, y in corners)
+        way = [query.start, *corners, query.goal]
+        return free and query.costmap.line_of_sight.clear_along(way)
+
+    near, every = [], []
+    for barrier_map in MAPS:
+        for pair in range(0, 10, 3):
+            query = query_of(barrier_map, pair)
+            fitting = [fits(solved, query) for solved in library.nearest(query)]
+            near += fitting[:3]
+            every += fitting
+    assert len(near) == 3 * 48
+    assert np.mean(near) > 1.3 * np.mean(every)
+
+
 def test_tiles_tell_where_obstacles_are():
     blocked = np.zeros((32, 52), dtype=bool)
     blocked[0, :] = blocked[:, -1] = True
