@@ -7,6 +7,7 @@ Waypoint sources and search methods are found here. The package's own are listed
 
 from __future__ import annotations
 
+import logging
 import os
 import pkgutil
 import sys
@@ -18,14 +19,16 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError, printable, short_repr, shortened
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
+    import numpy as np
+    from numpy.typing import NDArray
+
 _T = TypeVar('_T')
+_LOG = logging.getLogger(__name__)
 # Seconds that a plug-in may take to be imported and made: time to read a large model.
 LOADING_S = 600.0
 # Seconds between two looks at whether a call is still wanted.
@@ -34,6 +37,8 @@ POLL_S = 0.01
 GRACE_S = 0.05
 # Calls of one plug-in that may be left behind, each on a thread that does not come back.
 MAX_LATE = 4
+# Different failures of one plug-in that are logged.
+MAX_LOGGED = 5
 # Characters of the name of a plug-in, and of the message of an exception that is repeated.
 MAX_NAME, MAX_MESSAGE = 200, 300
 
@@ -53,6 +58,7 @@ class Guard:
         """Guard the plug-in of that name."""
         self.name = name
         self._late: list[threading.Thread] = []
+        self._logged: set[str] = set()
 
     def call(
         self,
@@ -77,7 +83,7 @@ class Guard:
         while not call.done.wait(min(POLL_S, max(0.0, deadline - time.monotonic()))):
             if time.monotonic() >= deadline or (stop is not None and stop[0]):
                 break
-        if stopped is not None:
+        if stopped is not None and not call.done.is_set():
             stopped[0] = 1
         if not call.done.wait(GRACE_S):
             self._late.append(thread)
@@ -85,6 +91,12 @@ class Guard:
         if call.problem is not None:
             raise PluginError(call.problem)
         return call.result
+
+    def log(self, problem: Exception) -> None:
+        """Log a failure, unless it was logged before or many others were."""
+        if str(problem) not in self._logged and len(self._logged) < MAX_LOGGED:
+            self._logged.add(str(problem))
+            _LOG.warning('plug-in %s: %s', self.name, problem)
 
 
 class _Call:
@@ -141,10 +153,13 @@ class Plugins:
         from importlib.metadata import entry_points  # noqa: PLC0415 - takes some milliseconds
 
         found: dict[str, list[EntryPoint]] = {}
-        for entry in entry_points(group=self.group):
-            same = found.setdefault(entry.name, [])
-            if entry.value not in [other.value for other in same]:
-                same.append(entry)
+        try:
+            for entry in entry_points(group=self.group):
+                same = found.setdefault(entry.name, [])
+                if entry.value not in [other.value for other in same]:
+                    same.append(entry)
+        except Exception as error:  # noqa: BLE001 - whatever a damaged package leads to
+            _LOG.warning('the plug-ins of installed packages cannot be listed: %s', error)
         return found
 
     def problem(self, name: object) -> str | None:
@@ -171,13 +186,17 @@ class Plugins:
         return f'{short_repr(name)} is installed twice, as {values}: remove one of them'
 
     def admit(self, name: object) -> None:
-        """Import what a name with a colon says, so that it can be chosen; ignore other names.
+        """Import a plug-in that whoever started the process names; ignore all other names.
 
-        This runs code. So the name must come from whoever started the process, and never from a
-        file of results, a page, or another process. Modules in the working directory are found.
+        After that `package.module:name` can be chosen. It is any code, so it must never come from
+        a file of results, a page, or another process. Modules in the working directory are found.
         Raises PluginError.
         """
-        if not isinstance(name, str) or ':' not in name or name in self.loaded:
+        if not isinstance(name, str) or name in self.own or name in self.loaded:
+            return
+        if ':' not in name:
+            if name in self.installed:
+                self.load(name)
             return
         if len(name) > MAX_NAME or not name.isprintable():
             raise PluginError(f'{short_repr(name)} is not the name of a {self.kind}')
@@ -200,7 +219,6 @@ class Plugins:
     def _import(self, name: str, place: str, seconds: float = LOADING_S) -> Any:  # noqa: ANN401
         """Import a plug-in from `module:name`. Raises PluginError."""
         try:
-            found = Guard(name).call(lambda: pkgutil.resolve_name(place), seconds)
+            return Guard(name).call(lambda: self.adapt(name, pkgutil.resolve_name(place)), seconds)
         except (PluginError, TimeoutError) as error:
-            raise PluginError(f'{self.kind} {name} cannot be imported: {error}') from None
-        return self.adapt(name, found)
+            raise PluginError(f'{self.kind} {name} cannot be loaded: {error}') from None

@@ -58,7 +58,7 @@ from llm_astar_planner.cli.run_options import (
     settle_variants,
     source_specs,
 )
-from llm_astar_planner.search.methods import WAYPOINT_METHODS
+from llm_astar_planner.search.methods import uses_waypoints
 from llm_astar_planner.waypoints.config import BASELINE_NAMES
 
 USAGE = """\
@@ -149,10 +149,10 @@ def run(args: argparse.Namespace) -> int:
 
 def omits_baselines(args: argparse.Namespace, maps: Sequence[ProblemMap]) -> bool:
     """Tell whether a grid is run without the baselines that are slow there."""
-    uses_waypoints = bool(set(args.methods) & {*WAYPOINT_METHODS, WAYPOINTS_ONLY})
+    has_waypoints = any(name == WAYPOINTS_ONLY or uses_waypoints(name) for name in args.methods)
     named = set(args.source) & set(BASELINE_NAMES)
     has_grids = any(isinstance(item, GridProblem) for item in maps)
-    return has_grids and uses_waypoints and not named
+    return has_grids and has_waypoints and not named
 
 
 def benchmark_config(

@@ -16,7 +16,13 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from llm_astar_msgs_adapter.errors import printable
+
+from llm_astar_planner.plugins import PluginError, Plugins
 from llm_astar_planner.resources import find_file
+
+# Seconds that a plug-in may take to be imported here.
+PLUGIN_S = 30.0
 
 
 @dataclass(frozen=True)
@@ -113,6 +119,7 @@ def all_findings() -> Iterator[Finding]:
         yield file_finding(folder, name)
     yield kernels_finding()
     yield weights_finding()
+    yield from plugin_findings()
 
 
 def module_finding(name: str, use: str, remedy: str, *, required: bool) -> Finding:
@@ -179,3 +186,33 @@ def weights_finding() -> Finding:
     except (ImportError, OSError, ValueError) as error:
         return Finding('embedded', False, True, f'{error}; install the package again')
     return Finding('embedded', True, True, f'learned waypoint model {digest}, not an LLM')
+
+
+def plugin_findings() -> Iterator[Finding]:
+    """Load each waypoint source and search method that another package has installed."""
+    try:
+        from llm_astar_planner.search.methods import SEARCH_METHODS  # noqa: PLC0415
+        from llm_astar_planner.waypoints.plugins import SOURCES  # noqa: PLC0415
+    except ImportError:
+        return  # found missing above
+    for plugins in (SOURCES, SEARCH_METHODS):
+        for name in plugins.installed:
+            yield plugin_finding(plugins, name)
+
+
+def plugin_finding(plugins: Plugins, name: str) -> Finding:
+    """Load one plug-in, which nothing else needs."""
+    entries = plugins.installed[name]
+    detail = f'{plugins.kind} {" and ".join(entry.value for entry in entries)}'
+    package = entries[0].dist
+    if package is not None:
+        detail += f' of {package.name} {package.version}'
+    problem = ''
+    if name in plugins.own:
+        problem = ': cannot be chosen, since llm-astar has one of this name'
+    else:
+        try:
+            plugins.load(name, PLUGIN_S)
+        except PluginError as error:
+            problem = f': {error}'
+    return Finding(printable(name), not problem, False, printable(detail + problem))

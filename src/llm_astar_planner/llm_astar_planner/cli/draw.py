@@ -132,8 +132,9 @@ def animate(planner: Planner, drawn: list[Drawn], pictures: list[Picture], path:
         order = retrace(planner, request, plan)
         if order is None:
             raise ParameterError(
-                f'{path}: in which order {plan.method} expanded the cells is not known, for its '
-                'search depended on time; draw a .png, or give it a higher --time-limit'
+                f'{path}: in which order {plan.method} expanded the cells is not known, for it is '
+                'a plug-in, or its search depended on time; draw a .png, or give it a higher '
+                '--time-limit'
             )
         length = describe_length(plan, picture.grid_map.resolution)
         searches.append(AnimatedSearch(picture, order, describe_plan(plan), length))

@@ -34,6 +34,7 @@ from llm_astar_planner.benchmark.report.sentences import recorded_sentence
 from llm_astar_planner.benchmark.results import (
     MAPS_FILE,
     METHOD_ALIASES,
+    WAYPOINTS_ONLY,
     ResultsError,
     ResultsFolder,
 )
@@ -67,7 +68,7 @@ from llm_astar_planner.instructions.interpretation import RouteInstruction, clea
 from llm_astar_planner.parameter import Scalar
 from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, defaults
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.search.methods import GUIDED
+from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
 from llm_astar_planner.waypoints.plugins import SOURCES
 from llm_astar_planner.waypoints.prompts.examples import SAMPLES_FILE
@@ -89,7 +90,7 @@ def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type 
     """Add the options that choose methods, sources, prompts and models."""
     group.add_argument(
         '--methods', type=method_names, metavar='NAMES',
-        help=f'of {", ".join(ALL_METHODS)} (default: all)',
+        help=f'of {", ".join(ALL_METHODS)}, or plug-ins (default: all of these)',
     )  # fmt: skip
     group.add_argument(
         '--source', type=names, default=[], metavar='NAMES',
@@ -192,9 +193,10 @@ def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None 
         method = (file or {}).get('method', GUIDED)
         args.methods = list(ALL_METHODS) if file is None else [str(method)]
     for name in args.methods:
-        if name not in ALL_METHODS:
-            message = f'--methods {name!r} is unknown; available are {", ".join(ALL_METHODS)}'
-            raise ValueError(message)
+        SEARCH_METHODS.admit(name)
+        problem = None if name in ALL_METHODS else SEARCH_METHODS.problem(name)
+        if problem:
+            raise ValueError(f'--methods {problem}, {WAYPOINTS_ONLY}')
     for name in args.source:
         SOURCES.admit(name)
         problem = SOURCES.problem(name)

@@ -33,7 +33,7 @@ from llm_astar_planner.planning.footprint_checker import FootprintChecker
 from llm_astar_planner.planning.path_validator import CollisionChecker, invalid_poses
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.search.methods import METHODS
+from llm_astar_planner.search.methods import EXACT, METHODS
 from llm_astar_planner.search.paper import compile_kernels as compile_search_kernels
 from llm_astar_planner.waypoints.source import WaypointSource
 
@@ -52,7 +52,8 @@ def compile_for(
 ) -> None:
     """Compile what a request like this takes on a costmap of `config`.
 
-    Without `source` that is a first plan, for which no landmarks are measured yet; else one with
+    That of a plug-in's method is compiled without it, since it may take any time. Without
+    `source` that is a first plan, for which no landmarks are measured yet; else one with
     landmarks and such waypoints. Where costs are not graded, goals far away take kernels of their
     own.
     """
@@ -63,7 +64,8 @@ def compile_for(
     planner = Planner(GridMap(cells), config)
     start, goal = (2, 20), (cells.shape[1] - 3, 20)
     request = replace(
-        like, start=start, goal=goal, time_limit=PATIENCE, source=source, sample=None,
+        like, method=like.method if like.method in METHODS else EXACT,
+        start=start, goal=goal, time_limit=PATIENCE, source=source, sample=None,
         instruction=None, via=(), viapoints=(),
     )  # fmt: skip
     if source is not None:

@@ -38,6 +38,7 @@ from llm_astar_planner.planning.types import (
     ResultCode,
     check_request,
 )
+from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.layered import LayersTooLargeError
@@ -235,7 +236,7 @@ def search_plan(
         deadline = search.deadline + spare_time(request)
         plan = planner.build_plan(request, endpoints, [segment], segment.result, deadline=deadline)
         return plan, ''
-    except (PlanningFailure, PathTooLongError) as error:
+    except (PlanningFailure, PathTooLongError, PluginError) as error:
         code = error.code if isinstance(error, PlanningFailure) else ResultCode.UNKNOWN
         failure = PlanningFailure(code, str(error))
         return planner.build_plan(request, endpoints, [], failure=failure), str(error)

@@ -25,7 +25,12 @@ from llm_astar_planner.parameter import (
     nearest_name,
 )
 from llm_astar_planner.planning.footprint import Footprint, footprint_problem
-from llm_astar_planner.search.methods import GUIDED, HEURISTIC_NAMES, METHODS
+from llm_astar_planner.search.methods import (
+    GUIDED,
+    HEURISTIC_NAMES,
+    METHODS,
+    SEARCH_METHODS,
+)
 from llm_astar_planner.waypoints import config as waypoints
 from llm_astar_planner.waypoints.config import SourceSettings
 
@@ -41,7 +46,14 @@ def instruction_problem(instruction: str) -> str | None:
 
 COSTMAP = tuple(costmap.COSTMAP.values())
 SEARCH = (
-    Parameter('method', GUIDED, 'Search method; see the table of methods', choices=METHODS),
+    Parameter(
+        'method',
+        GUIDED,
+        'Search method; see the table of methods. Or the name of an installed plug-in, or, at the '
+        'start only, its `package.module:method` (docs/plugins.md)',
+        choices=METHODS,
+        plugins=SEARCH_METHODS,
+    ),
     Parameter(
         'max_suboptimality',
         1.1,

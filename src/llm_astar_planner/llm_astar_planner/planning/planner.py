@@ -43,6 +43,7 @@ from llm_astar_planner.planning.types import (
 )
 from llm_astar_planner.planning.viapoints import ViapointSource
 from llm_astar_planner.planning.waypoint_filter import mark_out_of_order
+from llm_astar_planner.plugins import PluginError
 from llm_astar_planner.search.any_angle import AnyAnglePath, interpolate, string_pull
 from llm_astar_planner.search.astar import PathTooLongError
 from llm_astar_planner.search.landmarks import LandmarkManager
@@ -182,9 +183,9 @@ class Planner:
             plan = self.build_plan(request, endpoints, segments, result, deadline=deadline)
         except PlanningFailure as failure:
             plan = self.build_plan(request, endpoints, segments, failure=failure)
-        except PathTooLongError as error:
-            too_long = PlanningFailure(ResultCode.UNKNOWN, str(error))
-            plan = self.build_plan(request, endpoints, segments, failure=too_long)
+        except (PathTooLongError, PluginError) as error:
+            failed = PlanningFailure(ResultCode.UNKNOWN, str(error))
+            plan = self.build_plan(request, endpoints, segments, failure=failed)
         yield plan
 
     def segments(

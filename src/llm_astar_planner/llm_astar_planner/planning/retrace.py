@@ -16,7 +16,7 @@ from llm_astar_planner.planning.waypoint_filter import guiding_points, target_li
 from llm_astar_planner.search.astar import EXPANSION_SLICE, PlainSearch
 from llm_astar_planner.search.expansion_order import ExpansionOrder, ExpansionRecorder
 from llm_astar_planner.search.guided import GuidedSearch
-from llm_astar_planner.search.methods import EXACT, GUIDED
+from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.paper import PAPER_METHODS, SearchOptions
 from llm_astar_planner.search.result import SearchStatus
 
@@ -26,9 +26,9 @@ def retrace(planner: Planner, request: PlanRequest, plan: Plan) -> ExpansionOrde
 
     `plan` is the planner's answer to `request`. The searches run again as they ran for the plan,
     and what they expand is compared with what the plan says. None where the order cannot be
-    known: with an instruction that does more than to close cells, after a search by heading, and
-    where it depended on time (waypoints that came in during the search, a time limit, landmarks
-    that were not there yet).
+    known: with an instruction that does more than to close cells, after a search by heading, for
+    the method of a plug-in, and where it depended on time (waypoints that came in during the
+    search, a time limit, landmarks that were not there yet).
     """
     costmap = planner.costmap
     if request.instruction is not None:
@@ -36,7 +36,7 @@ def retrace(planner: Planner, request: PlanRequest, plan: Plan) -> ExpansionOrde
         if closed is None:
             return None
         costmap = closed
-    if not plan.expansions:
+    if not plan.expansions or request.method not in METHODS:
         return None
     recorder = ExpansionRecorder(planner.costmap.blocked.shape, plan.expansions)
     cells = [plan.start, *plan.via, plan.goal]

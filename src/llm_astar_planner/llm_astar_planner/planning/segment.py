@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
@@ -26,12 +27,11 @@ from llm_astar_planner.planning.waypoint_filter import (
     guiding_points,
     target_list,
 )
-from llm_astar_planner.search.astar import exact_astar
-from llm_astar_planner.search.guided import AnytimeSolution, GuidedSearch
+from llm_astar_planner.search.guided import GuidedResult
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.layered import LayeredResult, VisitProblem, visit_search
-from llm_astar_planner.search.methods import EXACT, GUIDED, WAYPOINT_METHODS
-from llm_astar_planner.search.paper import PAPER_METHODS, SearchOptions
+from llm_astar_planner.search.methods import SEARCH_METHODS, uses_waypoints
+from llm_astar_planner.search.problem import SearchMethod, SearchProblem
 from llm_astar_planner.search.result import (
     BoundedResult,
     SearchResult,
@@ -41,6 +41,7 @@ from llm_astar_planner.search.result import (
 from llm_astar_planner.waypoints.async_query import WaypointQueryTask, query_source
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
+    Waypoint,
     WaypointQuery,
     WaypointReply,
     WaypointSource,
@@ -72,9 +73,15 @@ class SegmentPlanner:
         stop: NDArray[np.uint8],
         landmarks: Landmarks | None = None,
     ) -> None:
-        """Plan until `deadline` (monotonic seconds) or until `stop[0]` is raised."""
+        """Plan until `deadline` (monotonic seconds) or until `stop[0]` is raised.
+
+        Raises PluginError where the method's plug-in cannot be loaded.
+        """
         self.costmap = costmap
         self.request = request
+        # At hand after the first plan.
+        loaded = SEARCH_METHODS.loaded.get(request.method)
+        self.method: SearchMethod = loaded or SEARCH_METHODS.load(request.method)
         self.deadline = deadline
         self.stop = stop
         self.landmarks = landmarks
@@ -92,28 +99,45 @@ class SegmentPlanner:
         """The waypoints that the search used."""
         if not self.waypoints_used:
             return []
-        usable = GUIDING if self.request.method == GUIDED else KEPT_BY_PAPER
+        usable = KEPT_BY_PAPER if self.method.as_published else GUIDING
         return [point for point in self.checked_waypoints if point.status in usable]
 
-    def search(self) -> Iterator[AnytimeSolution]:
-        """Query and search; yield each better path of `guided`, not validated yet.
+    def search(self) -> Iterator[SearchResult]:
+        """Query and search; yield each better path of a method that finds several, not validated.
 
-        Raises PathTooLongError.
+        Raises PathTooLongError, and PluginError where a plug-in's method fails.
         """
-        is_guided = self.request.method == GUIDED
-        query = self.query()
-        if query is not None and not (is_guided and self.request.search_while_waiting):
-            self.query_and_wait(query)
-            query = None
-        if is_guided:
-            yield from self.search_guided(query)
-            return
+        request, query = self.request, self.query()
+        task, waypoints = None, list[Waypoint]()
+        arrivals: deque[NDArray[np.float64]] = deque()
+        if query is not None:
+            if self.method.takes_late_waypoints and request.search_while_waiting:
+                task = self.query_meanwhile(query, arrivals)
+            else:
+                waypoints = self.query_and_wait(query)
+        problem = SearchProblem(
+            self.costmap.grid_graph,
+            request.start,
+            request.goal,
+            waypoints,
+            self.stop,
+            self.deadline,
+            request.want_expanded,
+            request.max_suboptimality,
+            request.heuristic,
+            request.weight,
+            self.landmarks,
+            arrivals,
+        )
         begin = time.monotonic()
-        if self.request.method == EXACT:
-            self.result = self.search_exact()
-        else:
-            self.result = self.search_as_published()
+        answer = self.method(problem)
+        result = answer if isinstance(answer, SearchResult) else (yield from answer)
         self.seconds_search = time.monotonic() - begin
+        self.result = result
+        if task is not None:
+            self.reply, self.seconds_source = task.close()
+        if isinstance(result, GuidedResult):
+            self.waypoints_used = result.guided_expansions > 0
 
     def search_visits(self, problem: VisitProblem) -> None:
         """Search for the cheapest path that solves a problem of visits and prices.
@@ -189,7 +213,7 @@ class SegmentPlanner:
     def query(self) -> tuple[WaypointSource, WaypointQuery] | None:
         """Return whom to ask what, or None if no waypoints are needed."""
         request = self.request
-        needless = request.method not in WAYPOINT_METHODS or request.start == request.goal
+        needless = not self.method.uses_waypoints or request.start == request.goal
         if request.source is None or needless:
             return None
         time_left = self.deadline - time.monotonic()
@@ -201,85 +225,38 @@ class SegmentPlanner:
             request.sample,
         )
 
-    def query_and_wait(self, query: tuple[WaypointSource, WaypointQuery]) -> None:
-        """Query the source before the search."""
+    def query_and_wait(self, query: tuple[WaypointSource, WaypointQuery]) -> list[Waypoint]:
+        """Query the source before the search; return the waypoints for it."""
         self.reply, self.seconds_source = query_source(*query, self.stop)
-        self.checked_waypoints = self.check(self.reply)
-
-    def check(self, reply: WaypointReply) -> tuple[CheckedWaypoint, ...]:
-        """Check a reply's waypoints by the rules of the request's method."""
-        costmap, start = self.costmap, self.request.start
-        if self.request.method == GUIDED:
-            return check_waypoints(reply.waypoints, costmap.blocked, costmap.components, start, 0)
-        rejected = costmap.rejected_cells
-        return check_waypoints(reply.waypoints, rejected, costmap.components, start)
-
-    def search_exact(self) -> SearchResult:
-        """Search by our exact A*."""
-        request = self.request
-        return exact_astar(
-            self.costmap.grid_graph,
-            request.start,
-            request.goal,
-            stop=self.stop,
-            deadline=self.deadline,
-            want_expanded=request.want_expanded,
-        )
-
-    def search_as_published(self) -> SearchResult:
-        """Search by one of the paper's methods."""
-        request, costmap = self.request, self.costmap
-        targets = target_list(self.checked_waypoints, request.start, request.goal)[1:]
-        options = SearchOptions(
-            request.heuristic,
-            request.weight,
-            costmap.config.corner_cutting,
-            self.stop,
-            self.deadline,
-            request.want_expanded,
-        )
-        method = PAPER_METHODS[request.method]
-        return method(costmap.blocked, request.start, request.goal, targets, options)
-
-    def search_guided(
-        self, query: tuple[WaypointSource, WaypointQuery] | None
-    ) -> Iterator[AnytimeSolution]:
-        """Search by `guided`; `query` is asked while it searches."""
-        request = self.request
-        search = GuidedSearch(
-            self.costmap.grid_graph,
-            request.start,
-            request.goal,
-            max_suboptimality=request.max_suboptimality,
-            landmarks=self.landmarks,
-            stop=self.stop,
-            deadline=self.deadline,
-        )
-        if self.checked_waypoints:
-            search.guide(guiding_points(self.checked_waypoints))
-        task = self.query_meanwhile(search, query)
-        begin = time.monotonic()
-        result = yield from search.solutions(want_expanded=request.want_expanded)
-        self.seconds_search = time.monotonic() - begin
-        self.result = result
-        if task is not None:
-            self.reply, self.seconds_source = task.close()
-        self.waypoints_used = result.guided_expansions > 0
+        return self.check(self.reply)
 
     def query_meanwhile(
-        self, search: GuidedSearch, query: tuple[WaypointSource, WaypointQuery] | None
-    ) -> WaypointQueryTask | None:
-        """Start the query; its waypoints guide the search as soon as they are there."""
-        if query is None:
-            return None
+        self, query: tuple[WaypointSource, WaypointQuery], arrivals: deque[NDArray[np.float64]]
+    ) -> WaypointQueryTask:
+        """Start the query; its waypoints go to `arrivals` as soon as they are there."""
 
         def on_reply(reply: WaypointReply) -> None:
-            self.checked_waypoints = self.check(reply)
-            search.guide(guiding_points(self.checked_waypoints))
+            waypoints = self.check(reply)
+            if waypoints:
+                arrivals.append(np.array(waypoints, dtype=np.float64))
 
         task = WaypointQueryTask(*query, on_reply)
         task.wait(min(HEAD_START, query[1].time_limit), self.stop)
         return task
+
+    def check(self, reply: WaypointReply) -> list[Waypoint]:
+        """Check a reply's waypoints by the rules of the method; return those that it gets."""
+        costmap, start = self.costmap, self.request.start
+        if self.method.as_published:
+            rejected = costmap.rejected_cells
+            self.checked_waypoints = check_waypoints(
+                reply.waypoints, rejected, costmap.components, start
+            )
+            return target_list(self.checked_waypoints, start, self.request.goal)[1:]
+        self.checked_waypoints = check_waypoints(
+            reply.waypoints, costmap.blocked, costmap.components, start, 0
+        )
+        return guiding_points(self.checked_waypoints)
 
 
 def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
@@ -319,7 +296,7 @@ def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
 def not_asked(request: PlanRequest) -> WaypointReply:
     """Return the reply of a source that was not asked, which says why if there is one."""
     reason = ''
-    if request.method not in WAYPOINT_METHODS:
+    if not uses_waypoints(request.method):
         reason = f'{request.method} uses no waypoints'
     elif request.via:
         reason = 'the via points take their place'

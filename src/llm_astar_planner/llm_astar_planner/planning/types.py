@@ -70,7 +70,8 @@ class PlanningFailure(LlmAstarError, ValueError):  # noqa: N818 - an outcome, no
 class PlanRequest:
     """One request: a path from start to goal, both cells (x, y).
 
-    - `method`: one of `search.paper.METHODS`. `heuristic` and `weight` are for the paper's.
+    - `method`: one of `search.methods.METHODS`, or a plug-in's name. `heuristic` and `weight` are
+      for the paper's.
     - `source`: the waypoint source, or None to search without waypoints.
     - `time_limit`: seconds for everything; of these the source gets at most
       `source_time_limit`.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from llm_astar_planner.search._kernels import astar as kernels
 from llm_astar_planner.search.grid_graph import GridGraph, as_grid
 from llm_astar_planner.search.landmarks import NO_DISTANCES, NONE_ACTIVE, Landmarks
+from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus
 from llm_astar_planner.search.stop import StopFlag, no_stop
 
@@ -161,6 +162,19 @@ def exact_astar(
         deadline=deadline,
         want_expanded=want_expanded,
         every_move=every_move,
+    )
+
+
+@search_method()
+def exact_method(problem: SearchProblem) -> BoundedResult:
+    """Search by `exact_astar`."""
+    return exact_astar(
+        problem.grid,
+        problem.start,
+        problem.goal,
+        stop=problem.stop,
+        deadline=problem.deadline,
+        want_expanded=problem.want_expanded,
     )
 
 

@@ -11,7 +11,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,7 @@ from llm_astar_planner.search.expansion_order import ExpansionRecorder
 from llm_astar_planner.search.grid_graph import GridGraph, as_grid
 from llm_astar_planner.search.jump import JumpSearch
 from llm_astar_planner.search.landmarks import Landmarks
+from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import BoundedResult, Cell, SearchStatus, empty_path
 from llm_astar_planner.search.stop import StopFlag, no_stop
 
@@ -80,7 +81,8 @@ class GuidedSearch:
     thread sets `stop[0] = 1`; the expanded cells of a search cancelled that way are not returned.
     `weight` is how greedily waypoints are followed; `work_factor` limits the expansions that they
     may cost, as a multiple of those of the search without any (None: as many as take its time).
-    A `recorder` notes in which order cells are expanded.
+    A `recorder` notes in which order cells are expanded. Into an `inbox` other threads may put
+    waypoints, float [n, 2] with n > 0, as `guide` does.
     """
 
     def __init__(
@@ -97,6 +99,7 @@ class GuidedSearch:
         weight: float = WEIGHT,
         work_factor: float | None = None,
         recorder: ExpansionRecorder | None = None,
+        inbox: deque[NDArray[np.float64]] | None = None,
     ) -> None:
         """Take the query; nothing is searched yet.
 
@@ -116,8 +119,9 @@ class GuidedSearch:
         self._landmarks = landmarks
         stop = no_stop() if stop is None else stop
         self._query = _Query(
-            start, goal, max_suboptimality, stop, deadline, weight, work_factor, recorder
-        )
+            start, goal, max_suboptimality, stop, deadline, weight, work_factor, recorder,
+            deque() if inbox is None else inbox,
+        )  # fmt: skip
         self._result: GuidedResult | None = None
 
     def guide(self, waypoints: ArrayLike) -> None:
@@ -175,6 +179,26 @@ class GuidedSearch:
         return self._result
 
 
+@search_method(uses_waypoints=True, takes_late_waypoints=True)
+def guided_method(
+    problem: SearchProblem,
+) -> Generator[AnytimeSolution, None, GuidedResult]:
+    """Search along the waypoints of a problem, those included that come in meanwhile."""
+    search = GuidedSearch(
+        problem.grid,
+        problem.start,
+        problem.goal,
+        max_suboptimality=problem.max_suboptimality,
+        landmarks=problem.landmarks,
+        stop=problem.stop,
+        deadline=problem.deadline,
+        inbox=problem.arrivals,
+    )
+    if problem.waypoints:
+        problem.arrivals.appendleft(np.array(problem.waypoints, dtype=np.float64))
+    return search.solutions(want_expanded=problem.want_expanded)
+
+
 def guided(
     blocked: GridGraph | NDArray[np.bool_],
     start: Cell,
@@ -220,7 +244,7 @@ class _Query:
     work_factor: float | None
     recorder: ExpansionRecorder | None
     # Waypoints that the search has not taken yet, the newest last. Other threads append to it.
-    inbox: deque[NDArray[np.float64]] = field(default_factory=deque)
+    inbox: deque[NDArray[np.float64]]
 
     def is_met(self, plain: PlainSearch) -> bool:
         """Tell whether the best path that the plain search knows is good enough."""

@@ -20,6 +20,7 @@ from llm_astar_planner.search.grid_graph import GridGraph
 from llm_astar_planner.search.guided import guided
 from llm_astar_planner.search.jump import jump_search
 from llm_astar_planner.search.landmarks import Landmarks
+from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import Cell, SearchResult, SearchStatus
 from llm_astar_planner.search.stop import StopFlag, no_stop
 
@@ -125,6 +126,31 @@ PAPER_METHODS: dict[str, Method] = {
     'dynamic_weighted_astar': dynamic_weighted_astar,
     'llm_astar': llm_astar,
 }
+
+
+def search_as_published(method: Method, problem: SearchProblem) -> SearchResult:
+    """Search by one of the paper's methods; without waypoints the goal is its only target."""
+    grid = problem.grid
+    options = SearchOptions(
+        problem.heuristic,
+        problem.weight,
+        grid.corner_cutting,
+        problem.stop,
+        problem.deadline,
+        problem.want_expanded,
+    )
+    targets = problem.waypoints or [problem.goal]
+    return method(grid.blocked, problem.start, problem.goal, targets, options)
+
+
+astar_method = search_method()(partial(search_as_published, astar))
+weighted_astar_method = search_method()(partial(search_as_published, weighted_astar))
+dynamic_weighted_astar_method = search_method()(
+    partial(search_as_published, dynamic_weighted_astar)
+)
+llm_astar_method = search_method(uses_waypoints=True, as_published=True)(
+    partial(search_as_published, llm_astar)
+)
 
 
 def compile_kernels() -> None:

@@ -188,7 +188,7 @@ def describe_guidance(method: str, guided_by: str) -> str:
 
 def describe_plan(plan: Plan) -> str:
     """Name the method of a plan and its source, in few words, for the title of one of several."""
-    if plan.method not in WAYPOINT_METHODS:
+    if plan.method not in WAYPOINT_METHODS and plan.guided_by == 'none':
         return METHOD_NAMES.get(plan.method, plan.method)
     if plan.checked_waypoints and plan.guided_by == 'none':
         return f'{METHOD_NAMES.get(plan.method, plan.method)}, waypoints not used'

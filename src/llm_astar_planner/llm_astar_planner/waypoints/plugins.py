@@ -54,16 +54,18 @@ class PluginFactory:
 
     def __call__(self, context: SourceContext) -> WaypointSource:
         """Return the source. Raises PluginError where the factory makes none."""
+
+        def make() -> WaypointSource:
+            source = self.factory(context)
+            if not callable(getattr(source, 'waypoints', None)):
+                kind = type(source).__name__
+                raise PluginError(f'its factory returned {kind}, which has no waypoints(query)')
+            return source
+
         try:
-            source = guard_of(self.name).call(lambda: self.factory(context), LOADING_S)
+            return PluginSource(self.name, guard_of(self.name).call(make, LOADING_S))
         except (PluginError, TimeoutError) as error:
             raise PluginError(f'source {self.name}: {error}') from None
-        if not callable(getattr(source, 'waypoints', None)):
-            kind = type(source).__name__
-            raise PluginError(
-                f'source {self.name}: its factory returned {kind}, which has no waypoints(query)'
-            )
-        return PluginSource(self.name, source)
 
 
 @dataclass(frozen=True)
@@ -84,11 +86,11 @@ class PluginSource:
                 query.stop,
                 stopped,
             )
-        except PluginError as error:
-            status, detail = SourceStatus.ERROR, str(error)
-        except TimeoutError as error:
-            status, detail = SourceStatus.TIMEOUT, str(error)
-        return WaypointReply(label=self.name, status=status, detail=detail)
+        except (PluginError, TimeoutError) as error:
+            guard_of(self.name).log(error)
+            is_late = isinstance(error, TimeoutError)
+            status = SourceStatus.TIMEOUT if is_late else SourceStatus.ERROR
+            return WaypointReply(label=self.name, status=status, detail=str(error))
 
 
 @cache

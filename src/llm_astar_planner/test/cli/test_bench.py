@@ -213,7 +213,7 @@ def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
 @pytest.mark.parametrize(
     ('words', 'part'),
     [
-        (('--methods', 'dijkstra'), "--methods 'dijkstra' is unknown; available are guided"),
+        (('--methods', 'dijkstra'), "--methods 'dijkstra' is not one of guided"),
         (('--source', 'tea_leaves'), "--source 'tea_leaves' is not one of none"),
         (('--source', 'replay'), 'transcript'),
         (('--source', 'endpoint'), '--model'),

@@ -10,13 +10,13 @@ from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import planner as planner_module
-from llm_astar_planner.planning import segment as leg_module
 from llm_astar_planner.planning.path_validator import CollisionChecker, path_problem
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.planning.waypoint_filter import WaypointStatus
 from llm_astar_planner.search.any_angle import string_pull
-from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS
+from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS, WAYPOINT_METHODS
+from llm_astar_planner.search.problem import search_method
 from llm_astar_planner.search.result import SearchResult, SearchStatus
 from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.fixed import FixedReply
@@ -270,10 +270,11 @@ def test_a_request_without_a_time_limit_is_planned():
 def test_the_validator_withholds_the_path_of_a_broken_search(monkeypatch, broken):
     path = np.array(broken, dtype=np.int32).reshape(-1, 2)
 
-    def broken_search(blocked, start, goal, targets, options):
-        return SearchResult(SearchStatus.FOUND, 1, 1, np.zeros_like(blocked), path, 8.0)
+    @search_method()
+    def broken_search(problem):
+        return SearchResult(SearchStatus.FOUND, 1, 1, np.zeros_like(problem.blocked), path, 8.0)
 
-    monkeypatch.setitem(leg_module.PAPER_METHODS, 'astar', broken_search)
+    monkeypatch.setitem(SEARCH_METHODS.loaded, 'astar', broken_search)
     plan = PLANNER.plan(PlanRequest(START, GOAL, 'astar'))
     assert plan.code is ResultCode.UNKNOWN
     assert 'withheld' in plan.message

@@ -17,8 +17,7 @@ from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import Growth, VariantSummary
 from llm_astar_planner.benchmark.analysis.trace import trace
 from llm_astar_planner.benchmark.report.sentences import variant_label
-from llm_astar_planner.benchmark.results import Variant
-from llm_astar_planner.search.methods import WAYPOINT_METHODS
+from llm_astar_planner.benchmark.results import WAYPOINTS_ONLY, Variant
 from llm_astar_planner.search.result import Cell, describe_expansions
 from llm_astar_planner.visualization import style
 from llm_astar_planner.visualization.style import OBSTACLE, PATH
@@ -122,7 +121,7 @@ def draw_interval(axes: Axes, position: float, interval: Interval, colour: str) 
 
 def has_waypoints(variant: Variant) -> bool:
     """Tell whether a variant was given waypoints."""
-    return variant.method in WAYPOINT_METHODS and variant.source != 'none'
+    return variant.source != 'none' and variant.method != WAYPOINTS_ONLY
 
 
 def showcase_figure(

@@ -20,7 +20,7 @@ from llm_astar_planner.benchmark.results import (
 )
 from llm_astar_planner.benchmark.runner.engine import SearchSettings, request_again
 from llm_astar_planner.planning.retrace import retrace
-from llm_astar_planner.search.methods import GUIDED
+from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from llm_astar_planner.search.result import describe_expansions
 from llm_astar_planner.visualization.animation import AnimatedSearch
 from llm_astar_planner.visualization.figures import (
@@ -101,6 +101,7 @@ def median_rows(rows: Sequence[Row]) -> list[Row]:
         variant
         for variant in variants
         if variant.method not in (PAPER_ASTAR.method, WAYPOINTS_ONLY)
+        and SEARCH_METHODS.problem(variant.method) is None
     ]
     base = variants.get(PAPER_ASTAR)
     if base is None or not compared:

@@ -40,7 +40,7 @@ from llm_astar_planner.instructions.interpretation import RouteInstruction
 from llm_astar_planner.planning.compile import compile_kernels
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
-from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS
+from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS, uses_waypoints
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.source import (
@@ -133,7 +133,7 @@ def list_variants(
     """
     variants = [(PAPER_ASTAR, 0)]
     for method in methods:
-        if method not in WAYPOINT_METHODS and method != WAYPOINTS_ONLY:
+        if method != WAYPOINTS_ONLY and not uses_waypoints(method):
             variants.append((Variant(method), 0))
             continue
         for index, spec in enumerate(sources):
@@ -200,6 +200,9 @@ def run_tasks(
 def run_task(task: Task) -> list[Outcome]:
     """Ask each source of the task once and plan every variant."""
     compile_once()
+    for variant, _ in task.variants:
+        # In another process than the command's.
+        SEARCH_METHODS.admit(variant.method)
     scaled = replace(task.sample.barrier_map, samples=(task.sample.sample,)).scale(task.scale)
     planner = planner_for(replace(scaled, samples=()), task.settings.costmap_for(scaled))
     sample = scaled.samples[0]

@@ -21,7 +21,7 @@ from llm_astar_planner.planning.types import (
     PlanRequest,
     ResultCode,
 )
-from llm_astar_planner.search.methods import METHODS
+from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.source import WaypointSource
 
@@ -141,8 +141,8 @@ class RequestConverter:
         fields = self._fields | {'time_limit': time_limit, 'want_expanded': want_expanded}
         if goal.planner_id not in OWN_IDS:
             fields['method'] = goal.planner_id
-        if fields['method'] not in METHODS:
-            names = ', '.join([*OWN_IDS[1:], *METHODS])
+        if fields['method'] not in METHODS and SEARCH_METHODS.problem(fields['method']):
+            names = ', '.join([*OWN_IDS[1:], *METHODS, *SEARCH_METHODS.installed])
             message = f'no planner {goal.planner_id!r}; there is {names}'
             raise RequestError(ResultCode.INVALID_PLANNER, message)
         # A NaN is for the planner to refuse.

@@ -1,0 +1,135 @@
+"""Search methods of other packages: called under guard, their results checked."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llm_astar_planner.plugins import Guard, PluginError
+from llm_astar_planner.search.problem import SearchProblem
+from llm_astar_planner.search.result import SearchResult, SearchStatus, empty_path
+from llm_astar_planner.search.stop import no_stop
+
+# The largest coordinate of a path, and the largest count of a result.
+MAX_COORDINATE, MAX_COUNT = 2**31 - 1, 2**53
+
+
+@dataclass(frozen=True, eq=False)
+class PluginMethod:
+    """The method of a plug-in. Its paths count as those of a method that proves nothing."""
+
+    name: str
+    function: Callable[[SearchProblem], Any]
+    guard: Guard
+    uses_waypoints: bool
+    takes_late_waypoints: bool = False
+    as_published: bool = False
+
+    def __call__(self, problem: SearchProblem) -> Generator[SearchResult, None, SearchResult]:
+        """Search; a method whose time is over has its last result, or stopped without any.
+
+        Raises PluginError where the method fails.
+        """
+        stopped = no_stop()
+        given = replace(problem, stop=stopped)
+        nothing = SearchResult(SearchStatus.STOPPED, 0, 0, expanded_cells((), problem))
+        best = nothing
+
+        def call(step: Callable[[], Any]) -> Any:  # noqa: ANN401 - of foreign code
+            seconds = problem.deadline - time.monotonic()
+            return self.guard.call(step, seconds, problem.stop, stopped)
+
+        try:
+            answer = call(lambda: first_answer(self.function(given), problem))
+            if isinstance(answer, SearchResult):
+                return answer
+            while (better := call(lambda: next_answer(answer, problem))) is not None:
+                best = better
+                yield best
+            if best is nothing:
+                raise PluginError('yielded no result')
+            return best
+        except TimeoutError as error:
+            self.guard.log(error)
+            return replace(best, status=SearchStatus.STOPPED)
+        except PluginError as error:
+            self.guard.log(error)
+            raise PluginError(f'search method {self.name}: {error}') from None
+
+
+def make_plugin_method(name: str, function: Any) -> PluginMethod:  # noqa: ANN401 - foreign
+    """Return the method that a plug-in's function is. Raises PluginError for none."""
+    if not callable(function):
+        raise PluginError(f'is {type(function).__name__}, not a function of a SearchProblem')
+    uses_waypoints = getattr(function, 'uses_waypoints', False) is True
+    return PluginMethod(name, function, Guard(name), uses_waypoints)
+
+
+def first_answer(answer: Any, problem: SearchProblem) -> Any:  # noqa: ANN401 - of foreign code
+    """Return a checked result, or the generator that yields results. Raises PluginError."""
+    return answer if isinstance(answer, Generator) else checked_result(answer, problem)
+
+
+def next_answer(answers: Iterator[Any], problem: SearchProblem) -> SearchResult | None:
+    """Return the next of a generator's results, None after the last. Raises PluginError."""
+    for answer in answers:
+        return checked_result(answer, problem)
+    return None
+
+
+def checked_result(answer: Any, problem: SearchProblem) -> SearchResult:  # noqa: ANN401
+    """Return a plug-in's result made of plain values; what it proves is not taken over.
+
+    The length is measured on the path. Raises PluginError, which names the field.
+    """
+    if not isinstance(answer, SearchResult):
+        raise PluginError(f'returned {type(answer).__name__}, not a SearchResult')
+    for name in ('expansions', 'storage'):
+        count = getattr(answer, name)
+        if not (isinstance(count, int | np.integer) and 0 <= count <= MAX_COUNT):
+            raise PluginError(f'{name}: {str(count)[:40]} is not a number of 0 or more')
+    path = checked_path(answer.path, problem)
+    return SearchResult(
+        SearchStatus(answer.status),
+        int(answer.expansions),
+        int(answer.storage),
+        expanded_cells(answer.expanded, problem),
+        path,
+        float(np.hypot(*np.diff(path, axis=0).T).sum()) if len(path) else float('nan'),
+    )
+
+
+def checked_path(path: Any, problem: SearchProblem) -> NDArray[np.int32]:  # noqa: ANN401
+    """Return a plug-in's path as int32 [n, 2], n at most the cells of the map.
+
+    Raises PluginError.
+    """
+    cells = np.asarray(path)
+    if cells.size == 0:
+        return empty_path()
+    if cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in 'iu':
+        raise PluginError(f'path: {cells.dtype} {cells.shape} is not whole numbers [n, 2]')
+    if len(cells) > problem.grid.blocked.size:
+        raise PluginError(f'path: has {len(cells)} cells, more than the map')
+    if cells.min() < 0 or cells.max() > MAX_COORDINATE:
+        raise PluginError('path: leaves the map')
+    return cells.astype(np.int32)
+
+
+def expanded_cells(expanded: Any, problem: SearchProblem) -> NDArray[np.bool_]:  # noqa: ANN401
+    """Return a copy of a plug-in's picture of expanded cells, [0, 0] where none is wanted.
+
+    Without a picture no cell is expanded. Raises PluginError for one of another shape.
+    """
+    shape = problem.grid.blocked.shape if problem.want_expanded else (0, 0)
+    picture = np.asarray(expanded, dtype=np.bool_)
+    if picture.size == 0 or not problem.want_expanded:
+        return np.zeros(shape, dtype=np.bool_)
+    if picture.shape != shape:
+        raise PluginError(f'expanded: has shape {picture.shape}, the map {shape}')
+    return picture.copy()
