@@ -3,6 +3,7 @@
 import contextlib
 import threading
 import time
+import weakref
 from types import SimpleNamespace
 from unittest.mock import Mock
 
@@ -93,6 +94,15 @@ def test_a_wait_ends_when_what_had_arrived_is_ready(maps, rules):
     assert maps.planner.grid_map.digest == map_with((1, 1)).digest
     assert not maps.is_preparing
     assert 0.0 < maps.age < PATIENCE
+
+
+def test_the_planner_of_the_map_before_is_not_held(maps, planners):
+    for x in range(2):
+        maps.take(map_with((x, 0)))
+        assert maps.wait(PATIENCE, always)
+        wait_for(lambda: len(planners) == x + 1, 'the planner')  # noqa: B023
+    before = weakref.ref(planners.pop(0))
+    wait_for(lambda: before() is None, 'the end of the planner')
 
 
 def test_of_maps_that_come_faster_than_they_can_be_prepared_the_newest_wins(maps, rules, planners):

@@ -24,6 +24,8 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from llm_astar_planner.nodes.common.memory import limit_heaps
+
 # What a user can correct at start: printed as one line, never as a traceback.
 USER_ERRORS = (LlmAstarError, InvalidParameterTypeException, InvalidParameterValueException)
 
@@ -174,6 +176,7 @@ def run_node(
     """Spin a node until SIGINT or SIGTERM; return 0 then, and 2 if it cannot start."""
     executor: Executor | None = None
     prepare_log_folder()
+    limit_heaps()
     try:
         rclpy.init(args=args)
         check_arguments(args)

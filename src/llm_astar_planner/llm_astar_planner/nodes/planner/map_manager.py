@@ -13,6 +13,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.nodes.common.memory import return_freed_memory
 from llm_astar_planner.nodes.planner.map_arrivals import MapArrivals
 from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler
 from llm_astar_planner.planning.path_validator import CollisionChecker
@@ -162,24 +163,34 @@ class MapManager:
 
     def work(self) -> None:
         """Prepare what is newest, until closed."""
+        shape: tuple[int, ...] = ()
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._closing or self._requested > self._prepared)
                 if self._closing:
                     return
-                number, grid_map, arrived = self._requested, self._grid_map, self._arrived
-            before = self.planner
-            if grid_map is not None and self._compiler is not None:
-                self._compiler.wait(Compiled.USUAL, lambda: not self._closing)
-            planner = self.make_planner(grid_map, before)
-            with self._changed:
-                if planner is not None:
-                    self.newest = PlanningMap(planner, arrived)
-                self._prepared = number
-                self.is_preparing = self._requested > number
-                self._changed.notify_all()
-            if planner is not None and planner is not before:
-                self._on_planner(planner)
+            self.prepare_newest()
+            newest = self.newest
+            if newest is not None and newest.planner.grid_map.cells.shape != shape:
+                shape = newest.planner.grid_map.cells.shape
+                return_freed_memory()
+
+    def prepare_newest(self) -> None:
+        """Prepare what is newest. No planner but the newest is held afterwards."""
+        with self._changed:
+            number, grid_map, arrived = self._requested, self._grid_map, self._arrived
+        before = self.planner
+        if grid_map is not None and self._compiler is not None:
+            self._compiler.wait(Compiled.USUAL, lambda: not self._closing)
+        planner = self.make_planner(grid_map, before)
+        with self._changed:
+            if planner is not None:
+                self.newest = PlanningMap(planner, arrived)
+            self._prepared = number
+            self.is_preparing = self._requested > number
+            self._changed.notify_all()
+        if planner is not None and planner is not before:
+            self._on_planner(planner)
 
     def make_planner(self, grid_map: GridMap | None, before: Planner | None) -> Planner | None:
         """Return a planner that is ready, `before` if that serves; None for a map refused."""
