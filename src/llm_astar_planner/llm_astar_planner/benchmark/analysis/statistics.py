@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 DRAWS = 2000
+# Numbers of maps that are drawn at a time, over all draws.
+MAX_DRAWN = 2_000_000
 LEVEL = 0.95
 # Lengths that differ by less than this share count as equal.
 LENGTH_TOLERANCE = 1e-9
@@ -67,8 +69,14 @@ def bootstrap_means(
         return np.full(DRAWS, np.nan)
     # The same seed draws the same maps, so methods run on the same maps stay paired.
     random = np.random.default_rng(seed)
-    times = random.multinomial(len(sums), np.full(len(sums), 1.0 / len(sums)), size=DRAWS)
-    return np.asarray(times @ sums / (times @ counts))
+    chances = np.full(len(sums), 1.0 / len(sums))
+    means = []
+    # Of many maps few draws at a time: all would take gigabytes.
+    block = max(1, MAX_DRAWN // len(sums))
+    for begin in range(0, DRAWS, block):
+        times = random.multinomial(len(sums), chances, size=min(block, DRAWS - begin))
+        means.append(times @ sums / (times @ counts))
+    return np.concatenate(means)
 
 
 def middle_of(value: float, means: NDArray[np.float64]) -> Interval:

@@ -1,6 +1,7 @@
 """Statistics equal their formulas; intervals draw whole maps and widen for correlated samples."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -36,6 +37,17 @@ def test_samples_of_one_map_do_not_count_as_independent():
     clustered = mean_interval(numbers, maps)
     alone = mean_interval(numbers, np.arange(len(numbers)))
     assert clustered.high - clustered.low > 2 * (alone.high - alone.low)
+
+
+def test_the_draws_of_many_maps_are_made_in_parts_which_changes_no_interval(monkeypatch):
+    data = values(np.random.default_rng(0), 3000, 1, 1.0)
+    tracemalloc.start()
+    interval = mean_interval(*data)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 45e6  # all draws at once take 48 MB twice
+    monkeypatch.setattr('llm_astar_planner.benchmark.analysis.statistics.MAX_DRAWN', 10**9)
+    assert mean_interval(*data) == pytest.approx(interval, rel=1e-12)
 
 
 def test_about_95_of_100_intervals_hold_the_truth():
