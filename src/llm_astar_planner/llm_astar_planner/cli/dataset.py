@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from llm_astar_msgs_adapter.bags.messages import GET_PLAN_EVENT, MAP
-from llm_astar_msgs_adapter.maps.barrier_map import save_barrier_maps
 
-from llm_astar_planner.benchmark.datasets.generate import GenerationError, MapRules, generate
-from llm_astar_planner.benchmark.datasets.samples import load_samples
+from llm_astar_planner.benchmark.datasets.generate import GenerationError, MapRules
+from llm_astar_planner.benchmark.datasets.named import (
+    BARRIERS,
+    GENERATED,
+    DrawRules,
+    draw_family,
+)
+from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_samples, save_maps
 from llm_astar_planner.benchmark.datasets.validate import validate_file
 from llm_astar_planner.cli.map_files import add_dataset_options
 from llm_astar_planner.resources import find_file
@@ -19,6 +25,7 @@ from llm_astar_planner.resources import find_file
 EPILOG = """\
 examples:
   llm-astar dataset generate --seed 7 --maps 20 --out maps.json --pictures out/maps
+  llm-astar dataset generate --family floors --scale 2 --out floors.json
   llm-astar dataset check maps.json
   llm-astar dataset to-bag --map samples_1000.json --map-ids 50-59 --out out/samples
 
@@ -33,14 +40,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     make = actions.add_parser(
         'generate', help='generate a dataset; the same seed gives the same one'
     )
+    make.add_argument(
+        '--family', choices=GENERATED,
+        help=f'kind of maps: {BARRIERS} as in the paper, or grids ({BARRIERS})',
+    )  # fmt: skip
     make.add_argument('--seed', type=int, default=0, help='seed of the maps (0)')
     make.add_argument('--maps', type=int, default=100, metavar='N', help='number of maps (100)')
     make.add_argument(
         '--pairs', type=int, default=10, metavar='N', help='start-goal pairs per map (10)'
     )
     make.add_argument(
-        '--size', type=int, nargs=2, default=(50, 30), metavar=('W', 'H'),
-        help='largest coordinates (50 30)',
+        '--size', type=int, nargs=2, metavar=('W', 'H'),
+        help='largest coordinates, of barriers alone (50 30)',
+    )  # fmt: skip
+    make.add_argument(
+        '--scale', type=int, default=1, metavar='K',
+        help='cells a unit of the maps, as --scales of bench makes them (1)',
     )  # fmt: skip
     make.add_argument('--out', required=True, metavar='FILE', help='the JSON file to write')
     make.add_argument('--pictures', metavar='DIR', help='also draw every map into this folder')
@@ -66,11 +81,8 @@ def run(args: argparse.Namespace) -> int:
 
 def generate_dataset(args: argparse.Namespace) -> int:
     """Generate a dataset. Raises GenerationError."""
-    if args.maps < 1 or args.pairs < 1:
-        raise GenerationError('--maps and --pairs: the minimum is 1')
-    rules = MapRules(size=tuple(args.size), pairs=args.pairs)
-    maps = list(generate(args.seed, args.maps, rules))
-    save_barrier_maps(maps, args.out)
+    maps = drawn_maps(args)
+    save_maps(maps, args.out)
     print(f'{args.out}: {len(maps)} maps, {len(maps) * args.pairs} samples, seed {args.seed}')
     if args.pictures:
         # Only drawing needs matplotlib.
@@ -78,6 +90,17 @@ def generate_dataset(args: argparse.Namespace) -> int:
 
         print(f'{args.pictures}: {len(save_map_pictures(maps, args.pictures))} pictures')
     return OK
+
+
+def drawn_maps(args: argparse.Namespace) -> list[ProblemMap]:
+    """Draw the maps that the options ask for. Raises GenerationError."""
+    family = args.family or BARRIERS
+    if args.size is not None and family != BARRIERS:
+        raise GenerationError(f'--size is of {BARRIERS}; --scale makes {family} larger')
+    size = MapRules.size if args.size is None else tuple(args.size)
+    maps = draw_family(family, DrawRules(args.seed, args.maps, args.pairs, size), args.scale)
+    # Without an option the file is as the paper's is, which names no family.
+    return [replace(item, family=args.family or '') for item in maps]
 
 
 def check_dataset(args: argparse.Namespace) -> int:

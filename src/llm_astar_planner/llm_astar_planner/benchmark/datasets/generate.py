@@ -18,6 +18,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Point, Sample
 from numpy.typing import NDArray
 
+from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search.paper import SearchOptions, astar
 from llm_astar_planner.search.result import SearchStatus
@@ -66,12 +67,14 @@ def generate(seed: int, maps: int = 100, rules: MapRules | None = None) -> Itera
         yield draw_map(draw, map_id, rules)
 
 
-def detour(barrier_map: BarrierMap) -> float:
+def detour(barrier_map: ProblemMap) -> float:
     """Return the mean over the samples of shortest path / shortest path on an empty map.
 
-    It is infinite where a sample has no path, and 1 where no barrier is in the way.
+    It is infinite where a sample has no path, and 1 where no barrier is in the way. Corners may be
+    cut on barrier maps alone.
     """
-    blocked, options = barrier_map.to_grid().blocked(), SearchOptions(heuristic='octile')
+    blocked = barrier_map.to_grid().blocked()
+    options = SearchOptions('octile', corner_cutting=isinstance(barrier_map, BarrierMap))
     ratios = []
     for sample in barrier_map.samples:
         start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)

@@ -31,11 +31,15 @@ MAX_PAIRS, MAX_SAMPLES = 1000, 1_000_000
 
 @dataclass(frozen=True)
 class DrawRules:
-    """How many maps of a generated family are drawn, with how many pairs each, by which seed."""
+    """How many maps of a generated family are drawn, with how many pairs each, by which seed.
+
+    `size` are the largest coordinates of maps of barriers.
+    """
 
     seed: int = 0
     maps: int = DEFAULT_MAPS
     pairs: int = DEFAULT_PAIRS
+    size: tuple[int, int] = MapRules.size
 
 
 @dataclass(frozen=True)
@@ -123,9 +127,21 @@ def paper_file(path: Path) -> Path:
 
 def draw_family(name: str, rules: DrawRules, scale: int = 1) -> list[ProblemMap]:
     """Draw the maps of a generated family at a scale. Raises GenerationError."""
+    check_size(name, rules, scale)
+    if name == BARRIERS:
+        drawn = generate(rules.seed, rules.maps, MapRules(size=rules.size, pairs=rules.pairs))
+        return [replace(item.scale(scale), family=BARRIERS) for item in drawn]
+    if rules.seed < 0:
+        raise GenerationError('--seed: the minimum is 0')
+    grids = families.generate_family(name, rules.seed, rules.maps, rules.pairs)
+    return [item.scale(scale) for item in grids]
+
+
+def check_size(name: str, rules: DrawRules, scale: int) -> None:
+    """Raise GenerationError where a family would have no map, or too much of something."""
     if min(rules.maps, rules.pairs, scale) < 1:
         raise GenerationError('--maps, --pairs and --scale: the minimum is 1')
-    width, height = MapRules().size if name == BARRIERS else (families.DEFAULT_SIDE,) * 2
+    width, height = rules.size if name == BARRIERS else (families.DEFAULT_SIDE,) * 2
     if rules.maps * width * height * scale**2 > MAX_CELLS:
         raise GenerationError(
             f'--maps {rules.maps}: at scale {scale} they have over {MAX_CELLS} cells; choose fewer'
@@ -134,8 +150,3 @@ def draw_family(name: str, rules: DrawRules, scale: int = 1) -> list[ProblemMap]
         raise GenerationError(
             f'--maps, --pairs: over {MAX_PAIRS} pairs of a map or {MAX_SAMPLES} samples'
         )
-    if name == BARRIERS:
-        drawn = generate(rules.seed, rules.maps, MapRules(pairs=rules.pairs))
-        return [replace(item.scale(scale), family=BARRIERS) for item in drawn]
-    grids = families.generate_family(name, rules.seed, rules.maps, rules.pairs)
-    return [item.scale(scale) for item in grids]

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample, load_barrier_maps
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
 from numpy.typing import NDArray
 
 from llm_astar_planner.benchmark.datasets.generate import detour, query_sentence
+from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search.visibility import LineOfSightChecker
+
+# Samples of a map whose detour is measured, the first ones.
+MEASURED_SAMPLES = 20
 
 
 class DatasetProblem(NamedTuple):
@@ -38,27 +43,31 @@ class DatasetSummary(NamedTuple):
 def validate_file(path: str | Path) -> tuple[DatasetSummary, list[DatasetProblem]]:
     """Load a dataset file and validate every sample.
 
-    Raises BarrierMapError, which names file, map and field, where the file is malformed.
+    Raises BarrierMapError, GridProblemError or MovingAiError, which name the file, the map and
+    the field, where it is malformed.
     """
-    maps = load_barrier_maps(path)
+    maps = load_maps(path)
     return summarise_dataset(maps), list(validate_maps(maps))
 
 
-def summarise_dataset(maps: Sequence[BarrierMap]) -> DatasetSummary:
+def summarise_dataset(maps: Sequence[ProblemMap]) -> DatasetSummary:
     """Count maps and samples; measure the detours on maps without errors."""
     samples = sum(len(barrier_map.samples) for barrier_map in maps)
     solvable = [m for m in maps if m.samples and not any(p.error for p in validate_maps([m]))]
-    return DatasetSummary(len(maps), samples, tuple(detour(m) for m in solvable))
+    measured = [replace(m, samples=m.samples[:MEASURED_SAMPLES]) for m in solvable]
+    return DatasetSummary(len(maps), samples, tuple(detour(m) for m in measured))
 
 
-def validate_maps(maps: Sequence[BarrierMap]) -> Iterator[DatasetProblem]:
+def validate_maps(maps: Sequence[ProblemMap]) -> Iterator[DatasetProblem]:
     """Yield the problems of maps and of their samples."""
     for barrier_map in maps:
         where = f'map {barrier_map.id}'
         if not barrier_map.samples:
             yield DatasetProblem(False, where, 'has no samples')
         blocked = barrier_map.to_grid().blocked()
-        labels, _ = ndimage.label(~blocked, structure=np.ones((3, 3)))
+        # On grids a diagonal move needs both adjacent cells free, so these decide.
+        neighbours = np.ones((3, 3)) if isinstance(barrier_map, BarrierMap) else None
+        labels, _ = ndimage.label(~blocked, structure=neighbours)
         line_of_sight = LineOfSightChecker(blocked)
         seen: set[tuple[object, object]] = set()
         for pair, sample in enumerate(barrier_map.samples):
@@ -71,7 +80,7 @@ def validate_maps(maps: Sequence[BarrierMap]) -> Iterator[DatasetProblem]:
 
 def validate_sample(
     where: str,
-    barrier_map: BarrierMap,
+    barrier_map: ProblemMap,
     sample: Sample,
     labels: NDArray[np.int32],
     line_of_sight: LineOfSightChecker,
@@ -92,6 +101,9 @@ def validate_sample(
         yield DatasetProblem(False, where, f'start and goal are both {start}')
     elif line_of_sight.clear([start], [goal])[0]:
         yield DatasetProblem(False, where, 'the straight line from start to goal is free')
-    expected = query_sentence(barrier_map, sample.start, sample.goal)
-    if sample.query and sample.query != expected:
+    if (
+        isinstance(barrier_map, BarrierMap)
+        and sample.query
+        and sample.query != query_sentence(barrier_map, sample.start, sample.goal)
+    ):
         yield DatasetProblem(False, where, 'the query does not describe this map and pair')

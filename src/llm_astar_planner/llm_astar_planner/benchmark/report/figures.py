@@ -16,6 +16,7 @@ from llm_astar_planner.benchmark.analysis.run_comparison import RunComparison
 from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import Growth, VariantSummary
 from llm_astar_planner.benchmark.analysis.trace import trace
+from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.benchmark.report.sentences import variant_label
 from llm_astar_planner.benchmark.results import WAYPOINTS_ONLY, Variant
 from llm_astar_planner.search.result import Cell, describe_expansions
@@ -152,7 +153,7 @@ def showcase_figure(
     return figure
 
 
-def save_map_pictures(maps: Sequence[BarrierMap], folder: str | Path) -> list[Path]:
+def save_map_pictures(maps: Sequence[ProblemMap], folder: str | Path) -> list[Path]:
     """Write one PNG per map with its start-goal pairs numbered; return the files."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -164,7 +165,7 @@ def save_map_pictures(maps: Sequence[BarrierMap], folder: str | Path) -> list[Pa
     return paths
 
 
-def map_figure(barrier_map: BarrierMap) -> Figure:
+def map_figure(barrier_map: ProblemMap) -> Figure:
     """Draw a map with its start-goal pairs numbered, starts blue and goals pink."""
     blocked = barrier_map.to_grid().blocked()
     height, width = blocked.shape
