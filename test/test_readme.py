@@ -32,6 +32,7 @@ CANNOT_RUN = {
     r'git clone|sudo apt-get|make install|\. \.venv': 'the checkout and its environment are here',
     r'make train|\.venv/bin/|PYTHONPATH=training|cp out/training': 'hours of training',
     r'pip install': 'installs packages',
+    r'llm-astar plan --source sidestep': 'needs what pip installs; test_plugins.py installs it',
     r'docker ': 'no Docker here; test_dockerfile.py looks at the Dockerfile',
     r'colcon|\. install/setup.bash|ros2 |rviz2 ': 'needs a sourced ROS',
     r'export \w+_API_KEY|llm-astar .*(llm_openai|--source endpoint)': 'needs a key',
@@ -131,7 +132,7 @@ def shortened(command):
 
 def write_files(folder):
     """Write what a reader has: the clone's folders, maps, a transcript, and bags of drives."""
-    for name in ('config', 'maps', 'benchmarks'):
+    for name in ('config', 'maps', 'benchmarks', 'examples'):
         (folder / name).symlink_to(ROOT / name)
     shutil.copytree(ROOT / 'docs', folder / 'docs', ignore=shutil.ignore_patterns('images'))
     write_depot(folder)

@@ -29,6 +29,7 @@ from llm_astar_planner.benchmark.runner.engine import (
 from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, SourceSpec, embedded_sources
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.baselines import baseline_sources
+from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply, WaypointSource
 from tqdm import tqdm
 
@@ -111,7 +112,10 @@ def figures(name: str, maps: Sequence[ProblemMap], scale: int = 1) -> Figures:
     """Run every source on one kind of map."""
     baselines = baseline_sources()
     chosen = ('straight', 'oracle') if isinstance(maps[0], BarrierMap) else GRID_BASELINES
-    others = [*embedded_sources(), *(SourceSpec(baselines[item], item) for item in chosen)]
+    others = [
+        *embedded_sources(SourceSettings()),
+        *(SourceSpec(baselines[item], item) for item in chosen),
+    ]
     timed = {item.name: TimedSource(item.source) for item in others if item.source}
     sources = [SourceSpec(), *(SourceSpec(source, called) for called, source in timed.items())]
     variants = list_variants((WAYPOINTS_ONLY, 'llm_astar', 'guided'), sources)
@@ -131,7 +135,7 @@ def figures(name: str, maps: Sequence[ProblemMap], scale: int = 1) -> Figures:
 
 def kind_row(name: str, found: Figures) -> tuple[str, ...]:
     """Return the row of HEAD's table for one kind of map."""
-    greedy, best = (spec.name for spec in embedded_sources())
+    greedy, best = (spec.name for spec in embedded_sources(SourceSettings()))
     guided = found.guided[best]
     return (
         name,

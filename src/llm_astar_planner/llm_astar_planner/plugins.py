@@ -90,7 +90,8 @@ class Guard:
             raise TimeoutError(f'had not come back after {time.monotonic() - begin:.2f} s')
         if call.problem is not None:
             raise PluginError(call.problem)
-        return call.result
+        result: _T = call.result
+        return result
 
     def log(self, problem: Exception) -> None:
         """Log a failure, unless it was logged before or many others were."""

@@ -44,7 +44,9 @@ EFFECT_SENTENCES = {
 
 def method_label(method: str) -> str:
     """Return a method's name for people."""
-    return METHOD_LABELS.get(method, method.replace('_', ' '))
+    # Of a plug-in it may be code.
+    plain = method if ':' in method else method.replace('_', ' ')
+    return METHOD_LABELS.get(method, plain)
 
 
 def variant_label(variant: Variant) -> str:

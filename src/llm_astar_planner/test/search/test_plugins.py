@@ -1,0 +1,223 @@
+"""Search methods of other packages: the protocol, and what a plan makes of one that fails."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import PlanRequest, ResultCode
+from llm_astar_planner.plugins import MAX_LATE
+from llm_astar_planner.search.astar import exact_method
+from llm_astar_planner.search.methods import (
+    METHODS,
+    SEARCH_METHODS,
+    WAYPOINT_METHODS,
+    uses_waypoints,
+)
+from llm_astar_planner.search.paper import PAPER_METHODS, SearchOptions
+from llm_astar_planner.search.plugins import make_plugin_method
+from llm_astar_planner.search.problem import SearchProblem, search_method
+from llm_astar_planner.search.result import SearchResult, SearchStatus
+from llm_astar_planner.waypoints.fixed import FixedReply
+
+CELLS = np.zeros((20, 20), dtype=np.int8)
+CELLS[4:, 10] = 100
+PLANNER = Planner(GridMap(CELLS)).prepare()
+START, GOAL = (3, 15), (16, 15)
+NONE = np.zeros((0, 0), dtype=np.bool_)
+NAME = 'tests:method'
+
+
+@pytest.fixture
+def plan(monkeypatch):
+    """Plan with a function as a plug-in's method."""
+
+    def run(function, **fields):
+        method = make_plugin_method(NAME, function)
+        monkeypatch.setitem(SEARCH_METHODS.loaded, NAME, method)
+        return PLANNER.plan(PlanRequest(START, GOAL, NAME, **fields))
+
+    return run
+
+
+def found(path=(), expansions=1, storage=1, expanded=NONE, status=SearchStatus.FOUND):
+    return SearchResult(status, expansions, storage, expanded, path)
+
+
+def raises(error):
+    def search(problem):
+        raise error
+
+    return search
+
+
+def test_a_plug_in_plans_as_the_method_that_it_calls(plan):
+    ours = PLANNER.plan(PlanRequest(START, GOAL, 'exact_astar'))
+    theirs = plan(exact_method)
+    assert theirs.code is ResultCode.NONE
+    assert theirs.length == pytest.approx(ours.length)
+    assert (theirs.expansions, theirs.storage) == (ours.expansions, ours.storage)
+    assert (theirs.expanded == ours.expanded).all()
+    assert ours.suboptimality_bound == 1.0
+    assert np.isnan(theirs.suboptimality_bound), 'nobody has proven a bound'
+    through = plan(exact_method, via=((3, 2), (16, 2)), want_expanded=False)
+    assert (through.code, through.expanded.shape) == (ResultCode.NONE, (0, 0))
+
+
+def test_a_plug_in_gets_waypoints_only_where_it_wants_some(plan):
+    seen = []
+
+    def search(problem):
+        seen.append(list(problem.waypoints))
+        return exact_method(problem)
+
+    # On the free cells, on the wall, off the map.
+    source = FixedReply('[[10, 2], [10, 10], [99, 99]]')
+    wanted = plan(search_method(uses_waypoints=True)(search), source=source)
+    assert wanted.guided_by == 'reply'
+    assert [point.status.value for point in wanted.checked_waypoints] == [
+        'accepted', 'occupied', 'out_of_bounds'
+    ]  # fmt: skip
+    del search.uses_waypoints
+    unwanted = plan(search, source=source)
+    assert seen == [[(10.0, 2.0)], []]
+    assert unwanted.reply.detail == f'{NAME} uses no waypoints'
+
+
+@pytest.mark.parametrize(
+    ('search', 'words'),
+    [
+        (raises(ValueError('no idea')), r'ValueError: no idea \(test_plugins.py, line'),
+        (raises(SystemExit(2)), 'SystemExit: 2'),
+        (raises(KeyboardInterrupt()), 'KeyboardInterrupt'),
+        (raises(TimeoutError('mine')), 'TimeoutError: mine'),
+        (lambda problem: [[3, 15], [16, 15]], 'returned list, not a SearchResult'),
+        (lambda problem: None, 'returned NoneType, not a SearchResult'),
+        (lambda problem: found([[float('nan'), 1.0]]), r'path: float64 \(1, 2\) is not whole'),
+        (lambda problem: found([[1, 2, 3]]), 'is not whole numbers'),
+        (lambda problem: found('path'), 'is not whole numbers'),
+        (lambda problem: found(np.ones((10**6, 2), int)), 'has 1000000 cells, more than the map'),
+        (lambda problem: found([[-1, 0]]), 'path: leaves the map'),
+        (lambda problem: found([[2**32 + 3, 15]]), 'path: leaves the map'),
+        (lambda problem: found([[3, 15]], expansions=-1), 'expansions: -1 is not'),
+        (lambda problem: found([[3, 15]], expansions=float('nan')), 'expansions: nan is not'),
+        (lambda problem: found([[3, 15]], storage=None), 'storage: None is not'),
+        (lambda problem: found(status='FINE'), "'FINE' is not a valid SearchStatus"),
+        (lambda problem: found(expanded=np.ones((3, 3))), r'expanded: has shape \(3, 3\)'),
+        (lambda problem: iter(()), 'returned tuple_iterator'),
+        (lambda problem: (one for one in ()), 'yielded no result'),
+        (lambda problem: (one for one in [3]), 'returned int, not a SearchResult'),
+        (lambda problem: problem.blocked.fill(True), 'read-only'),
+        (lambda problem: found([[3, 15], [16, 15]]), 'withheld: it jumps after'),
+        (lambda problem: found([[x, 15] for x in range(3, 17)]), 'withheld: it hits an obstacle'),
+        (lambda problem: found(), 'withheld: it is empty'),
+    ],
+)
+def test_a_plug_in_that_fails_costs_its_plan_only_and_is_named(plan, search, words):
+    before = PLANNER.costmap.blocked.copy()
+    failed = plan(search)
+    assert failed.code is ResultCode.UNKNOWN
+    assert len(failed.path) == 0
+    assert failed.method == NAME
+    with pytest.raises(AssertionError, match=words):
+        raise AssertionError(failed.message)
+    assert 'withheld' in failed.message or failed.message.startswith(f'search method {NAME}: ')
+    assert (PLANNER.costmap.blocked == before).all()
+    assert PLANNER.plan(PlanRequest(START, GOAL)).code is ResultCode.NONE
+
+
+def test_a_length_and_a_bound_are_never_believed(plan):
+    honest = PLANNER.plan(PlanRequest(START, GOAL, 'exact_astar'))
+
+    def boast(problem):
+        result = exact_method(problem)
+        return SearchResult(SearchStatus.FOUND, 1, 1, NONE, result.path, 0.5)
+
+    assert plan(boast).length == pytest.approx(honest.length)
+
+
+def test_a_generator_yields_better_paths_and_the_last_one_counts(monkeypatch):
+    direct = exact_method(SearchProblem(PLANNER.costmap.grid_graph, START, GOAL))
+    detour = np.concatenate([direct.path[:1], direct.path[1::-1], direct.path[1:]])
+
+    def search(problem):
+        yield found(detour, 7)
+        yield found(direct.path, 20)
+
+    monkeypatch.setitem(SEARCH_METHODS.loaded, NAME, make_plugin_method(NAME, search))
+    *better, last = PLANNER.plans(PlanRequest(START, GOAL, NAME))
+    assert [plan.expansions for plan in better] == [7, 20]
+    assert better[0].length > better[1].length == last.length
+    assert not better[0].is_final
+    assert (last.is_final, last.expansions) == (True, 20)
+
+
+def test_a_plug_in_that_hangs_is_left_behind_and_what_it_yielded_is_kept(plan):
+    released = threading.Event()
+
+    def hang(problem):
+        released.wait(60.0)
+        return exact_method(problem)
+
+    def yields_and_hangs(problem):
+        yield exact_method(problem)
+        released.wait(60.0)
+
+    assert plan(yields_and_hangs, time_limit=0.3).code is ResultCode.NONE
+    method = make_plugin_method(NAME, hang)
+    SEARCH_METHODS.loaded[NAME] = method
+    for _ in range(MAX_LATE):
+        late = PLANNER.plan(PlanRequest(START, GOAL, NAME, time_limit=0.05))
+        assert late.code is ResultCode.TIMEOUT
+    refused = PLANNER.plan(PlanRequest(START, GOAL, NAME, time_limit=5.0))
+    assert refused.code is ResultCode.UNKNOWN
+    assert f'not called, since {MAX_LATE} calls of it have not come back' in refused.message
+    released.set()
+    deadline = time.monotonic() + 10.0
+    while PLANNER.plan(PlanRequest(START, GOAL, NAME)).code is not ResultCode.NONE:
+        assert time.monotonic() < deadline
+
+
+def test_a_plug_in_sees_that_it_is_cancelled(plan):
+    stop = np.zeros(1, dtype=np.uint8)
+
+    def search(problem):
+        stop[0] = 1
+        while not problem.stop[0]:
+            time.sleep(0.001)
+        return found([], 5, status=SearchStatus.STOPPED)
+
+    SEARCH_METHODS.loaded[NAME] = make_plugin_method(NAME, search)
+    cancelled = PLANNER.plan(PlanRequest(START, GOAL, NAME), stop)
+    assert (cancelled.code, cancelled.expansions) == (ResultCode.TIMEOUT, 5)
+    assert 'cancelled after 5 expansions' in cancelled.message
+
+
+def test_a_name_that_was_not_loaded_is_no_method():
+    for name in ('os:getcwd', 'dijkstra', 'llm_astar_planner.search.astar:exact_method'):
+        plan = PLANNER.plan(PlanRequest(START, GOAL, name, FixedReply('[[1, 1]]')))
+        assert plan.code is ResultCode.INVALID_PLANNER
+        assert name in plan.message
+        assert name not in SEARCH_METHODS.loaded
+
+
+def test_every_method_of_the_package_comes_from_the_same_table_and_is_called_alike():
+    assert tuple(SEARCH_METHODS.own) == METHODS
+    grid = PLANNER.costmap.grid_graph
+    for name in METHODS:
+        method = SEARCH_METHODS.load(name)
+        assert method.uses_waypoints == uses_waypoints(name) == (name in WAYPOINT_METHODS)
+        answer = method(SearchProblem(grid, START, GOAL, weight=2.0))
+        if not isinstance(answer, SearchResult):
+            *_, answer = answer
+        assert (answer.path[0] == START).all()
+        assert (answer.path[-1] == GOAL).all()
+    waypoints = [(10.0, 2.0)]
+    by_problem = SEARCH_METHODS.load('llm_astar')(
+        SearchProblem(grid, START, GOAL, [*waypoints, GOAL])
+    )
+    options = SearchOptions(corner_cutting=False)
+    direct = PAPER_METHODS['llm_astar'](grid.blocked, START, GOAL, [*waypoints, GOAL], options)
+    assert by_problem.expansions == direct.expansions
