@@ -94,9 +94,12 @@ setup(
         'cluster': ['dask[distributed]'],
         # `llm-astar mcp`.
         'mcp': ['mcp>=2'],
+        # `llm-astar bench --format parquet`.
+        'parquet': ['pyarrow'],
         # `llm-astar play`.
         'play': ['starlette', 'uvicorn'],
         'test': [
+            'pyarrow',
             'pytest',
             'hypothesis',
             'mcap-ros2-support',

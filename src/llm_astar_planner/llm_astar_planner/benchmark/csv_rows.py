@@ -24,7 +24,11 @@ from llm_astar_planner.benchmark.row import (
 
 # Bytes of one line.
 MAX_LINE_BYTES = 16_000_000
-# Texts that stand in many rows are kept once: so many of them, of up to so many characters.
+# Columns whose texts stand in many rows and are kept once: so many of them, of so many characters.
+SHARED_COLUMNS = (
+    'method', 'source', 'prompt', 'model', 'code', 'source_status', 'guided_by', 'verdicts', 'bag',
+    'map_digest', 'family',
+)  # fmt: skip
 MAX_SHARED, MAX_SHARED_CHARS = 10_000, 200
 KEY_COLUMNS = ('map', 'pair', 'scale', 'method', 'source', 'prompt', 'model')
 
@@ -37,27 +41,28 @@ class RowParser:
 
     def __init__(self, names: Sequence[str]) -> None:
         """Take the header. Raises ValueError for columns that are not those of a row."""
-        if list(names) != [name for name in COLUMNS if name in names or name not in ADDED_COLUMNS]:
+        if not is_header(names):
             version = llm_astar_planner.__version__
             raise ValueError(f'its columns are not those of version {version}')
-        self._names = names
-        converters: dict[str, Callable[[str], Any]] = {
-            'int': int, 'float': parse_number, 'str': self._share,
-        }  # fmt: skip
-        self._converters = [converters[COLUMNS[name]] for name in names]
-        self._key = [list(names).index(name) for name in KEY_COLUMNS]
+        self._names = tuple(names)
+        converters: dict[str, Callable[[str], Any]] = {'int': int, 'float': parse_number}
+        converters |= dict.fromkeys(SHARED_COLUMNS, self._share)
+        converters['method'] = lambda name: METHOD_ALIASES.get(name, self._share(name))
+        kinds = [name if name in SHARED_COLUMNS else COLUMNS[name] for name in names]
+        self._converters = [
+            (index, converters[kind]) for index, kind in enumerate(kinds) if kind in converters
+        ]
+        self._key = [self._names.index(name) for name in KEY_COLUMNS]
         self._shared: dict[str, str] = {}
         self._variants: dict[tuple[str, ...], Variant] = {}
 
     def row(self, cells: Sequence[str]) -> Row:
         """Return the row of a line. Raises ValueError."""
         self._check(cells)
-        values = {
-            name: convert(cell)
-            for name, convert, cell in zip(self._names, self._converters, cells)
-        }
-        values['method'] = METHOD_ALIASES.get(values['method'], values['method'])
-        return Row(**values)
+        values: list[Any] = list(cells)
+        for index, convert in self._converters:
+            values[index] = convert(values[index])
+        return Row(**dict(zip(self._names, values)))
 
     def key(self, cells: Sequence[str]) -> RowKey:
         """Return what identifies the row of a line. Raises ValueError."""
@@ -117,7 +122,7 @@ class CsvRows:
                 if wanted(row):
                     file.write(format_csv([format_row(row)]))
 
-    def keys(self) -> Iterator[tuple[int, RowKey]]:
+    def stored_keys(self) -> Iterator[tuple[int, RowKey]]:
         """Yield position and key of every complete line, in the order of the file."""
         return self._read(RowParser.key)
 
@@ -148,6 +153,11 @@ class CsvRows:
                     position = file.tell()
             except (csv.Error, ValueError) as error:
                 raise ResultsError(f'{self.path}: line {reader.line_num}: {error}') from None
+
+
+def is_header(names: Sequence[str]) -> bool:
+    """Tell whether columns are those of a row, perhaps of an older version."""
+    return list(names) == [name for name in COLUMNS if name in names or name not in ADDED_COLUMNS]
 
 
 def parse_number(text: str) -> float:

@@ -12,18 +12,23 @@ import math
 import os
 import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
+from itertools import chain, groupby
 from pathlib import Path
 from types import NoneType
 from typing import Any
 
+import numpy as np
 from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.maps.places_file import load_places
+from numpy.typing import NDArray
 
 import llm_astar_planner
 from llm_astar_planner.benchmark.csv_rows import CsvRows, format_csv, replacing
+from llm_astar_planner.benchmark.parquet_rows import ParquetRows
 from llm_astar_planner.benchmark.row import (
     ADDED_COLUMNS,
     COLUMNS,
@@ -64,6 +69,8 @@ MAPS_FILE = 'maps.json'
 # The places that instructions of the run name, if there were any.
 PLACES_FILE = 'places.geojson'
 
+# Rows of a Parquet part: so many wait in results.csv first, where a crash does not lose them.
+PART_ROWS = 16_384
 # What the fields of metadata.json are, where they are there.
 METADATA_TYPES: dict[str, tuple[type, ...]] = {
     'version': (str,), 'parameters': (dict,), 'dataset': (dict,), 'machine': (dict,),
@@ -87,11 +94,19 @@ class ResultsFolder:
         self.results = self.path / 'results.csv'
         self.transcript = self.path / 'transcript.jsonl'
         self._csv = CsvRows(self.results)
+        self._parquet = ParquetRows(self.path / 'results.parquet')
+        # Rows of results.csv that are not in a part yet; None before they are counted.
+        self._waiting: int | None = None
 
     @property
     def has_rows(self) -> bool:
         """Whether there are rows."""
-        return self._csv.has_rows
+        return self._csv.has_rows or bool(self._parquet.parts)
+
+    @property
+    def is_parquet(self) -> bool:
+        """Whether the rows go into Parquet parts, PART_ROWS at a time, by way of results.csv."""
+        return self._parquet.path.is_dir()
 
     def require_new(self) -> None:
         """Raise ResultsError where the folder already has rows."""
@@ -104,32 +119,49 @@ class ResultsFolder:
 
     def discard_results(self) -> None:
         """Remove the rows and reports of an earlier run; a transcript stays. Raises OSError."""
+        self._parquet.clear()
         for name in ('results.csv', 'summary.json', 'report.md', 'report.html', PLACES_FILE):
             (self.path / name).unlink(missing_ok=True)
         for path in (self.path / 'tables').glob('*.*'):
             path.unlink()
 
-    def start(self) -> None:
-        """Create an empty results.csv. Raises ResultsError where one exists."""
+    def start(self, *, parquet: bool = False) -> None:
+        """Create an empty results.csv, and for Parquet the folder of the parts.
+
+        Raises ResultsError where there are rows or the folder cannot be written to.
+        """
         self.require_new()
-        try:
+        with writing(self.path):
+            self._parquet.clear()
+            if parquet:
+                self._parquet.path.mkdir(parents=True)
             self._csv.clear()
-        except OSError as error:
-            raise ResultsError(f'{self.results}: {error.strerror or error}') from None
 
     def append(self, rows: Iterable[Row]) -> None:
         """Append rows to results.csv.
 
         Raises ResultsError, for example on a full disk; the rows written before are kept.
         """
-        try:
-            self._csv.append(rows)
-        except OSError as error:
-            message = (
-                f'{self.results}: {error.strerror or error}; the rows before are kept: '
-                'free some space and continue with --resume'
-            )
-            raise ResultsError(message) from None
+        added = list(rows)
+        with writing(self.results, 'the rows before are kept: free some space and continue with '
+                                   '--resume'):  # fmt: skip
+            self._csv.append(added)
+            if self.is_parquet:
+                if self._waiting is None:
+                    self._waiting = sum(1 for _ in self._csv.stored_keys())
+                else:
+                    self._waiting += len(added)
+                if self._waiting >= PART_ROWS:
+                    self._fold()
+
+    def fold(self) -> None:
+        """Move the rows that wait in results.csv into a Parquet part, if the run writes parts.
+
+        Raises ResultsError; no row is lost then.
+        """
+        with writing(self.path):
+            if self.is_parquet:
+                self._fold()
 
     def read(self) -> Iterator[Row]:
         """Yield all complete rows once, sorted by map, pair and scale, without holding them.
@@ -138,24 +170,41 @@ class ResultsFolder:
         simultaneous runs leave behind, the last one counts. Raises ResultsError: at once where
         keys cannot be read, for other columns when their row is due.
         """
-        return self._csv.rows(map(int, self._keys().positions))
+        return self._rows_at(self._keys().positions)
 
     def keep_answered(self) -> FinishedRows:
         """Drop the rows whose source never answered and return the keys of the others.
 
-        Raises ResultsError; the rows are as before then.
+        Raises ResultsError; no answered row is lost then.
         """
-        try:
-            self._csv.keep(lambda row: row.answered)
-        except OSError as error:
-            raise ResultsError(f'{self.results}: {error.strerror or error}') from None
+        with writing(self.path):
+            self._parquet.keep(is_answered)
+            self._csv.keep(is_answered)
         return FinishedRows(self._keys())
 
+    def _fold(self) -> None:
+        positions = RowKeys.of(self._csv.stored_keys()).positions
+        rows = list(self._csv.rows(map(int, positions)))
+        if rows:
+            # A crash between the two leaves rows twice, and the last of equal rows counts.
+            self._parquet.add_part(rows)
+            self._csv.clear()
+        self._waiting = 0
+
     def _keys(self) -> RowKeys:
+        """Return the keys of all rows; positions in parts are negative, beginning at -1."""
+        parts = ((~position, key) for position, key in self._parquet.stored_keys())
         try:
-            return RowKeys.of(self._csv.keys())
+            return RowKeys.of(chain(parts, self._csv.stored_keys()))
         except ValueError as error:
             raise ResultsError(f'{self.results}: {error}') from None
+
+    def _rows_at(self, positions: NDArray[np.int64]) -> Iterator[Row]:
+        for in_part, some in groupby(map(int, positions), key=lambda position: position < 0):
+            if in_part:
+                yield from self._parquet.rows(~position for position in some)
+            else:
+                yield from self._csv.rows(some)
 
     def write_json(self, name: str, values: Mapping[str, Any]) -> None:
         """Write a JSON file into the folder; NaN and infinities become null."""
@@ -168,12 +217,8 @@ class ResultsFolder:
         `name` may be in a subfolder, which is made. Raises ResultsError.
         """
         path = self.path / name
-        try:
-            with replacing(path) as file:
-                file.write(text)
-        except OSError as error:
-            message = f'{path}: {error.strerror or error}'
-            raise ResultsError(message) from None
+        with writing(path), replacing(path) as file:
+            file.write(text)
         return path
 
     def write_places(self, places: Places) -> None:
@@ -209,6 +254,21 @@ class ResultsFolder:
                 RULE_ALIASES.get(name, name): value for name, value in rules.items()
             }
         return metadata
+
+
+@contextmanager
+def writing(path: Path, advice: str = '') -> Iterator[None]:
+    """Raise ResultsError, which names the file and what to do, for an OSError."""
+    try:
+        yield
+    except OSError as error:
+        message = f'{path}: {error.strerror or error}' + (f'; {advice}' if advice else '')
+        raise ResultsError(message) from None
+
+
+def is_answered(row: Row) -> bool:
+    """Tell whether a row is final, so that a resumed run need not ask its source again."""
+    return row.answered
 
 
 def check_types(

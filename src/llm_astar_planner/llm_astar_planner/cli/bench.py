@@ -131,7 +131,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         tasks, metadata = start_run(
             folder, config, run_parameters(args, maps), resume=args.resume,
-            overwrite=args.overwrite,
+            overwrite=args.overwrite, file_format=args.format,
         )  # fmt: skip
         ids = {sample.barrier_map.id for sample in config.samples}
         kept = [item for item in maps if item.id in ids]

@@ -37,7 +37,7 @@ from llm_astar_planner.benchmark.results import (
     ResultsFolder,
     describe_run,
 )
-from llm_astar_planner.benchmark.runner.config import choose_folder, open_folder
+from llm_astar_planner.benchmark.runner.config import choose_folder, is_parquet_run, open_folder
 from llm_astar_planner.benchmark.runner.engine import Outcome, SearchSettings, Task
 from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES
 from llm_astar_planner.cli.map_files import open_places
@@ -155,7 +155,13 @@ def run(args: argparse.Namespace) -> int:
             files = [*args.bags, *([args.requests] if listed else [])]
             metadata = describe_run(files, run_parameters(args, config), deciding_files(args))
             metadata['bags'] = list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))
-            done = open_folder(folder, metadata, resume=args.resume, overwrite=args.overwrite)
+            done = open_folder(
+                folder,
+                metadata,
+                resume=args.resume,
+                overwrite=args.overwrite,
+                parquet=is_parquet_run(args.format),
+            )
         except ResultsError as error:
             return complain(args, str(error), BAD_INPUT)
         tasks = BagTasks(config)

@@ -40,6 +40,8 @@ from llm_astar_planner.benchmark.results import (
 )
 from llm_astar_planner.benchmark.runner.cluster import connect
 from llm_astar_planner.benchmark.runner.config import (
+    FORMATS,
+    LARGE_RUN,
     describe_unanswered,
     progress,
     run_into_folder,
@@ -49,6 +51,7 @@ from llm_astar_planner.benchmark.runner.engine import (
     ALL_METHODS,
     Outcome,
     Task,
+    TaskList,
     compile_once,
     list_variants,
 )
@@ -174,6 +177,12 @@ def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps 
         help='samples planned in parallel, and so also the number of simultaneous requests '
         '(default: 1, or 8 with a live source)',
     )  # fmt: skip
+    group.add_argument(
+        '--format', choices=FORMATS,
+        help='of the rows: csv, or parquet for very many, which needs pyarrow (default: csv, and '
+        f'parquet from {LARGE_RUN:,} rows on where pyarrow is installed; --resume keeps to the '
+        'format of the folder)',
+    )  # fmt: skip
     group.add_argument('--dask', metavar='ADDRESS', help='scheduler of a Dask cluster to run on')
     group.add_argument(
         '--fail-under', '--assert', type=threshold, action='append', default=[], metavar='LIMIT',
@@ -297,7 +306,7 @@ def run_into(
     args: argparse.Namespace,
     folder: ResultsFolder,
     metadata: dict[str, Any],
-    tasks: Sequence[Task] | Iterator[Task],
+    tasks: TaskList | Iterator[Task],
     sources: Sequence[SourceSpec],
     *,
     unit: str = 'sample',
@@ -307,7 +316,7 @@ def run_into(
 
     Raises ResultsError where the folder cannot be written to, and what `keep` raises.
     """
-    total = len(tasks) if isinstance(tasks, Sequence) else None
+    total = len(tasks) if isinstance(tasks, TaskList) else None
     try:
         with make_executor(args, sources) as (executor, at_once), progress(total, unit) as step:
 
@@ -323,26 +332,27 @@ def run_into(
             def run(some: Iterable[Task]) -> None:
                 run_into_folder(folder, some, executor, queued, metadata=metadata, step=finish)
 
-            run(run_timed(tasks, run) if isinstance(tasks, Sequence) else tasks)
+            run(run_timed(tasks, run) if isinstance(tasks, TaskList) else tasks)
     except KeyboardInterrupt:
         message = 'interrupted: the rows so far are kept; continue with --resume'
         return complain(args, message, INTERRUPTED)
     return OK
 
 
-def run_timed(tasks: Sequence[Task], run: Callable[[Sequence[Task]], None]) -> list[Task]:
+def run_timed(tasks: TaskList, run: Callable[[TaskList], None]) -> TaskList:
     """Run the first tasks of each scale, say how long the others take, and return those."""
     compile_once()
-    timed, others = split_timed(tasks)
+    timed, others = split_timed(tasks.scales)
     seconds = {}
     for scale, first in timed.items():
         begun = time.monotonic()
-        run(first)
+        run(tasks.at(first))
         seconds[scale] = (time.monotonic() - begun) / len(first)
-    sentence = forecast(others, seconds)
+    left = tasks.at(others)
+    sentence = forecast(left.scales, seconds)
     if sentence is not None:
         tqdm.write(sentence, file=sys.stderr)
-    return others
+    return left
 
 
 def close_run(
@@ -355,6 +365,7 @@ def close_run(
 
     maps = load_kept_maps(folder.path / MAPS_FILE)
     try:
+        folder.fold()
         folder.write_json('metadata.json', metadata)
         summary = write_report(folder, metadata, maps)
         columns = RowColumns()

@@ -51,10 +51,11 @@ def save_animation(path: str | Path, searches: Sequence[AnimatedSearch]) -> None
     takes many more than another. Raises OSError where the file cannot be written.
     """
     figure = AnimationFigure(searches)
-    frames = [figure.frame(count) for count in expansion_counts(searches)]
-    palette = palette_of(frames[-1])
+    counts = expansion_counts(searches)
+    palette = palette_of(figure.frame(counts[-1]))
+    # One at a time: a frame in all its colours takes three times the memory.
     first, *others = (
-        frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames
+        figure.frame(count).quantize(palette=palette, dither=Image.Dither.NONE) for count in counts
     )
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     first.save(

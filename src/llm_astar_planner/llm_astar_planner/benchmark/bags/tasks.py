@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from llm_astar_planner.benchmark.bags.recorded_plans import BagRequest, Recorded
 from llm_astar_planner.benchmark.bags.requests import ListedRequest, RequestReader
 from llm_astar_planner.benchmark.bags.topics import TopicSelection
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, ProblemMap
-from llm_astar_planner.benchmark.results import RowKey
+from llm_astar_planner.benchmark.results import FinishedRows
 from llm_astar_planner.benchmark.runner.engine import (
     SearchSettings,
     Task,
@@ -115,7 +115,7 @@ class BagTasks:
         self._ids = SampleIdAllocator()
         self.kept = KeptMaps()
 
-    def tasks(self, done: Container[RowKey]) -> Iterator[Task]:
+    def tasks(self, done: FinishedRows) -> Iterator[Task]:
         """Yield the tasks that are not `done`, bag after bag."""
         config = self._config
         for bag in config.bags:

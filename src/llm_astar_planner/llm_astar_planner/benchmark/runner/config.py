@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ from typing import Any
 from tqdm import tqdm
 
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, draw
+from llm_astar_planner.benchmark.parquet_rows import has_pyarrow
 from llm_astar_planner.benchmark.results import (
     FinishedRows,
     ResultsError,
     ResultsFolder,
     Row,
-    RowKey,
     Variant,
     describe_run,
     run_differences,
@@ -30,6 +30,7 @@ from llm_astar_planner.benchmark.runner.engine import (
     Outcome,
     SearchSettings,
     Task,
+    TaskList,
     list_variants,
     make_tasks,
     run_tasks,
@@ -37,6 +38,9 @@ from llm_astar_planner.benchmark.runner.engine import (
 from llm_astar_planner.benchmark.runner.recorded import Coverage
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 
+# How rows are stored; a run of at least so many is large.
+FORMATS = CSV, PARQUET = 'csv', 'parquet'
+LARGE_RUN = 200_000
 # Steps between two lines where the total is unknown.
 UNKNOWN_STRIDE = 100
 
@@ -63,7 +67,13 @@ class BenchmarkConfig:
     coverage: Sequence[Coverage] = ()
     identity: Mapping[str, str] | None = None
 
-    def tasks(self, done: Container[RowKey] = ()) -> list[Task]:
+    @property
+    def row_count(self) -> int:
+        """The number of rows of the whole run, or a little more."""
+        larger = min(self.scale_samples, len(self.samples)) * len(self.scales)
+        return (len(self.samples) + larger) * len(list_variants(self.methods, self.sources))
+
+    def tasks(self, done: FinishedRows | None = None) -> TaskList:
         """Return the tasks without the rows that are `done`."""
         pairs = [(sample, 1) for sample in self.samples if 1 in self.scales]
         larger = [scale for scale in self.scales if scale != 1]
@@ -96,7 +106,8 @@ def start_run(
     *,
     resume: bool,
     overwrite: bool = False,
-) -> tuple[list[Task], dict[str, Any]]:
+    file_format: str | None = None,
+) -> tuple[TaskList, dict[str, Any]]:
     """Start or resume a results folder; return the tasks left and the run's metadata.
 
     Raises ResultsError where the folder holds rows of another dataset, version or seed.
@@ -108,17 +119,34 @@ def start_run(
     if config.coverage:
         metadata['replays'] = [item.to_json() for item in config.coverage]
         metadata['notes'] = [item.sentence() for item in config.coverage]
-    done = open_folder(folder, metadata, resume=resume, overwrite=overwrite)
+    parquet = is_parquet_run(file_format, config.row_count)
+    done = open_folder(folder, metadata, resume=resume, overwrite=overwrite, parquet=parquet)
     return config.tasks(done), metadata
 
 
+def is_parquet_run(file_format: str | None, rows: int = 0) -> bool:
+    """Tell whether a new run of so many rows is written to Parquet parts.
+
+    Without a format in FORMATS large runs are, if pyarrow is installed. Raises ResultsError for
+    parquet where it is not.
+    """
+    if file_format == PARQUET and not has_pyarrow():
+        raise ResultsError('--format parquet needs pyarrow: pip install pyarrow')
+    return file_format == PARQUET or (file_format is None and rows >= LARGE_RUN and has_pyarrow())
+
+
 def open_folder(
-    folder: ResultsFolder, metadata: dict[str, Any], *, resume: bool, overwrite: bool = False
+    folder: ResultsFolder,
+    metadata: dict[str, Any],
+    *,
+    resume: bool,
+    overwrite: bool = False,
+    parquet: bool = False,
 ) -> FinishedRows:
     """Start, replace or resume a results folder; return the keys of the finished rows.
 
-    Resuming drops the rows whose source never answered, so that it is asked again, and adds the
-    seconds spent before to `metadata`. Raises ResultsError.
+    A resumed folder keeps its format. Resuming drops the rows whose source never answered, so
+    that it is asked again, and adds the seconds spent before to `metadata`. Raises ResultsError.
     """
     if not (resume and folder.results.exists()):
         if overwrite:
@@ -126,7 +154,7 @@ def open_folder(
         folder.require_new()
         # Before results.csv: a run that is killed between the two is started again by --resume.
         folder.write_json('metadata.json', metadata)
-        folder.start()
+        folder.start(parquet=parquet)
         return FinishedRows()
     before = folder.read_metadata()
     changed = run_differences(before, metadata)

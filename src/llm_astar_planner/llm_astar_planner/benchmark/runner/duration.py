@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-from llm_astar_planner.benchmark.runner.engine import Task
-
 # The first tasks of a scale that are timed; the more there are, the better the forecast.
 TIMED_PART, MOST_TIMED = 0.02, 20
 # Tasks differ: later ones may have more to search.
@@ -15,24 +13,30 @@ MARGIN = 1.5
 WORTH_SAYING = 10.0
 
 
-def split_timed(tasks: Sequence[Task]) -> tuple[dict[int, list[Task]], list[Task]]:
-    """Return the first tasks of each scale, which are run first and timed, and the others."""
-    timed: dict[int, list[Task]] = {}
-    others: list[Task] = []
-    counts = Counter(task.scale for task in tasks)
-    for task in tasks:
-        group = timed.setdefault(task.scale, [])
-        most = min(MOST_TIMED, max(1, round(TIMED_PART * counts[task.scale])))
-        (group if len(group) < most else others).append(task)
+def split_timed(scales: Sequence[int]) -> tuple[dict[int, list[int]], list[int]]:
+    """Return the indices of the first tasks of each scale, to be timed, and of the others.
+
+    `scales` has the scale of each task.
+    """
+    timed: dict[int, list[int]] = {}
+    others: list[int] = []
+    counts = Counter(scales)
+    for index, scale in enumerate(scales):
+        group = timed.setdefault(scale, [])
+        most = min(MOST_TIMED, max(1, round(TIMED_PART * counts[scale])))
+        (group if len(group) < most else others).append(index)
     return timed, others
 
 
-def forecast(others: Sequence[Task], seconds: Mapping[int, float]) -> str | None:
-    """Say how long tasks take at most, by `seconds` a task at each scale; None if not long."""
-    longest = MARGIN * sum(seconds[task.scale] for task in others)
+def forecast(scales: Sequence[int], seconds: Mapping[int, float]) -> str | None:
+    """Say how long tasks of these scales take at most; None if not long.
+
+    `seconds` is the time of a task at each scale.
+    """
+    longest = MARGIN * sum(seconds[scale] for scale in scales)
     if longest < WORTH_SAYING:
         return None
-    return f'{len(others)} more samples, {describe_seconds(longest)} at most'
+    return f'{len(scales)} more samples, {describe_seconds(longest)} at most'
 
 
 def describe_seconds(seconds: float) -> str:

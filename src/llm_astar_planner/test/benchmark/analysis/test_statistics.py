@@ -50,6 +50,20 @@ def test_the_draws_of_many_maps_are_made_in_parts_which_changes_no_interval(monk
     assert mean_interval(*data) == pytest.approx(interval, rel=1e-12)
 
 
+def test_the_interval_over_very_many_maps_is_what_the_draws_approach(monkeypatch):
+    random = np.random.default_rng(3)
+    groups = random.integers(0, 900, 3000)
+    data = 5.0 + random.normal(size=900)[groups] + random.normal(size=3000), groups
+    drawn = mean_interval(*data)
+    monkeypatch.setattr('llm_astar_planner.benchmark.analysis.statistics.MOST_MAPS', 800)
+    normal = mean_interval(*data)
+    assert normal.value == drawn.value
+    width = drawn.high - drawn.low
+    assert normal.low == pytest.approx(drawn.low, abs=0.06 * width)
+    assert normal.high == pytest.approx(drawn.high, abs=0.06 * width)
+    assert normal != drawn
+
+
 def test_about_95_of_100_intervals_hold_the_truth():
     rng = np.random.default_rng(2)
     intervals = [mean_interval(*values(rng, 60, 3, 0.5), seed=i) for i in range(200)]

@@ -129,7 +129,7 @@ def test_rows_of_tasks_that_finish_at_once_come_in_the_order_of_the_tasks(datase
     kept = []
     run_tasks(tasks, Immediate(), len(tasks), lambda task, _: kept.append(task))
     assert len(tasks) > 3
-    assert kept == tasks
+    assert kept == list(tasks)
 
 
 def test_a_row_can_be_planned_again_to_see_what_it_expanded(dataset):

@@ -1,0 +1,82 @@
+"""Run `llm-astar bench` on many samples whose plans are made up; print its peak memory.
+
+python large_run.py FOLDER SAMPLES FORMAT runs it in two halves, the second with --resume, and
+prints the rows and the bytes of resident memory at most.
+"""
+
+import json
+import resource
+import sys
+from pathlib import Path
+
+from llm_astar_planner.benchmark.results import ResultsFolder, Row
+from llm_astar_planner.benchmark.runner import engine
+from llm_astar_planner.cli.main import main
+
+PAIRS = 20
+# A path as long as those of the paper's maps.
+PATH = '5,5;11,12;17,18;23,18;29,25;35,31;41,28;45,20'
+
+
+def write_dataset(path: Path, samples: int) -> None:
+    """Write maps with one barrier and PAIRS samples each."""
+    pairs = [[[1, 1], [49, 29]] for _ in range(PAIRS)]
+    maps = (
+        {'id': number, 'range_x': [0, 51], 'range_y': [0, 31],
+         'horizontal_barriers': [[10, 0, 25]], 'vertical_barriers': [], 'start_goal': pairs}
+        for number in range(samples // PAIRS)
+    )  # fmt: skip
+    path.write_text('[' + ',\n'.join(map(json.dumps, maps)) + ']')
+
+
+def made_up(task: engine.Task) -> list[engine.Outcome]:
+    """Return rows that differ by sample and variant, as fast as they can be made."""
+    number = 31 * task.sample.barrier_map.id + task.sample.pair
+    work = {variant: 100.0 + number % 97 + 3 * index for variant, index in task.variants}
+    return [
+        engine.Outcome(
+            Row(
+                *task.sample.key, task.scale, *variant, 'NONE', operation, operation,
+                50.0 + number % 7, 0.001, 0.002,
+                waypoints='10,12;30,25', verdicts='accepted;occupied',
+                path=f'{PATH};{number},{task.sample.pair}', ratio=1.01, clearance=0.5, turns=7.0,
+            )
+        )
+        for variant, operation in work.items()
+    ]  # fmt: skip
+
+
+def interrupt_after(rows: int) -> None:
+    """Raise KeyboardInterrupt where so many rows have been written."""
+    append, written = ResultsFolder.append, 0
+
+    def counted(folder, some):
+        nonlocal written
+        some = list(some)
+        append(folder, some)
+        written += len(some)
+        if written > rows:
+            ResultsFolder.append = append
+            raise KeyboardInterrupt
+
+    ResultsFolder.append = counted
+
+
+def run(folder: Path, samples: int, file_format: str) -> dict[str, int]:
+    """Run the benchmark in two halves and return rows and peak memory."""
+    dataset = folder / 'maps.json'
+    write_dataset(dataset, samples)
+    engine.run_task = made_up
+    words = ['bench', '--map', str(dataset), '--out', str(folder / 'out')]
+    words += ['--methods', 'exact_astar,llm_astar,guided', '--source', 'oracle,straight,random']
+    words += ['--format', file_format]
+    interrupt_after(samples * 8 // 2)
+    assert main(words) == 130
+    assert main([*words, '--resume']) == 0
+    rows = json.loads((folder / 'out' / 'summary.json').read_text())['rows']
+    return {'rows': rows, 'peak': 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss}
+
+
+if __name__ == '__main__':
+    found = run(Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3])
+    sys.stdout.write(json.dumps(found) + '\n')
