@@ -26,6 +26,7 @@ SAMPLES_FILE = 'samples_1000.json'
 # Bounds on a file, so that a map is solved in a fraction of a second: a map that a prompt does
 # not describe exactly is no example either.
 MAX_CELLS = 250_000
+MAX_CELLS_OF_ALL = 50_000_000
 MAX_SAMPLES = 100_000
 # Maps are compared by which of so many tiles, across and up, hold an obstacle.
 TILES = (10, 6)
@@ -103,30 +104,31 @@ def load_example_library(name: str, at_least: int) -> ExampleLibrary:
     """
     try:
         path = find_file(name or SAMPLES_FILE, 'maps')
-        maps = load_barrier_maps(path)
+        maps = [item for item in load_barrier_maps(path) if item.samples]
     except (OSError, ValueError) as error:
         raise ExamplesError(f'examples_file: {error}') from None
-    for item in maps:
-        problem = example_problem(item)
-        if problem:
-            raise ExamplesError(f'examples_file: {path}: map {item.id}: {problem}')
-    count = sum(len(item.samples) for item in maps)
-    if not at_least <= count <= MAX_SAMPLES:
-        expected = f'{at_least} to {MAX_SAMPLES} are expected'
-        raise ExamplesError(f'examples_file: {path}: holds {count} samples; {expected}')
+    problem = problem_of_maps(maps, at_least)
+    if problem:
+        raise ExamplesError(f'examples_file: {path}: {problem}')
     library = ExampleLibrary(maps)
     library.solve(0)
     return library
 
 
-def example_problem(barrier_map: BarrierMap) -> str | None:
-    """Say why a map is too large for an example; None where it is not."""
-    width, height = map_size(barrier_map)
-    if width * height > MAX_CELLS:
-        return f'{width} x {height} cells are more than {MAX_CELLS}; choose smaller maps'
-    count = len(barrier_map.horizontal_barriers) + len(barrier_map.vertical_barriers)
-    if count > MAX_BARRIERS:
-        return f'{count} barriers are more than {MAX_BARRIERS}; choose simpler maps'
+def problem_of_maps(maps: Sequence[BarrierMap], at_least: int) -> str | None:
+    """Say why maps cannot serve as examples, of which `at_least` so many are needed; else None."""
+    count = sum(len(item.samples) for item in maps)
+    if not at_least <= count <= MAX_SAMPLES:
+        return f'samples: {count}, where {at_least} to {MAX_SAMPLES} are expected'
+    sizes = [width * height for width, height in map(map_size, maps)]
+    if sum(sizes) > MAX_CELLS_OF_ALL:
+        return f'{sum(sizes)} cells are more than {MAX_CELLS_OF_ALL}; choose fewer maps'
+    for item, size in zip(maps, sizes):
+        barriers = len(item.horizontal_barriers) + len(item.vertical_barriers)
+        if size > MAX_CELLS:
+            return f'map {item.id}: {size} cells are more than {MAX_CELLS}; choose smaller maps'
+        if barriers > MAX_BARRIERS:
+            return f'map {item.id}: {barriers} barriers are more than {MAX_BARRIERS}'
     return None
 
 

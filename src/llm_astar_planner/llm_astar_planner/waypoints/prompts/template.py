@@ -104,10 +104,10 @@ class Template:
         """
         values, parts = description.values(), self.parts
         if form == TURNS:
+            system = [Message('system', parts.instruction)] if parts.instruction else []
             turns = chat_turns(parts.examples if examples is None else examples)
-            instruction = fill(parts.instruction, values)
-            system = (Message('system', instruction),) if instruction else ()
-            return (*system, *turns, Message('user', fill(parts.question, values)))
+            messages = (*system, *turns, Message('user', parts.question))
+            return tuple(Message(role, fill(text, values)) for role, text in messages)
         text = self.text
         if examples is not None:
             solved = (f'{question}\n{answer}' for question, answer in examples)

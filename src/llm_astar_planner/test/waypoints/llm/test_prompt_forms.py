@@ -189,5 +189,5 @@ def test_examples_come_from_a_file_of_the_users(chat_server, tmp_path):
     text = chat_server.requests[0]['messages'][0]['content']
     assert starts_of(text) == ['[7, 7]']
     assert 'Generated Path: [[7, 7], ' in text
-    with pytest.raises(ExamplesError, match=r'mine\.json: holds 1 samples; 2 to 100000'):
+    with pytest.raises(ExamplesError, match=r'mine\.json: samples: 1, where 2 to 100000'):
         source_for(chat_server, retrieved_examples=2, examples_file=str(path))

@@ -168,13 +168,17 @@ def test_files_of_examples_that_cannot_be_used_are_named(tmp_path):
     sample = (Sample((1, 1), (1, 70)),)
     for bad, words in (
         ([], 'a JSON list of barrier maps is expected'),
-        ([BarrierMap(3, (0, 9), (0, 9))], 'holds 0 samples; 2 to 100000 are expected'),
+        ([BarrierMap(3, (0, 9), (0, 9))], 'samples: 0, where 1 to 100000 are expected'),
         ([BarrierMap(4, (0, 80), (0, 80), walls, (), sample)], 'map 4: 61 barriers are more'),
-        ([BarrierMap(5, (0, 999), (0, 999), (), (), sample)], 'map 5: 999 x 999 cells are more'),
+        ([BarrierMap(5, (0, 999), (0, 999), (), (), sample)], 'map 5: 998001 cells are more'),
+        (
+            [BarrierMap(n, (0, 500), (0, 500), (), (), sample) for n in range(201)],
+            '50250000 cells are more than 50000000; choose fewer maps',
+        ),
     ):
         save_barrier_maps(bad, path)
         with pytest.raises(ExamplesError, match=rf'^examples_file: .*mine\.json.*{words}'):
-            load_example_library(str(path), 2)
+            load_example_library(str(path), 1)
     path.write_text(json.dumps([{'range_x': 'wide'}]))
     with pytest.raises(ExamplesError, match=r'^examples_file: .*mine\.json: map at index 0'):
         load_example_library(str(path), 1)

@@ -85,6 +85,16 @@ def test_turns_are_the_instruction_the_examples_and_the_question():
     assert (system.content, question) == (messages[0].content, messages[-1])
 
 
+def test_placeholders_of_a_users_example_are_filled_in_in_turns_too():
+    mine = Template(
+        'mine',
+        'S: 1 of {x_max}\nP: 2\n\nS: {start}{goal}{horizontal_barriers}{vertical_barriers}\nP:',
+    )
+    assert mine.render(DESCRIPTION, 'turns')[:2] == (
+        Message('user', 'S: 1 of 48'), Message('assistant', 'P: 2')
+    )  # fmt: skip
+
+
 def test_thoughts_are_part_of_an_answer():
     messages = load_template('repe').render(DESCRIPTION, 'turns')
     assert messages[2].content.startswith('- First Iteration on [5, 5]\nThought: ')
