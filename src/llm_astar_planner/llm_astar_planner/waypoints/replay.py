@@ -52,8 +52,9 @@ class ReplaySource:
         model: str = '',
         prompt: str = '',
         dataset: Sequence[BarrierMap] | None = None,
+        exchanges: Sequence[Exchange] | None = None,
     ) -> None:
-        """Read the transcript at `path`. Thread-safe afterwards: nothing changes.
+        """Read the transcript at `path`, or take its `exchanges`. Thread-safe afterwards.
 
         `model` and `prompt` may be empty where the transcript holds only one. `dataset` lets
         queries without a sample be recognised by their map's cells.
@@ -61,11 +62,11 @@ class ReplaySource:
         model and prompt.
         """
         self._path = Path(path)
-        exchanges = read_transcript(self._path)
-        self.model, self.prompt = self._choose(exchanges, model, prompt)
+        held = read_transcript(self._path) if exchanges is None else list(exchanges)
+        self.model, self.prompt = self._choose(held, model, prompt)
         self._resolver = SampleResolver(dataset)
         self._exchanges: dict[SampleKey, Exchange] = {}
-        for exchange in exchanges:
+        for exchange in held:
             if (exchange.model, exchange.prompt) != (self.model, self.prompt):
                 continue
             if exchange.instruction:

@@ -43,6 +43,8 @@ _LOG = logging.getLogger(__name__)
 # Of a transcript: a few thousand exchanges with long prompts.
 MAX_BYTES = 32_000_000
 MAX_LINES = 100_000
+# Tokens, seconds and a temperature, so that sums of them are numbers.
+MAX_NUMBER = 1e15
 # The first field of a line: one about waypoints, and one about an instruction.
 FIRST_FIELDS = (b'"map"', b'"text"')
 # Replies with these statuses come from no model, so there is nothing to record.
@@ -141,22 +143,28 @@ def read_records(path: Path) -> Iterator[tuple[str, object]]:
     A last line that has no line end and does not parse was cut off while it was written: it is
     skipped with a logged warning. Raises TranscriptError for anything else that is malformed.
     """
+    for number, line, is_last in numbered_lines(path):
+        where = f'{path}: line {number}'
+        try:
+            yield where, parse_json(line)
+        except ValueError as error:
+            if not is_last:
+                raise TranscriptError(f'{where}: not JSON: {error}') from None
+            _LOG.warning('%s: cut off while it was written; skipped', where)
+
+
+def numbered_lines(path: Path) -> Iterator[tuple[int, str, bool]]:
+    """Yield number and text of each line that is not blank, and whether it has no line end.
+
+    Raises TranscriptError where the file cannot be read or is too long.
+    """
     text = read_text(path, TranscriptError, errors='replace', limit=MAX_BYTES)
     if text.count('\n') > MAX_LINES:
         raise TranscriptError(f'{path}: over {MAX_LINES} lines')
     lines = text.split('\n')
     for number, line in enumerate(lines, start=1):
-        if not line.strip():
-            continue
-        where = f'{path}: line {number}'
-        try:
-            record = parse_json(line)
-        except ValueError as error:
-            if number == len(lines):
-                _LOG.warning('%s: cut off while it was written; skipped', where)
-                continue
-            raise TranscriptError(f'{where}: not JSON: {error}') from None
-        yield where, record
+        if line.strip():
+            yield number, line, number == len(lines)
 
 
 def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
@@ -172,6 +180,10 @@ def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
     for name in ('scale', 'unit'):
         if values[name] < 1:
             raise TranscriptError(f'{where}: {name}: {values[name]} is not 1 or more')
+    for name in ('prompt_tokens', 'completion_tokens', 'seconds'):
+        if not 0 <= values[name] <= MAX_NUMBER:
+            shown = short_repr(values[name])
+            raise TranscriptError(f'{where}: {name}: {shown} is not 0 to {MAX_NUMBER:g}')
     values['messages'] = tuple(
         parse_message(message, f'{where}: messages[{index}]')
         for index, message in enumerate(values['messages'])
@@ -194,6 +206,8 @@ def parse_provenance(record: Mapping[str, Any], where: str) -> Provenance:
         check_type(value, _PROVENANCE_FIELDS[name], f'{where}: {name}')
         if isinstance(value, str):
             check_names(known, where, name)
+        elif not -MAX_NUMBER <= value <= MAX_NUMBER:
+            raise TranscriptError(f'{where}: {name}: {short_repr(value)} is not a usual number')
     if when := known.get('time'):
         try:
             datetime.fromisoformat(when)

@@ -54,16 +54,20 @@ class Coverage:
         """Say what is missing, so that the row is not taken for one over the whole dataset."""
         spec = self.spec
         name = ', '.join(part for part in (spec.model, spec.prompt) if part)
-        text = (
-            f'{spec.transcript}: {name}: {len(self.recorded)} of {self.total} samples are '
-            f'recorded, and only these count; missing: {len(self.missing)}'
-        )
+        return f'{spec.transcript}: {name}: only recorded samples count; {self.missing_sentence()}'
+
+    def missing_sentence(self) -> str:
+        """Say how many samples are recorded, and which are missing."""
+        text = f'{len(self.recorded)} of {self.total} samples are recorded'
+        if not self.missing:
+            return text
+        text += f', missing are {len(self.missing)}'
         if self.unanswered:
-            text += f', {len(self.unanswered)} of them recorded without an answer'
+            text += f', of them {len(self.unanswered)} recorded without an answer'
         groups = [str(group) for group in groups_of(self.missing)]
         if len(groups) > MAX_NAMED:
             groups[MAX_NAMED:] = ['...']
-        return text + (f' ({"; ".join(groups)})' if groups else '')
+        return f'{text} ({"; ".join(groups)})'
 
     def to_json(self) -> dict[str, Any]:
         """Return what metadata.json and summary.json say."""

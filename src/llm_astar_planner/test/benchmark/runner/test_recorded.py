@@ -65,7 +65,9 @@ def test_every_row_is_over_the_samples_that_the_transcript_holds(
     assert bench(dataset, out, '--transcript', transcript) == 0
     error = capsys.readouterr().err
     assert '3 of 40 samples are recorded' in error
-    assert 'missing: 37 (map 0: pairs 0,3-9; maps 1-2: pairs 0-9; map 3: pairs 0-6,8-9)' in error
+    assert (
+        'missing are 37 (map 0: pairs 0,3-9; maps 1-2: pairs 0-9; map 3: pairs 0-6,8-9)' in error
+    )
     assert set(map(frozenset, samples_of(out).values())) == {frozenset(keys)}
     summary = json.loads((out / 'summary.json').read_text())
     assert summary['replays'][0]['missing'][1] == {'maps': '1-2', 'pairs': '0-9', 'scale': 1}
@@ -117,7 +119,7 @@ def test_an_exchange_without_an_answer_is_missing_and_said_so(undrawn, dataset, 
     record(transcript, [(0, 4)], text='', status=SourceStatus.MALFORMED)
     out = tmp_path / 'out'
     assert bench(dataset, out, '--transcript', transcript) == 0
-    assert 'missing: 38, 2 of them recorded without an answer' in capsys.readouterr().err
+    assert 'missing are 38, of them 2 recorded without an answer' in capsys.readouterr().err
     assert samples_of(out)['replay', 'parrot'] == {(0, 1), (0, 4)}
 
 
