@@ -116,7 +116,7 @@ def soak(rounds, calls_a_round, killed=()):
         is_over = threading.Event()
         stack.callback(is_over.set)
         showing = threads.submit(publish_maps_and_times, callers[0].node, planners, is_over)
-        wait_until_answered(callers)
+        wait_until_ready(callers)
         for turn in tqdm(range(rounds), disable=rounds < 100):
             if turn % 4 == 0:
                 process_client = client.enter_context(waypoint_client())
@@ -148,7 +148,7 @@ def soak(rounds, calls_a_round, killed=()):
             if turn in killed:
                 node_of_now.close()
                 node = node_of_now.enter_context(planner_node())
-                wait_until_answered(callers)
+                wait_until_ready(callers)
             used.append(usage(node.pid))
         is_over.set()
         showing.result()
@@ -190,17 +190,10 @@ def waypoint_client():
     return process('llm_client_node', '-p', 'source:=straight', namespace=NAMESPACE)
 
 
-def wait_until_answered(callers):
-    """Call until each caller is answered once.
-
-    A response is lost if it is sent before the planner's side has discovered the caller's.
-    """
+def wait_until_ready(callers):
+    """Wait until each caller sees the planner and that it has a map."""
     for caller in callers:
         caller.wait_until_ready()
-        for _ in range(10):
-            with contextlib.suppress(PlannerClientError):
-                caller.call(Pose2D(3.0, 3.0), Pose2D(8.0, 8.0), seconds=3.0)
-                break
 
 
 def wait_for_client(caller):

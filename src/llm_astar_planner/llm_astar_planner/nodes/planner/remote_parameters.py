@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.nodes.common.asking import ask
 
 # The client's services are discovered one after the other.
 DISCOVERY_SECONDS = 1.0
@@ -54,13 +55,9 @@ class RemoteParameters:
         if not self._client.wait_for_service(patience):
             return f'{self._client_name} takes no parameters'
         parameters = [Parameter(name, value=value) for name, value in values.items()]
-        done = threading.Event()
-        future = self._client.call_async(
-            SetParameters.Request(parameters=[one.to_parameter_msg() for one in parameters])
-        )
-        future.add_done_callback(lambda _: done.set())
-        if not done.wait(max(0.0, deadline - time.monotonic())):
-            self._client.remove_pending_request(future)
+        request = SetParameters.Request(parameters=[one.to_parameter_msg() for one in parameters])
+        response = ask(self._client, request, deadline - time.monotonic())
+        if response is None:
             return f'{self._client_name} did not take it in time'
-        refused = [result.reason for result in future.result().results if not result.successful]
+        refused = [result.reason for result in response.results if not result.successful]
         return f'{self._client_name} refused it: {refused[0]}' if refused else None

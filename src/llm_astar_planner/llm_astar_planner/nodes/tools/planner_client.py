@@ -22,9 +22,13 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
+from llm_astar_planner.nodes.common.asking import ASK_AGAIN_S, ask
 from llm_astar_planner.nodes.common.qos import CALLS, RELIABLE, REPORTS_OF_CALLS
 from llm_astar_planner.nodes.common.spin import SpinThread
 
+# Seconds after which a planner that may not have discovered the caller is asked again: longer than
+# the default of max_planning_time, so that few plans are made twice.
+PLAN_AGAIN_S = 6.0
 # Discovery takes from milliseconds to seconds on a loaded machine.
 DISCOVERY_SECONDS = 15.0
 POLL_SECONDS = 0.01
@@ -51,6 +55,8 @@ class PlannerClient:
         self._reports: FIFOCache[int, PlanReport] = FIFOCache(KEPT_REPORTS)
         self._health: dict[str, dict[str, Any]] = {}
         self._client = node.create_client(GetPlan, f'{planner}/get_plan', qos_profile=CALLS)
+        # Whether the last call was answered, so the planner has discovered this caller.
+        self._is_discovered = False
         self.listen(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS_OF_CALLS)
         self.listen(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
         self._thread = SpinThread(node)
@@ -137,23 +143,32 @@ class PlannerClient:
             tolerance=0.0,
         )
         begin = time.perf_counter()
-        path = self.ask(self._client, request, seconds).plan
+        ask_again = seconds if self._is_discovered else PLAN_AGAIN_S
+        self._is_discovered = False
+        path = self.ask(self._client, request, seconds, ask_again).plan
+        self._is_discovered = True
         round_trip = time.perf_counter() - begin
         stamp = stamp_of(path)
         self.wait_for(lambda: stamp in self._reports, 'the report of a plan', seconds)
         return path, self._reports.pop(stamp), round_trip
 
-    def ask(self, client: Client, request: Any, seconds: float = DISCOVERY_SECONDS) -> Any:  # noqa: ANN401 - any service
-        """Call a service of the graph. Raises PlannerClientError without a response."""
+    def ask(
+        self,
+        client: Client,
+        request: Any,  # noqa: ANN401 - of the service
+        seconds: float = DISCOVERY_SECONDS,
+        ask_again: float = ASK_AGAIN_S,
+    ) -> Any:  # noqa: ANN401 - any service
+        """Call a service of the graph, and again after `ask_again` seconds without a response.
+
+        Raises PlannerClientError if none comes within `seconds`.
+        """
         if not client.wait_for_service(seconds):
             raise PlannerClientError(f'{client.srv_name} does not exist')
-        done = threading.Event()
-        future = client.call_async(request)
-        future.add_done_callback(lambda _: done.set())
-        if not done.wait(seconds):
-            client.remove_pending_request(future)
+        response = ask(client, request, seconds, ask_again)
+        if response is None:
             raise PlannerClientError(f'{client.srv_name} did not respond within {seconds:g} s')
-        return future.result()
+        return response
 
     def _on_report(self, message: DiagnosticArray) -> None:
         self._reports[stamp_of(message)] = report_from_message(message, PlanReport)
