@@ -148,8 +148,8 @@ def showcase_figure(
     draw_cells(panels[-1], blocked, (guided.order, style.EXPANDED), (plain.order, BEYOND))
     panels[-1].plot(*zip(*plain.path), color=PATH, linewidth=2)
     mark_points(panels[-1], endpoints, ())
-    count = describe_expansions(len(plain.order))
-    panels[-1].set_title(f'A* (grey: not by LLM-A*):\n{count}', fontsize=9)
+    all_of_astar = describe_expansions(len(plain.order))
+    panels[-1].set_title(f'A* (grey: not by LLM-A*):\n{all_of_astar}', fontsize=9)
     return figure
 
 
