@@ -30,6 +30,7 @@ from llm_astar_planner.benchmark.results import (
 )
 from llm_astar_planner.benchmark.runner.config import BenchmarkConfig, choose_folder, start_run
 from llm_astar_planner.benchmark.runner.engine import SearchSettings
+from llm_astar_planner.benchmark.runner.map_costs import map_costs
 from llm_astar_planner.benchmark.runner.recorded import (
     RECORDED,
     SAMPLES,
@@ -138,6 +139,9 @@ def run(args: argparse.Namespace) -> int:
         folder.write_text(MAPS_FILE, format_kept_maps(kept))
         if config.settings.instruction is not None:
             folder.write_places(config.settings.instruction.places)
+        if dataset.map_names:
+            grids = [item for item in kept if isinstance(item, GridProblem)]
+            metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
     except ResultsError as error:
         return complain(args, str(error), BAD_INPUT)
     try:

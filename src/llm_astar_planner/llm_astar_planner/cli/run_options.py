@@ -55,6 +55,7 @@ from llm_astar_planner.benchmark.runner.engine import (
     compile_once,
     list_variants,
 )
+from llm_astar_planner.benchmark.runner.map_costs import add_query_times
 from llm_astar_planner.benchmark.runner.sources import (
     GRID_BASELINES,
     SourceSpec,
@@ -366,6 +367,8 @@ def close_run(
     maps = load_kept_maps(folder.path / MAPS_FILE)
     try:
         folder.fold()
+        if 'map_costs' in metadata:
+            add_query_times(metadata['map_costs'], RowColumns(folder.read()))
         folder.write_json('metadata.json', metadata)
         summary = write_report(folder, metadata, maps)
         columns = RowColumns()

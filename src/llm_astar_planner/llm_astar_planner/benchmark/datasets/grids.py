@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from pathlib import Path
 
@@ -57,7 +58,11 @@ def load_scenario_problem(
     for row, scenario in enumerate(scenarios):
         check_scenario(scenario, grid_map, f'{path}: row {row}')
     samples = tuple(Sample(scenario.start, scenario.goal) for scenario in scenarios)
-    lengths = tuple(scenario.optimal_length for scenario in scenarios)
+    # Some published files have the length 0 for pairs without a path, or for all of them.
+    lengths = tuple(
+        scenario.optimal_length if scenario.optimal_length or start == goal else math.nan
+        for scenario, (start, goal, _) in zip(scenarios, samples)
+    )
     return GridProblem(map_id, grid_map, samples, lengths, family)
 
 

@@ -12,7 +12,7 @@ from llm_astar_planner.benchmark.analysis.paired import METRICS, SampleChange, V
 from llm_astar_planner.benchmark.analysis.run_comparison import Run, RunComparison
 from llm_astar_planner.benchmark.report.formats import markdown, text
 from llm_astar_planner.benchmark.report.sentences import counted, variant_label
-from llm_astar_planner.benchmark.report.tables import Column, Table, percents, texts
+from llm_astar_planner.benchmark.report.table import Column, Table, percents, texts
 
 LABELS = {
     'operation': 'Operation', 'storage': 'Storage', 'length': 'Length',

@@ -12,7 +12,7 @@ from pathlib import Path
 from llm_astar_msgs_adapter.errors import printable
 
 from llm_astar_planner.benchmark.analysis.statistics import Interval
-from llm_astar_planner.benchmark.report.tables import Cell, Column, Table
+from llm_astar_planner.benchmark.report.table import Cell, Column, Table
 from llm_astar_planner.benchmark.results import ResultsFolder
 
 TextRows = list[tuple[str, ...]]

@@ -33,7 +33,8 @@ from llm_astar_planner.benchmark.report.sentences import (
     sentence,
     variant_label,
 )
-from llm_astar_planner.benchmark.report.tables import Table, report_tables
+from llm_astar_planner.benchmark.report.table import Table
+from llm_astar_planner.benchmark.report.tables import report_tables
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.visualization import style
 

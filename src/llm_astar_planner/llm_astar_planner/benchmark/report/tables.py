@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 from llm_astar_planner.benchmark.analysis.replies import REPLIES, reply_shares
 from llm_astar_planner.benchmark.analysis.statistics import UNKNOWN, Interval
@@ -19,60 +18,17 @@ from llm_astar_planner.benchmark.analysis.summary import (
     VariantSummary,
     is_learned,
 )
+from llm_astar_planner.benchmark.report.dataset_tables import family_tables, map_cost_table
 from llm_astar_planner.benchmark.report.sentences import effect_on, method_label, variant_label
+from llm_astar_planner.benchmark.report.table import (
+    Cell,
+    Column,
+    Table,
+    milliseconds,
+    percents,
+    texts,
+)
 from llm_astar_planner.benchmark.results import Variant
-
-# A number that is NaN is unknown.
-Cell = str | float | Interval
-
-
-class Column(NamedTuple):
-    """A column: its head with the unit, what numbers are multiplied by for it, and decimals."""
-
-    head: str
-    factor: float = 1.0
-    digits: int = 2
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of a report; `name` is that of its files, and every row has a cell a column."""
-
-    name: str
-    title: str
-    columns: tuple[Column, ...]
-    rows: Sequence[tuple[Cell, ...]]
-    note: str = ''
-
-    def with_column(self, column: Column, cells: Sequence[Cell]) -> Table:
-        """Return the table with one more column on the right, unless no cell of it is known."""
-        if all(is_unknown(cell) for cell in cells):
-            return self
-        rows = [(*row, cell) for row, cell in zip(self.rows, cells)]
-        return replace(self, columns=(*self.columns, column), rows=rows)
-
-
-def is_unknown(cell: Cell) -> bool:
-    """Tell whether a cell holds no value."""
-    if isinstance(cell, str):
-        return cell in ('', '-')
-    return math.isnan(cell.value if isinstance(cell, Interval) else cell)
-
-
-def texts(*heads: str) -> tuple[Column, ...]:
-    """Return columns of texts."""
-    return tuple(Column(head) for head in heads)
-
-
-def percents(*heads: str) -> tuple[Column, ...]:
-    """Return columns of ratios that are written in percent."""
-    return tuple(Column(head, 100.0) for head in heads)
-
-
-def milliseconds(*heads: str) -> tuple[Column, ...]:
-    """Return columns of seconds that are written in milliseconds."""
-    return tuple(Column(head, 1e3, 3) for head in heads)
-
 
 # Table 1 of the paper as printed, on the paper's samples: method, model, prompt, then operation,
 # storage, length and valid path ratio in percent.
@@ -162,15 +118,6 @@ TABLE_NOTE = (
     'Geometric means of the ratios to A* on the same sample, in percent, with 95 % confidence '
     'intervals by bootstrap over maps. The rows without a model show what a model is worth.'
 )
-FAMILY_NOTE = 'Geometric means of the ratios to A* on the same sample, in percent.'
-VALID_NOTE = 'Shares of the samples in percent, of the variants that miss some.'
-LEFT_OUT_NOTE = (
-    "Geometric means of the families' operation ratios, in which each family weighs the same: of "
-    'all of them, and without one at a time. A figure that changes much hangs on that family. '
-    'Intervals are by bootstrap over the maps of each family.'
-)
-# Families that the tables show; summary.json has all.
-MAX_FAMILIES = 12
 REPLY_NOTE = (
     'Shares of all replies, with 95 % Wilson intervals. A reply may have several faults; whether '
     'it crosses barriers is told between those of its points that are free. The seconds are those '
@@ -201,6 +148,7 @@ def report_tables(
         reply_table(summaries),
         path_table(summaries),
         *family_tables(summaries),
+        map_cost_table(metadata),
         growth_table(growths),
         paper_table(metadata),
     ]
@@ -324,44 +272,6 @@ def path_table(summaries: Sequence[VariantSummary]) -> Table:
         for summary in summaries
     ]
     return Table('paths', 'The paths', PATH_COLUMNS, rows)
-
-
-def family_tables(summaries: Sequence[VariantSummary]) -> list[Table]:
-    """Return the tables by family of maps; without rows where there are no two families."""
-    every = list(dict.fromkeys(name for item in summaries for name in item.families))
-    names = every[:MAX_FAMILIES]
-    note = f' The first {len(names)} of {len(every)} families.' if names != every else ''
-    labels = [name or 'unknown' for name in names]
-    columns = (*texts('Variant'), *percents(*(f'{label} (%)' for label in labels)))
-    operation: list[tuple[Cell, ...]] = []
-    valid: list[tuple[Cell, ...]] = []
-    left_out: list[tuple[Cell, ...]] = []
-    for item in summaries:
-        label, families = variant_label(item.variant), item.families
-        found = [families[name] for name in names if name in families]
-        if len(found) == len(names) and any(part.valid.value < 1.0 for part in found):
-            valid.append((label, *(part.valid for part in found)))
-        if len(found) == len(names) and any(part.operation.value > 0 for part in found):
-            operation.append((label, *(part.operation for part in found)))
-        if means := item.family_means.without:
-            every_mean = item.family_means.every
-            left_out.append((label, every_mean, *(means[name] for name in names)))
-    heads = percents('All families (%)', *(f'without {label} (%)' for label in labels))
-    return [
-        Table(
-            'families', 'Operation ratio by family of maps', columns, operation, FAMILY_NOTE + note
-        ),
-        Table(
-            'families_valid', 'Valid paths by family of maps', columns, valid, VALID_NOTE + note
-        ),
-        Table(
-            'families_left_out',
-            'Operation ratio without one family at a time',
-            (*texts('Variant'), *heads),
-            left_out,
-            LEFT_OUT_NOTE + note,
-        ),
-    ]
 
 
 def growth_table(growths: Sequence[Growth]) -> Table:

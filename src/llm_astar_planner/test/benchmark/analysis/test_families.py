@@ -9,8 +9,8 @@ import pytest
 from llm_astar_planner.benchmark.analysis.families import FamilySummary, Grouped, family_means
 from llm_astar_planner.benchmark.analysis.statistics import UNKNOWN, Interval
 from llm_astar_planner.benchmark.analysis.summary import summarise
+from llm_astar_planner.benchmark.report.dataset_tables import family_tables
 from llm_astar_planner.benchmark.report.formats import markdown
-from llm_astar_planner.benchmark.report.tables import family_tables
 from llm_astar_planner.benchmark.results import Row
 
 # Operation of llm_astar over that of A*, by family and map.

@@ -188,6 +188,14 @@ def test_diagonals_need_both_adjacent_cells_free(tmp_path):
     assert bench(dataset, tmp_path / 'out', '--methods', 'exact_astar') == 0
 
 
+def test_a_published_length_of_zero_between_two_cells_is_none(tmp_path, capsys):
+    pairs = [((0, 0), (4, 4), 0.0), ((0, 0), (0, 0), 0.0), ((0, 0), (2, 2), 4.0)]
+    dataset = write_movingai(tmp_path, pairs=pairs)
+    assert np.isnan(load_grid_problem(dataset).optimal_lengths).tolist() == [True, False, False]
+    assert bench(dataset, tmp_path / 'out', '--methods', 'exact_astar') == 0
+    assert 'exact_astar/none: 2 of 2 rows agree' in capsys.readouterr().err
+
+
 def test_a_length_agrees_up_to_its_printed_digits():
     assert agrees(10.895, 10.9)
     assert agrees(4000.0085, 4000.0)

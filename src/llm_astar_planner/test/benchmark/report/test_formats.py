@@ -17,7 +17,8 @@ from llm_astar_planner.benchmark.report.formats import (
     without_constant_columns,
     write_tables,
 )
-from llm_astar_planner.benchmark.report.tables import Column, Table, percents, report_tables, texts
+from llm_astar_planner.benchmark.report.table import Column, Table, percents, texts
+from llm_astar_planner.benchmark.report.tables import report_tables
 from llm_astar_planner.benchmark.results import ResultsFolder
 
 PERCENT = Column('share (%)', 100.0)
