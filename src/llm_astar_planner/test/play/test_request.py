@@ -1,10 +1,13 @@
 """Whatever a page sends is a request or a sentence that names what is wrong."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from llm_astar_planner.play.errors import PlayError
 from llm_astar_planner.play.maps import Maps
 from llm_astar_planner.play.request import FIELDS, SOURCES, PlayRequest, read_request
+from llm_astar_planner.search.methods import SEARCH_METHODS
+from llm_astar_planner.waypoints.plugins import SOURCES as SOURCE_TABLE
 
 MAPS = Maps()
 DEMO = {'map': 'demo.json:0', 'start': [39, 18], 'goal': [7, 19]}
@@ -24,6 +27,14 @@ def test_any_json_is_read_or_refused(body, walls, source, start):
     changed = {'walls': walls, 'source': source, 'start': start, 'via': [start]}
     for fields in (source, body, DEMO | body, *(DEMO | {k: v} for k, v in changed.items())):
         check(fields)
+
+
+def test_a_page_names_no_plug_in_even_where_one_is_loaded(monkeypatch):
+    for table, field in ((SEARCH_METHODS, 'method'), (SOURCE_TABLE, 'source')):
+        monkeypatch.setitem(table.loaded, 'loaded:name', None)
+        for name in ('loaded:name', 'os:getcwd'):
+            with pytest.raises(PlayError, match=f"{field}: '{name}' is not one of"):
+                read_request(DEMO | {field: name}, MAPS)
 
 
 def check(fields):
