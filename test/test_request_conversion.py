@@ -34,6 +34,7 @@ from llm_astar_planner.planning.kernel_compiler import Compiled
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
+from llm_astar_planner.search.methods import SEARCH_METHODS
 
 LONG = 60.0
 NOTHING = np.zeros((0, 0), dtype=np.bool_)
@@ -261,6 +262,16 @@ def test_an_unknown_planner_id_is_an_invalid_planner():
     assert code == 'INVALID_PLANNER'
     assert "'SmacHybrid'" in message
     assert 'LLMAStar' in message
+
+
+def test_a_planner_id_names_no_code_unless_the_start_did(monkeypatch):
+    here = pose(1.0, 1.0)
+    for name in ('os:getcwd', 'llm_astar_planner.search.astar:exact_method'):
+        goal = PlanGoal((here,), here, planner_id=name)
+        assert refusal(converter(), goal)[0] == 'INVALID_PLANNER'
+    monkeypatch.setitem(SEARCH_METHODS.loaded, 'package.module:method', None)
+    goal = PlanGoal((here,), here, planner_id='package.module:method')
+    assert to_request(converter(), goal).method == 'package.module:method'
 
 
 class ToPose:

@@ -103,7 +103,9 @@ class PlanReport:
             statuses = Counter(status.replace('_', ' ') for *_, status in self.waypoints)
             counts = ', '.join(f'{count} {status}' for status, count in statuses.items())
             helped = self.guided_by != 'none'
-            text = self.guided_by.replace(':', ': ', 1) if helped else self.source
+            text = self.source
+            if helped and self.guided_by != text:
+                text = self.guided_by.replace(':', ': ', 1)
             text = f'{counts or "none"}, from {text}'
             text += '' if helped else '; the path was found without them'
         return replace_lone_surrogates(text)

@@ -30,7 +30,11 @@ from llm_astar_planner.planning.waypoint_filter import (
 from llm_astar_planner.search.guided import GuidedResult
 from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.layered import LayeredResult, VisitProblem, visit_search
-from llm_astar_planner.search.methods import SEARCH_METHODS, uses_waypoints
+from llm_astar_planner.search.methods import (
+    SEARCH_METHODS,
+    WAYPOINT_METHODS,
+    uses_waypoints,
+)
 from llm_astar_planner.search.problem import SearchMethod, SearchProblem
 from llm_astar_planner.search.result import (
     BoundedResult,
@@ -296,7 +300,7 @@ def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
 def not_asked(request: PlanRequest) -> WaypointReply:
     """Return the reply of a source that was not asked, which says why if there is one."""
     reason = ''
-    if not uses_waypoints(request.method):
+    if request.method not in WAYPOINT_METHODS and not uses_waypoints(request.method):
         reason = f'{request.method} uses no waypoints'
     elif request.via:
         reason = 'the via points take their place'
