@@ -37,6 +37,15 @@ def ros():
     rclpy.try_shutdown()
 
 
+def test_the_waypoint_client_says_that_it_compiles_and_a_signal_ends_it(tmp_path, monkeypatch):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    with process('llm_client_node', namespace=COLD, files=()) as node:
+        announced = f'the first waypoints wait for about 15 s; they are kept in {tmp_path}'
+        wait_for(lambda: announced in ''.join(node.output), 'the announcement')
+    assert node.returncode == 0
+    assert 'Traceback' not in ''.join(node.output)
+
+
 @pytest.mark.usefixtures('ros')
 def test_a_goal_waits_for_the_compilation_and_a_signal_ends_it(tmp_path, monkeypatch):
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))

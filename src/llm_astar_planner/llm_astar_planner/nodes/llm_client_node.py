@@ -36,6 +36,7 @@ from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import run_node
 from llm_astar_planner.nodes.interpretation_server import InterpretationServer
 from llm_astar_planner.planning.compile import compile_map_kernels
+from llm_astar_planner.planning.kernel_compiler import CompileReport, compile_and_report
 from llm_astar_planner.planning.parameters import (
     FIXED,
     SET_BY_PLANNER,
@@ -104,7 +105,7 @@ class LlmClientNode(Node):
         self._exchange_publisher = self.create_publisher(DiagnosticArray, '~/exchange', REPORTS)
         self._health_publisher = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
         # In the background, since a caller waits for no answer anyway.
-        threading.Thread(target=compile_map_kernels, name='compiler', daemon=True).start()
+        threading.Thread(target=self.compile, name='compiler', daemon=True).start()
         MapSubscription(self._entities, self.on_map)
         self._interpretations = InterpretationServer(self._entities, self._new_interpreter)
         self._entities.service(
@@ -118,6 +119,11 @@ class LlmClientNode(Node):
         """Leave the graph; a model that is still asked is left alone."""
         self._entities.close()
         super().destroy_node()
+
+    def compile(self) -> None:
+        """Compile the kernels that costmaps take, or load them; log how far that is."""
+        report = CompileReport(self.get_logger().info, 'the first waypoints')
+        compile_and_report(compile_map_kernels, report, 'waypoints go on')
 
     def parameter_problem(self, values: dict[str, Any]) -> str | None:
         """Return why parameters do not make a source; else make the source and return None."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 
 from numba.core import config as numba_config
@@ -76,6 +76,46 @@ def progress_line(seconds: float, function: str) -> str:
     return f'compiling the searches: {seconds:.0f} s of about {EXPECTED_SECONDS} s ({function})'
 
 
+class CompileReport:
+    """Says in sentences when kernels begin to be compiled, how far that is, and when it ends."""
+
+    def __init__(self, report: Callable[[str], None], who_waits: str) -> None:
+        """Take what gets the sentences, and who waits for the kernels."""
+        self.is_compiling = False
+        self._report = report
+        self._who_waits = who_waits
+        self._began = self._reported = time.monotonic()
+
+    def note(self, function: str, *, is_waited_for: bool = True) -> None:
+        """Report that and how far it compiles, the latter only while somebody waits for it."""
+        now = time.monotonic()
+        if not self.is_compiling:
+            self.is_compiling, self._reported = True, now
+            folder = numba_config.CACHE_DIR
+            where = f'; they are kept in {folder}' if folder else ''
+            self._report(
+                f'{ANNOUNCEMENT}: {self._who_waits} wait for about {EXPECTED_SECONDS} s{where}'
+            )
+        elif is_waited_for and now - self._reported >= REPORT_SECONDS:
+            self._reported = now
+            self._report(progress_line(now - self._began, function))
+
+    def finish(self, what: str) -> None:
+        """Report that `what` is compiled, if anything had to be."""
+        if self.is_compiling:
+            self._report(f'searches compiled in {time.monotonic() - self._began:.1f} s: {what}')
+
+
+def compile_and_report(run: Callable[[], None], report: CompileReport, what: str) -> None:
+    """Run what compiles kernels on this thread, and report it: `what` is ready then.
+
+    Where it fails it is done when they are needed, which says what is wrong.
+    """
+    with compilations(report.note), suppress(Exception):
+        run()
+        report.finish(what)
+
+
 class KernelCompiler:
     """Compiles the kernels on a thread of its own, or loads them from numba's cache.
 
@@ -99,9 +139,9 @@ class KernelCompiler:
         self._request = request
         self._is_guided = is_guided
         self._report = report
+        self._progress = CompileReport(report, 'the first plans')
         self._changed = threading.Condition()
-        self._began = self._reported = time.monotonic()
-        self._is_compiling = self._is_closed = False
+        self._is_closed = False
         self._thread = threading.Thread(target=self.work, name='compiler', daemon=True)
         self._thread.start()
 
@@ -121,7 +161,7 @@ class KernelCompiler:
         Not where these are only loaded, which is soon done.
         """
         is_usual = needed is Compiled.UNIFORM and self.compiled >= Compiled.USUAL
-        return is_usual and self._is_compiling
+        return is_usual and self._progress.is_compiling
 
     def close(self) -> None:
         """Stop compiling; what is compiled stays."""
@@ -154,9 +194,8 @@ class KernelCompiler:
         with self._changed:
             self.compiled = compiled
             self._changed.notify_all()
-        if self._is_compiling and compiled in (Compiled.USUAL, Compiled.EVERYTHING):
-            what = 'plans go on' if compiled is Compiled.USUAL else 'all of them'
-            self._report(f'searches compiled in {time.monotonic() - self._began:.1f} s: {what}')
+        if compiled in (Compiled.USUAL, Compiled.EVERYTHING):
+            self._progress.finish('plans go on' if compiled is Compiled.USUAL else 'all of them')
 
     def compile_usual(self) -> None:
         """Compile what a first plan takes under the settings of the start."""
@@ -177,14 +216,4 @@ class KernelCompiler:
         """Report that and how far it compiles. Raises CompilationStopped when closed."""
         if self._is_closed:
             raise CompilationStopped
-        now = time.monotonic()
-        if not self._is_compiling:
-            self._is_compiling, self._reported = True, now
-            folder = numba_config.CACHE_DIR
-            where = f'; they are kept in {folder}' if folder else ''
-            self._report(
-                f'{ANNOUNCEMENT}: the first plans wait for about {EXPECTED_SECONDS} s{where}'
-            )
-        elif self.compiled < Compiled.USUAL and now - self._reported >= REPORT_SECONDS:
-            self._reported = now
-            self._report(progress_line(now - self._began, function))
+        self._progress.note(function, is_waited_for=self.compiled < Compiled.USUAL)

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.planning import kernel_compiler
-from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler, compilations
+from llm_astar_planner.planning.kernel_compiler import (
+    Compiled,
+    CompileReport,
+    KernelCompiler,
+    compilations,
+    compile_and_report,
+)
 from llm_astar_planner.planning.types import PlanRequest
 from numba import njit
 
@@ -32,6 +38,8 @@ def steps(monkeypatch):
             new_function()(np.zeros(3))
 
         monkeypatch.setattr(kernel_compiler, f'compile_{name}', step)
+    # A busy machine may take long for a function.
+    monkeypatch.setattr(kernel_compiler, 'REPORT_SECONDS', 600.0)
     yield gates
     for gate in gates.values():
         gate.set()
@@ -107,6 +115,19 @@ def test_how_far_it_is_is_reported_until_plans_can_go_on(steps, monkeypatch):
     compiler.close()
     assert re.fullmatch(r'compiling the searches: \d+ s of about 15 s \(<lambda>\)', said[1])
     assert len(said) == 4
+
+
+def test_whoever_compiles_can_report_it_and_who_loads_says_nothing(monkeypatch):
+    monkeypatch.setattr(kernel_compiler, 'REPORT_SECONDS', 0.0)
+    functions = [new_function(), new_function()]
+    said = []
+    for _ in range(2):
+        report = CompileReport(said.append, 'the first waypoints')
+        compile_and_report(lambda: [one(np.zeros(3)) for one in functions], report, 'go on')
+    assert 'the first waypoints wait for about 15 s' in said[0]
+    assert re.fullmatch(r'compiling the searches: \d+ s of about 15 s \(<lambda>\)', said[1])
+    assert re.fullmatch(r'searches compiled in \d+\.\d s: go on', said[2])
+    assert len(said) == 3
 
 
 def test_the_functions_that_are_compiled_are_named_and_cached_ones_are_not():
