@@ -75,7 +75,7 @@ PART_ROWS = 16_384
 METADATA_TYPES: dict[str, tuple[type, ...]] = {
     'version': (str,), 'parameters': (dict,), 'dataset': (dict,), 'machine': (dict,),
     'seconds': (int, float), 'bags': (list,), 'left_out': (list,), 'notes': (list,),
-    'map_costs': (list,),
+    'map_costs': (list,), 'files': (dict,), 'packages': (dict,),
 }  # fmt: skip
 PARAMETER_TYPES: dict[str, tuple[type, ...]] = {
     'seed': (int,), 'rules': (dict, NoneType), 'price': (list, NoneType), 'heuristic': (str,),

@@ -223,6 +223,39 @@ def test_runs_of_different_datasets_are_refused(base, rows, tmp_path, capsys):
     assert re.search(r'cannot be compared: the first is of maps.json \(sha256 \w{12}\), the', err)
 
 
+def test_runs_without_a_common_sample_are_refused(base, rows, tmp_path, capsys):
+    elsewhere = [replace(found, map=found.map + 1000) for found in rows[:30]]
+    code, out, err = compare(capsys, base, write_run(tmp_path / 'b', elsewhere))
+    assert (code, out, err.count('\n')) == (2, '', 1)
+    assert 'share no sample of any variant' in err
+
+
+def test_what_a_file_says_neither_reaches_the_terminal_raw_nor_fills_it(
+    base, rows, tmp_path, capsys
+):
+    """The codes of a results file are any texts, and one is a million characters long."""
+    odd = [
+        replace(found, code=f'\x1b[2J{found.pair}' + 'x' * 10**6 * (found.key == rows[0].key))
+        for found in rows
+    ]
+    other = write_run(tmp_path / 'b', odd, machine={'processor': '\x1b]0;' + 'y' * 1000})
+    code, out, _ = compare(capsys, base, other, '--out', tmp_path / 'out')
+    assert code == 1
+    assert '\x1b' not in out
+    assert len(out) < 20_000
+    assert '\x1b' not in (tmp_path / 'out' / 'comparison.md').read_text()
+
+
+@pytest.mark.parametrize(
+    ('name', 'value'), [('files', ['a']), ('packages', 'numpy'), ('parameters', [1])]
+)
+def test_metadata_of_another_shape_is_named(name, value, base, rows, tmp_path, capsys):
+    other = write_run(tmp_path / 'b', rows[:3], **{name: value})
+    code, out, err = compare(capsys, base, other)
+    assert (code, out, err.count('\n')) == (2, '', 1)
+    assert f'{other}/metadata.json: {name}: ' in err
+
+
 @pytest.mark.parametrize(
     ('words', 'message'),
     [

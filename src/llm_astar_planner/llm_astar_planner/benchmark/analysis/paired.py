@@ -43,14 +43,15 @@ class RunRows:
 class PairedRows:
     """The rows of one variant on the n samples that two runs share, in the same order.
 
-    `samples` [n, 3] are map, pair and scale; `codes` [2, n] the names of the result codes and
-    `values` [2, n, 4] the METRICS of the first run and the second. `only_first` and `only_second`
-    count the samples that only one run has.
+    `samples` [n, 3] are map, pair and scale; `codes` [2, n] are the result codes of the first run
+    and the second by their places in `names`, `values` [2, n, 4] their METRICS. `only_first` and
+    `only_second` count the samples that only one run has.
     """
 
     variant: Variant
     samples: NDArray[np.int64]
-    codes: NDArray[np.str_]
+    codes: NDArray[np.int64]
+    names: tuple[str, ...]
     values: NDArray[np.float64]
     only_first: int
     only_second: int
@@ -58,7 +59,7 @@ class PairedRows:
     @property
     def found(self) -> NDArray[np.bool_]:
         """Which samples [2, n] have a valid path."""
-        return np.asarray(self.codes == FOUND)
+        return np.array([name == FOUND for name in self.names])[self.codes]
 
     @property
     def groups(self) -> NDArray[np.int64]:
@@ -151,24 +152,30 @@ def run_rows(rows: Iterable[Row]) -> RunRows:
     return RunRows(values, tuple(codes))
 
 
-def pair_rows(first: RunRows, second: RunRows, variant: Variant) -> PairedRows:
-    """Return the rows of a variant on the samples that both runs have. Raises KeyError."""
+def pair_rows(first: RunRows, second: RunRows, variant: Variant) -> PairedRows | None:
+    """Return the rows of a variant on the samples that both runs have, None without any."""
+    if variant not in first.values or variant not in second.values:
+        return None
     runs = first.values[variant], second.values[variant]
     keys = np.concatenate([values[:, :KEYS] for values in runs]).astype(np.int64)
     _, numbers = np.unique(keys, axis=0, return_inverse=True)
     numbers = numbers.reshape(-1)
     sizes = [len(values) for values in runs]
     _, *places = np.intersect1d(numbers[: sizes[0]], numbers[sizes[0] :], return_indices=True)
+    count = len(places[0])
+    if not count:
+        return None
     shared = [values[place] for values, place in zip(runs, places)]
+    names = {name: number for number, name in enumerate({*first.codes, *second.codes})}
     codes = [
-        np.array(run.codes)[values[:, KEYS].astype(int)]
+        np.array([names[name] for name in run.codes])[values[:, KEYS].astype(int)]
         for run, values in zip((first, second), shared)
     ]
-    count = len(shared[0])
     return PairedRows(
         variant,
         shared[0][:, :KEYS].astype(np.int64),
         np.array(codes),
+        tuple(names),
         np.stack([values[:, KEYS + 1 :] for values in shared]),
         sizes[0] - count,
         sizes[1] - count,
@@ -233,13 +240,14 @@ def sample_change(paired: PairedRows, place: int, metric: str, size: float) -> S
     """Return how one sample, by its place in `paired`, changed."""
     map_id, pair, scale = paired.samples[place].tolist()
     first, second = paired.values[:, place].tolist()
+    before, now = (paired.names[code] for code in paired.codes[:, place])
     column, length = METRICS.index(metric), METRICS.index('length')
     return SampleChange(
         paired.variant,
         map_id,
         pair,
         scale,
-        (str(paired.codes[0, place]), str(paired.codes[1, place])),
+        (before, now),
         (first[column], second[column]),
         (first[length], second[length]),
         size,

@@ -72,11 +72,10 @@ def compare_runs(base: Run, other: Run, metric: str, name: str | None = None) ->
     chosen = chosen_variants(every, name)
     changes, samples = [], []
     for variant in chosen:
-        if variant in base.rows.values and variant in other.rows.values:
-            paired = pair_rows(base.rows, other.rows, variant)
-            if len(paired.samples):
-                changes.append(variant_change(paired, seed))
-                samples += sample_changes(paired, metric, MAX_SAMPLES)
+        paired = pair_rows(base.rows, other.rows, variant)
+        if paired is not None:
+            changes.append(variant_change(paired, seed))
+            samples += sample_changes(paired, metric, MAX_SAMPLES)
     if not changes:
         message = f'{base.path} and {other.path} share no sample of {name or "any variant"}'
         raise ResultsError(message)
@@ -119,7 +118,7 @@ def check_datasets(base: Run, other: Run) -> None:
 def describe_dataset(metadata: Mapping[str, Any]) -> str:
     """Return the name of a run's dataset with the beginning of its digest, and of its grid's."""
     dataset, grid = metadata['dataset'], metadata['parameters'].get('grid')
-    text = f'{dataset.get("file", "?")} (sha256 {str(dataset.get("sha256", "?"))[:12]}'
+    text = f'{shortened(dataset.get("file", "?"))} (sha256 {str(dataset.get("sha256", "?"))[:12]}'
     return f'{text}, grid {str(grid)[:12]})' if grid else f'{text})'
 
 

@@ -12,6 +12,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from llm_astar_planner.benchmark.analysis.paired import VariantChange
 from llm_astar_planner.benchmark.analysis.run_comparison import RunComparison
 from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import Growth, VariantSummary
@@ -90,19 +91,7 @@ def change_figure(comparisons: Sequence[RunComparison], metric: str, threshold: 
     metrics = list(dict.fromkeys((metric, 'length')))
     panels = figure.subplots(1, len(metrics), sharey=True, squeeze=False)[0]
     for axes, name in zip(panels, metrics):
-        for position, (_, change) in enumerate(rows):
-            found = change.metrics[name]
-            worse = name == metric and change.regression(metric, threshold) is not None
-            percentiles = [100.0 * found.p5, 100.0 * found.p95]
-            axes.plot(percentiles, [position] * 2, color=style.LINE, linewidth=5, zorder=1)
-            draw_interval(axes, position, found.mean, style.WORSE if worse else style.CHART)
-        axes.axvline(100.0, color=style.BASELINE, linewidth=1, linestyle=':')
-        axes.set_xlabel(f'{name}, % of the base (95 % interval)')
-        axes.grid(axis='x', alpha=0.25)
-        low, high = axes.get_xlim()
-        if high > WIDE * max(low, 1.0):
-            axes.set_xscale('log')
-            axes.xaxis.set_major_formatter('{x:g}')
+        draw_changes(axes, [change for _, change in rows], name, (metric, threshold))
     several = len(comparisons) > 1
     names = [
         variant_label(change.variant) + (f' ({item.path.name})' if several else '')
@@ -110,6 +99,25 @@ def change_figure(comparisons: Sequence[RunComparison], metric: str, threshold: 
     ]
     panels[0].set_yticks(range(len(rows)), names)
     return figure
+
+
+def draw_changes(
+    axes: Axes, changes: Sequence[VariantChange], metric: str, decisive: tuple[str, float]
+) -> None:
+    """Draw the ratios of a metric; `decisive` are the metric and threshold of a regression."""
+    for position, change in enumerate(changes):
+        found = change.metrics[metric]
+        is_worse = metric == decisive[0] and change.regression(*decisive) is not None
+        percentiles = [100.0 * found.p5, 100.0 * found.p95]
+        axes.plot(percentiles, [position] * 2, color=style.LINE, linewidth=5, zorder=1)
+        draw_interval(axes, position, found.mean, style.WORSE if is_worse else style.CHART)
+    axes.axvline(100.0, color=style.BASELINE, linewidth=1, linestyle=':')
+    axes.set_xlabel(f'{metric}, % of the base (95 % interval)')
+    axes.grid(axis='x', alpha=0.25)
+    low, high = axes.get_xlim()
+    if high > WIDE * max(low, 1.0):
+        axes.set_xscale('log')
+        axes.xaxis.set_major_formatter('{x:g}')
 
 
 def draw_interval(axes: Axes, position: float, interval: Interval, colour: str) -> None:

@@ -9,12 +9,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from llm_astar_msgs_adapter.errors import printable
+from llm_astar_msgs_adapter.errors import printable, shortened
 
 from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.report.table import Cell, Column, Table
 from llm_astar_planner.benchmark.results import ResultsFolder
 
+# Characters of a text in a table; CSV has all.
+MAX_CELL = 300
 TextRows = list[tuple[str, ...]]
 # What has a meaning in LaTeX, or no glyph in its usual fonts.
 LATEX = str.maketrans({
@@ -44,7 +46,7 @@ def write_tables(
 def markdown(table: Table) -> str:
     """Return a table as Markdown, whatever its cells hold; empty without rows."""
     heads, rows = texts_of(table)
-    quoted = [[printable(cell).replace('|', r'\|') for cell in row] for row in rows]
+    quoted = [[cell.replace('|', r'\|') for cell in row] for row in rows]
     return markdown_table(heads, quoted)
 
 
@@ -122,9 +124,12 @@ def texts_of(table: Table) -> tuple[tuple[str, ...], TextRows]:
 
 
 def cell_text(cell: Cell, column: Column) -> str:
-    """Write a cell: a number with its interval unless that is a point or unknown, `-` for NaN."""
+    """Write a cell in one line, a text of at most MAX_CELL characters.
+
+    A number has its interval unless that is a point or unknown, and is `-` where it is NaN.
+    """
     if isinstance(cell, str):
-        return cell
+        return shortened(printable(cell), MAX_CELL)
     ends = cell if isinstance(cell, Interval) else Interval(cell, math.nan, math.nan)
     value, low, high = (column.factor * end for end in ends)
     if math.isnan(value):
