@@ -51,13 +51,13 @@ class Guard:
     """Calls a plug-in on threads of their own, so that nothing it does can stop a plan.
 
     A call that is not back in time is left behind. After MAX_LATE of those the plug-in is called
-    no more until one has come back. Thread-safe.
+    no more until one has come back; calls that run at that time may still join them. Thread-safe.
     """
 
     def __init__(self, name: str) -> None:
         """Guard the plug-in of that name."""
         self.name = name
-        self._late: list[threading.Thread] = []
+        self._late: set[threading.Thread] = set()
         self._logged: set[str] = set()
 
     def call(
@@ -72,7 +72,7 @@ class Guard:
         After that `stopped[0]` becomes 1, and it has a moment to return. Raises PluginError where
         it raises anything, SystemExit included, and TimeoutError where it does not return.
         """
-        self._late = [thread for thread in self._late if thread.is_alive()]
+        self._late -= {thread for thread in tuple(self._late) if not thread.is_alive()}
         if len(self._late) >= MAX_LATE:
             raise PluginError(f'not called, since {MAX_LATE} calls of it have not come back')
         call = _Call(function)
@@ -86,7 +86,7 @@ class Guard:
         if stopped is not None and not call.done.is_set():
             stopped[0] = 1
         if not call.done.wait(GRACE_S):
-            self._late.append(thread)
+            self._late.add(thread)
             raise TimeoutError(f'had not come back after {time.monotonic() - begin:.2f} s')
         if call.problem is not None:
             raise PluginError(call.problem)
