@@ -36,6 +36,7 @@ CANNOT_RUN = {
     r'docker ': 'no Docker here; test_dockerfile.py looks at the Dockerfile',
     r'colcon|\. install/setup.bash|ros2 |rviz2 ': 'needs a sourced ROS',
     r'export \w+_API_KEY|llm-astar .*(llm_openai|--source endpoint)': 'needs a key',
+    r'llm-astar bench .*qwen.jsonl': 'needs recorded replies; test_recorded_replies.py runs it',
     r'ollama|llama-server': 'needs a server of language models',
     r'python -m pytest': 'is what runs this',
     r'python docs/make_play_picture': 'needs chromium; test_play_page.py looks at the page',

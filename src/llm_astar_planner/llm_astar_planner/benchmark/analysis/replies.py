@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from functools import lru_cache
@@ -131,7 +132,7 @@ def example_routes(messages: tuple[Message, ...], prompt: str) -> frozenset[Rout
         return frozenset(
             route for message in asked_first(messages) for route in routes_in(message)
         )
-    name = prompt.partition(',')[0]
+    name = re.split('[+,]', prompt, maxsplit=1)[0]
     routes = set(PUBLISHED_ROUTES if name in PUBLISHED_PROMPTS else ())
     if name in TEMPLATES:
         routes.update(labelled_lists(load_template(name).text))

@@ -98,6 +98,7 @@ def test_without_messages_the_template_and_the_published_prompt_count():
     assert 'example_repeated' in judge('[[8, 25], [31, 19], [35, 17], [42, 6]]', prompt='few_shot')
     published = '[[40, 20], [31, 15], [20, 3], [10, 10]]'
     assert 'example_repeated' in judge(published, prompt='few_shot, repaired up to 2x')
+    assert 'example_repeated' in judge(published, prompt='cot+turns')
     assert 'example_repeated' not in judge(published, prompt='my own')
     for name in ('few_shot', 'cot', 'repe'):
         assert len(example_routes((), name)) >= len(load_template(name).text.split('Path: [[')) - 1
