@@ -1,10 +1,11 @@
 """Run `llm-astar bench` on many samples whose plans are made up; print its peak memory.
 
-python large_run.py FOLDER SAMPLES FORMAT runs it in two halves, the second with --resume, and
-prints the rows and the bytes of resident memory at most.
+python large_run.py FOLDER SAMPLES FORMAT dies after half the rows; run again, it resumes. Both
+times it prints the rows and the bytes of resident memory at most.
 """
 
 import json
+import os
 import resource
 import sys
 from pathlib import Path
@@ -13,7 +14,8 @@ from llm_astar_planner.benchmark.results import ResultsFolder, Row
 from llm_astar_planner.benchmark.runner import engine
 from llm_astar_planner.cli.main import main
 
-PAIRS = 20
+# Samples of a map, and rows of a sample: every method, five sources.
+PAIRS, VARIANTS = 20, 21
 # A path as long as those of the paper's maps.
 PATH = '5,5;11,12;17,18;23,18;29,25;35,31;41,28;45,20'
 
@@ -46,8 +48,13 @@ def made_up(task: engine.Task) -> list[engine.Outcome]:
     ]  # fmt: skip
 
 
-def interrupt_after(rows: int) -> None:
-    """Raise KeyboardInterrupt where so many rows have been written."""
+def peak() -> int:
+    """Return the bytes of resident memory that this process took at most."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+def die_after(rows: int) -> None:
+    """End the process, as a crash does, where so many rows have been written."""
     append, written = ResultsFolder.append, 0
 
     def counted(folder, some):
@@ -55,26 +62,27 @@ def interrupt_after(rows: int) -> None:
         some = list(some)
         append(folder, some)
         written += len(some)
-        if written > rows:
-            ResultsFolder.append = append
-            raise KeyboardInterrupt
+        if written >= rows:
+            sys.stdout.write(json.dumps({'rows': written, 'peak': peak()}) + '\n')
+            sys.stdout.flush()
+            os._exit(9)
 
     ResultsFolder.append = counted
 
 
 def run(folder: Path, samples: int, file_format: str) -> dict[str, int]:
-    """Run the benchmark in two halves and return rows and peak memory."""
-    dataset = folder / 'maps.json'
-    write_dataset(dataset, samples)
+    """Run the benchmark, resume it where there are rows; return rows and peak memory."""
+    dataset, out = folder / 'maps.json', folder / 'out'
+    words = ['bench', '--map', str(dataset), '--out', str(out), '--format', file_format]
+    words += ['--source', 'oracle,straight,random,noisy,reversed']
     engine.run_task = made_up
-    words = ['bench', '--map', str(dataset), '--out', str(folder / 'out')]
-    words += ['--methods', 'exact_astar,llm_astar,guided', '--source', 'oracle,straight,random']
-    words += ['--format', file_format]
-    interrupt_after(samples * 8 // 2)
-    assert main(words) == 130
-    assert main([*words, '--resume']) == 0
-    rows = json.loads((folder / 'out' / 'summary.json').read_text())['rows']
-    return {'rows': rows, 'peak': 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss}
+    if out.exists():
+        words.append('--resume')
+    else:
+        write_dataset(dataset, samples)
+        die_after(samples * VARIANTS // 2)
+    assert main(words) == 0
+    return {'rows': json.loads((out / 'summary.json').read_text())['rows'], 'peak': peak()}
 
 
 if __name__ == '__main__':

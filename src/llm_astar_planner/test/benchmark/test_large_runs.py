@@ -152,10 +152,59 @@ def test_finished_rows_are_found_among_keys_of_any_size():
     assert [key in done for key in keys] == [key in set(half) for key in keys]
 
 
-def measure(tmp_path, samples, file_format):
-    """Run the benchmark in a process of its own; return its rows and its peak memory in bytes."""
-    words = [sys.executable, LARGE_RUN_SCRIPT, tmp_path, str(samples), file_format]
+# Write rows, resume, summarise them; print how many bytes the peak grew by beyond a small run's.
+GROWTH = """
+import resource, sys
+from pathlib import Path
+from llm_astar_planner.benchmark.analysis.columns import RowColumns
+from llm_astar_planner.benchmark.analysis.summary import summarise
+from llm_astar_planner.benchmark import results
+from llm_astar_planner.benchmark.results import ResultsFolder, Row
+
+results.PART_ROWS = 2000
+
+def peak(folder, samples):
+    run = ResultsFolder(folder)
+    pairs = samples // 50
+    run.start(parquet=sys.argv[2] == 'parquet')
+    for number in range(samples):
+        path = ';'.join(f'{number},{step}' for step in range(40))
+        run.append(
+            Row(number // pairs, number % pairs, 1, method, 'none', '', '', 'NONE', 9.0, 9.0, 9.0,
+                path=path) for method in ('astar', 'guided', 'llm_astar', 'exact_astar')
+        )
+    run.fold()
+    assert len(run.keep_answered()) == 4 * samples
+    summaries = summarise(RowColumns(run.read()))
+    assert [item.samples for item in summaries] == [samples] * 4
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+small = peak(Path(sys.argv[1]) / 'small', 1000)
+print(peak(Path(sys.argv[1]) / 'large', 5000) - small)
+"""
+
+
+@pytest.mark.parametrize('file_format', ['csv', 'parquet'])
+def test_memory_hardly_grows_with_the_rows(tmp_path, file_format):
+    if file_format == 'parquet':
+        pytest.importorskip('pyarrow', reason='the extra parquet is not installed')
+    words = [sys.executable, '-c', GROWTH, tmp_path, file_format]
     ended = subprocess.run(words, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
-    found = json.loads(ended.stdout.splitlines()[-1])
-    return found['rows'], found['peak']
+    # 16,000 rows more, of which each takes over 1,000 bytes in memory.
+    assert int(ended.stdout) < 16_000 * 400
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize('file_format', ['csv', 'parquet'])
+def test_a_million_rows_take_less_than_500_mb_from_start_to_report(tmp_path, file_format):
+    if file_format == 'parquet':
+        pytest.importorskip('pyarrow', reason='the extra parquet is not installed')
+    words = [sys.executable, LARGE_RUN_SCRIPT, tmp_path, '50000', file_format]
+    for code, rows in ((9, 525_000), (0, 1_050_000)):
+        ended = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert ended.returncode == code, ended.stderr
+        found = json.loads(ended.stdout.splitlines()[-1])
+        assert abs(found['rows'] - rows) <= 21  # of one sample
+        assert found['peak'] < 500e6

@@ -38,7 +38,7 @@ class SelectionError(LlmAstarError, ValueError):
     """Samples cannot be selected as asked; the message names the option."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class BenchmarkSample:
     """One start-goal pair, with its unscaled map (without samples) and its index on that map."""
 
@@ -81,8 +81,9 @@ def select_samples(
             raise SelectionError(message)
         loaded = [barrier_map for barrier_map in loaded if barrier_map.id in wanted]
     samples = [
-        BenchmarkSample(replace(barrier_map, samples=()), pair, sample)
+        BenchmarkSample(bare, pair, sample)
         for barrier_map in loaded
+        for bare in (replace(barrier_map, samples=()),)
         for pair, sample in enumerate(barrier_map.samples)
     ]
     if not samples:

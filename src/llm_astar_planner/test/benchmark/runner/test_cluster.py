@@ -3,64 +3,31 @@
 import subprocess
 import sys
 import threading
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from pathlib import Path
 
 import pytest
-from llm_astar_planner.benchmark.datasets.generate import generate
-from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample
+from benchmark_samples import config_of, untimed
+from llm_astar_planner.benchmark.results import ResultsFolder
 from llm_astar_planner.benchmark.runner.cluster import connect
-from llm_astar_planner.benchmark.runner.engine import (
-    SearchSettings,
-    list_variants,
-    make_tasks,
-    run_tasks,
-)
+from llm_astar_planner.benchmark.runner.engine import run_task
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
-from llm_astar_planner.waypoints.baselines import baseline_sources
 
-CLUSTER = """
-import sys
-from distributed import LocalCluster
-if __name__ == '__main__':
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        print(cluster.scheduler_address, flush=True)
-        sys.stdin.read()
-"""
+EXAMPLE = Path(__file__).parents[5] / 'examples' / 'dask_cluster.py'
 
 
-@pytest.fixture
-def cluster(tmp_path):
-    """Start a cluster of two worker processes and return its address."""
+def test_the_example_with_two_workers_writes_the_rows_of_one_machine(dataset, tmp_path):
     pytest.importorskip('distributed', reason='the extra cluster is not installed')
-    script = tmp_path / 'cluster.py'
-    script.write_text(CLUSTER)
-    with subprocess.Popen(
-        [sys.executable, script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
-        yield process.stdout.readline().strip()
-        process.communicate('')
-
-
-@pytest.mark.filterwarnings('default')
-def test_rows_are_the_same_row_for_row(cluster):
-    sources = [SourceSpec(), SourceSpec(baseline_sources()['oracle'], 'oracle')]
-    (barrier_map,) = generate(2, 1)
-    bare = replace(barrier_map, samples=())
-    samples = [(BenchmarkSample(bare, i, s), 1) for i, s in enumerate(barrier_map.samples)]
-    tasks = make_tasks(samples, list_variants(['llm_astar'], sources), sources, SearchSettings())
-    spread, local = [], []
-    with connect(cluster, sources) as (executor, at_once):
-        run_tasks(tasks, executor, at_once, lambda _, outcomes: spread.extend(outcomes))
-    with ThreadPoolExecutor(1) as threads:
-        run_tasks(tasks, threads, 1, lambda _, outcomes: local.extend(outcomes))
-
-    def untimed(outcomes):
-        rows = sorted((outcome.row for outcome in outcomes), key=lambda row: row.key)
-        return [str(replace(row, seconds_source=0.0, seconds_search=0.0)) for row in rows]
-
-    assert untimed(spread) == untimed(local)
-    assert len(spread) == 30
+    words = ['--map', dataset, '--methods', 'llm_astar', '--source', 'oracle', '--json']
+    ended = subprocess.run(
+        [sys.executable, EXAMPLE, *words, '--out', tmp_path / 'out'],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 0, ended.stderr
+    folder = ResultsFolder(tmp_path / 'out')
+    local = [outcome.row for task in config_of(dataset).tasks() for outcome in run_task(task)]
+    assert [untimed(row) for row in folder.read()] == [untimed(row) for row in local]
+    assert len(local) == 3 * 31
+    assert str(folder.read_metadata()['parameters']['jobs']).startswith('tcp://127.0.0.1:')
 
 
 @pytest.mark.filterwarnings('default')
