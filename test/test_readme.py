@@ -62,6 +62,7 @@ SLOW = {
     r'llm-astar run .*demo.yaml|llm-astar call .*(19$|7.0 3.0|--interpret)': 'README.md calls',
     r'llm-astar evaluate .*(guided |out/drive|methods llm_astar)': 'test_evaluate.py',
     r'llm-astar instruct-bench': 'test_instruct_bench.py',
+    r'python examples/dask_cluster': 'test_cluster.py',
 }
 # What asks a running planner; a page that starts none takes one for granted.
 ASKS = re.compile(r'llm-astar (call|param|watch)')
