@@ -131,7 +131,7 @@ def test_rviz_buttons_plan_and_a_goal_without_a_start_says_so(caller):
     wait_for(lambda: caller.node.count_publishers('plan'), 'plan')
 
     def codes():
-        return [report.code_name for report in list(caller._reports.values())]
+        return [report.code_name for _, report in list(caller._reports.values())]
 
     goal.publish(pose_to_message(GOAL, 'map', Time()))
     wait_for(lambda: 'TF_ERROR' in codes(), 'the report of a goal without a start')

@@ -284,7 +284,7 @@ def test_viapoints_take_the_waypoints_place_and_a_newer_result_says_how_far_it_g
         assert not graph.client.asked.is_set()
     stamp = stamp_of(result.path)
     graph.caller.wait_for(lambda: stamp in graph.caller._reports, 'the report', PATIENCE)
-    report = graph.caller._reports.pop(stamp)
+    _, report = graph.caller._reports.pop(stamp)
     assert report.source == 'viapoints'
     # The second one is in the wall, with no other cell within the tolerance.
     assert report.source_detail.startswith('1 of 2 via points can be reached; not within 0.5 m')

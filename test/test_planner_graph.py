@@ -30,11 +30,12 @@ from nav_msgs.srv import GetPlan
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
 
 LONG = 60.0
 # Each node out of the others' sight: a call may still find one that has just left.
 WORLD, MANAGED, WAITING = '/world', '/managed', '/managed_waiting'
-AGAIN, APART = '/managed_again', '/managed_apart'
+AGAIN, APART, SIMULATED = '/managed_again', '/managed_apart', '/simulated'
 START, GOAL, OTHER_GOAL = Pose2D(5.5, 5.5), Pose2D(35.5, 5.5, 1.0), Pose2D(5.5, 20.5)
 CELLS = np.zeros((30, 40), dtype=np.int8)
 CELLS[:25, 20] = 100
@@ -111,7 +112,7 @@ class Graph:
 
     @property
     def reports(self):
-        return list(self.caller._reports.values())
+        return [report for _, report in list(self.caller._reports.values())]
 
     def wait_for_report(self, condition, what):
         wait_for(lambda: any(condition(report) for report in self.reports), what)
@@ -491,7 +492,9 @@ def test_a_path_planned_before_a_deactivation_is_not_replanned_after_it():
         caller.wait_until_ready(GridMap(broken).digest)
         # The replanning would have come before this answer, or cut it short.
         caller.call(START, OTHER_GOAL)
-        assert [one.message for one in caller._reports.values() if 'replan' in one.message] == []
+        assert [
+            one.message for _, one in caller._reports.values() if 'replan' in one.message
+        ] == []
 
 
 def test_the_parameter_makes_it_a_managed_node_which_outlives_a_wrong_transition():
@@ -507,3 +510,48 @@ def test_the_parameter_makes_it_a_managed_node_which_outlives_a_wrong_transition
         assert 'no map' in caller.call(START, GOAL)[1].message
     assert planner.returncode == 0
     assert 'Traceback' not in ''.join(planner.output)
+
+
+def test_a_caller_takes_its_own_report_when_a_simulation_begins_anew():
+    """At the same time of the clock again, with the reports of the first run still there."""
+    node = node_of(SIMULATED, use_sim_time=True, llm_client='')
+    with (
+        running(node),
+        calling(SIMULATED, 'first') as first,
+        calling(SIMULATED, 'second') as second,
+    ):
+        clock = first.node.create_publisher(Clock, '/clock', LATCHED)
+        maps = first.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        maps.publish(grid_to_message(GridMap(CELLS), Time()))
+
+        def be_at(seconds):
+            now = Clock(clock=Time(sec=seconds))
+            clock.publish(now)
+            wait_for(lambda: node.get_clock().now().nanoseconds == seconds * 10**9, 'the time')
+
+        be_at(100)
+        for caller in (first, second):
+            caller.wait_until_ready(GridMap(CELLS).digest)
+            caller.call(START, GOAL)
+        first.call(START, GOAL)
+        be_at(200)
+        first.call(START, GOAL)
+        # As a planner has forgotten it that was started anew too.
+        node._server._handler._plans_at.clear()
+        be_at(100)
+        codes = [second.call(START, Pose2D(-50.0, 0.0))[1].code_name for _ in range(3)]
+        assert codes == ['GOAL_OUTSIDE_MAP'] * 3
+
+
+def test_stamps_of_plans_differ_when_a_simulation_begins_anew():
+    node = node_of(SIMULATED, use_sim_time=True, llm_client='')
+    with running(node), calling(SIMULATED) as caller:
+        clock = caller.node.create_publisher(Clock, '/clock', LATCHED)
+        stamps = []
+        for seconds in (100, 200, 100):
+            clock.publish(Clock(clock=Time(sec=seconds)))
+            wait_for(lambda at=seconds: node.get_clock().now().nanoseconds == at * 10**9, 'time')
+            stamps += [node._server._handler.next_stamp() for _ in range(2)]
+    assert [(stamp.sec, stamp.nanosec) for stamp in stamps] == [
+        (100, 0), (100, 1), (200, 0), (200, 1), (100, 2), (100, 3)
+    ]  # fmt: skip

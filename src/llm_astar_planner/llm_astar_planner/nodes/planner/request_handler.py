@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from cachetools import LRUCache
 from llm_astar_msgs_adapter.messages.writing import path_to_message
 from nav_msgs.msg import Path
 from rclpy.node import Node
@@ -43,6 +44,8 @@ LEAST_SECONDS = 0.001
 LONGEST_END = 2.0
 INACTIVE = 'the node is not active: configure and activate it (lifecycle)'
 NEWER_PATH = 'a newer path was published'
+# Times of the clock at which plans began that are remembered.
+KEPT_TIMES = 1024
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +97,8 @@ class RequestHandler:
         self._is_active = False
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
-        self._last_time, self._plans_at_it = 0, 0
+        # How many plans began at each of the last times of the clock.
+        self._plans_at: LRUCache[int, int] = LRUCache(KEPT_TIMES)
         self._node = node
         self._settings = settings
         self._maps = maps
@@ -159,15 +163,16 @@ class RequestHandler:
         return replace(response, seconds=time.monotonic() - job.begin)
 
     def next_stamp(self) -> Time:
-        """Return the time now, a nanosecond later for each plan at which the clock stood still.
+        """Return the time now, a nanosecond later for each earlier plan at this time.
 
-        Callers tell reports apart by it, and simulated time stands still between its messages.
+        Callers tell reports apart by it, and simulated time stands still between its messages and
+        comes again when a simulation starts anew.
         """
         now = self._node.get_clock().now().nanoseconds
         with self._ended:
-            self._plans_at_it = self._plans_at_it + 1 if now == self._last_time else 0
-            self._last_time = now
-            seconds, nanoseconds = divmod(now + self._plans_at_it, 10**9)
+            earlier = self._plans_at.get(now, 0)
+            self._plans_at[now] = earlier + 1
+        seconds, nanoseconds = divmod(now + earlier, 10**9)
         return Time(sec=seconds, nanosec=nanoseconds)
 
     def plan(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -52,7 +53,8 @@ class PlannerClient:
         # As the planner names itself in /diagnostics: with its namespace, without the slash.
         self._planner = node.resolve_service_name(planner)[1:]
         self._arrived = threading.Condition()
-        self._reports: FIFOCache[int, PlanReport] = FIFOCache(KEPT_REPORTS)
+        # With the time of arrival, as `time.perf_counter` has it.
+        self._reports: FIFOCache[int, tuple[float, PlanReport]] = FIFOCache(KEPT_REPORTS)
         self._health: dict[str, dict[str, Any]] = {}
         self._client = node.create_client(GetPlan, f'{planner}/get_plan', qos_profile=CALLS)
         # Whether the last call was answered, so the planner has discovered this caller.
@@ -149,8 +151,13 @@ class PlannerClient:
         self._is_discovered = True
         round_trip = time.perf_counter() - begin
         stamp = stamp_of(path)
-        self.wait_for(lambda: stamp in self._reports, 'the report of a plan', seconds)
-        return path, self._reports.pop(stamp), round_trip
+
+        def has_report() -> bool:
+            # One that came before the request is of an earlier plan at the same simulated time.
+            return self._reports.get(stamp, (-math.inf,))[0] >= begin
+
+        self.wait_for(has_report, 'the report of a plan', seconds)
+        return path, self._reports.pop(stamp)[1], round_trip
 
     def ask(
         self,
@@ -171,7 +178,8 @@ class PlannerClient:
         return response
 
     def _on_report(self, message: DiagnosticArray) -> None:
-        self._reports[stamp_of(message)] = report_from_message(message, PlanReport)
+        report = report_from_message(message, PlanReport)
+        self._reports[stamp_of(message)] = time.perf_counter(), report
 
     def _on_health(self, message: DiagnosticArray) -> None:
         self._health.update((status.name, status_values(status)) for status in message.status)
