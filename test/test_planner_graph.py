@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from graph_tools import PATIENCE, calling, process, running, set_parameter, wait_for
 from lifecycle_msgs.msg import Transition
@@ -20,11 +21,14 @@ from llm_astar_msgs_adapter.messages.writing import (
     grid_to_message,
     path_to_message,
     pose_to_message,
+    report_to_message,
 )
-from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import Plan, ResultCode
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetPlan
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -512,40 +516,32 @@ def test_the_parameter_makes_it_a_managed_node_which_outlives_a_wrong_transition
     assert 'Traceback' not in ''.join(planner.output)
 
 
-def test_a_caller_takes_its_own_report_when_a_simulation_begins_anew():
-    """At the same time of the clock again, with the reports of the first run still there."""
-    node = node_of(SIMULATED, use_sim_time=True, llm_client='')
-    with (
-        running(node),
-        calling(SIMULATED, 'first') as first,
-        calling(SIMULATED, 'second') as second,
-    ):
-        clock = first.node.create_publisher(Clock, '/clock', LATCHED)
-        maps = first.node.create_publisher(OccupancyGrid, 'map', LATCHED)
-        maps.publish(grid_to_message(GridMap(CELLS), Time()))
+def test_a_caller_waits_for_the_report_of_its_own_call():
+    """Another plan at the same simulated time, before the simulation began anew, has its stamp."""
+    node = rclpy.create_node('planner_node', namespace=SIMULATED)
+    reports = node.create_publisher(DiagnosticArray, '~/report', REPORTS)
+    stamp = Time(sec=100)
 
-        def be_at(seconds):
-            now = Clock(clock=Time(sec=seconds))
-            clock.publish(now)
-            wait_for(lambda: node.get_clock().now().nanoseconds == seconds * 10**9, 'the time')
+    def publish(message):
+        plan = Plan(ResultCode.NONE, message, '', (0, 0), (0, 0), np.zeros((0, 0), dtype=bool))
+        reports.publish(report_to_message(plan_report(plan, None), 'planner_node', stamp))
 
-        be_at(100)
-        for caller in (first, second):
-            caller.wait_until_ready(GridMap(CELLS).digest)
-            caller.call(START, GOAL)
-        first.call(START, GOAL)
-        be_at(200)
-        first.call(START, GOAL)
-        # As a planner has forgotten it that was started anew too.
-        node._server._handler._plans_at.clear()
-        be_at(100)
-        codes = [second.call(START, Pose2D(-50.0, 0.0))[1].code_name for _ in range(3)]
-        assert codes == ['GOAL_OUTSIDE_MAP'] * 3
+    def answer(_, response):
+        response.plan.header.stamp = stamp
+        threading.Timer(0.3, publish, ['of the call']).start()
+        return response
+
+    node.create_service(GetPlan, '~/get_plan', answer)
+    with running(node), calling(SIMULATED) as caller:
+        publish('of the plan before')
+        wait_for(lambda: caller._reports, 'the first report')
+        assert caller.call(START, GOAL)[1].message == 'of the call'
 
 
 def test_stamps_of_plans_differ_when_a_simulation_begins_anew():
     node = node_of(SIMULATED, use_sim_time=True, llm_client='')
     with running(node), calling(SIMULATED) as caller:
+        wait_for(lambda: node._server, 'its start')
         clock = caller.node.create_publisher(Clock, '/clock', LATCHED)
         stamps = []
         for seconds in (100, 200, 100):
