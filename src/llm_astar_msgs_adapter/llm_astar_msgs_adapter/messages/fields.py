@@ -23,6 +23,8 @@ from llm_astar_msgs_adapter.maps.grid_map import (
 
 # How far a quaternion's norm may be from 1, and the roll and pitch a flat map may have (rad).
 QUATERNION_TOLERANCE = 1e-3
+# No map update arrives so much later (ns) than the whole map that contains it.
+LONGEST_DELAY_NS = 10_000_000_000
 
 
 def grid_from_message(message: Any) -> GridMap:  # noqa: ANN401 - live or decoded
@@ -42,9 +44,10 @@ def is_outdated(update: Any, map_time: int) -> bool:  # noqa: ANN401 - live or d
     """Tell whether a map update is older than a whole map stamped `map_time` (ns).
 
     Such a map contains the update already; they arrive in any order, on two topics. An update
-    with stamp 0 is never outdated.
+    with stamp 0 is never outdated, nor is one that is far older: the clock has jumped back.
     """
-    return 0 < stamp_of(update) < map_time
+    stamp = stamp_of(update)
+    return 0 < stamp < map_time < stamp + LONGEST_DELAY_NS
 
 
 def updated(grid_map: GridMap, update: Any) -> GridMap:  # noqa: ANN401 - live or decoded

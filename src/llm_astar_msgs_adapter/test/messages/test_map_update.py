@@ -31,7 +31,12 @@ def test_an_update_changes_its_rectangle_and_nothing_else():
 
 @pytest.mark.parametrize(
     ('sent', 'map_time', 'outdated'),
-    [((5, 1), 5_000_000_002, True), ((5, 2), 5_000_000_002, False), ((0, 0), 5, False)],
+    [
+        ((5, 1), 5_000_000_002, True),
+        ((5, 2), 5_000_000_002, False),
+        ((0, 0), 5, False),
+        ((5, 0), 3_600_000_000_000, False),  # the clock was set back by an hour
+    ],
 )
 def test_an_update_older_than_the_whole_map_is_outdated(sent, map_time, outdated):
     stamp = SimpleNamespace(sec=sent[0], nanosec=sent[1])

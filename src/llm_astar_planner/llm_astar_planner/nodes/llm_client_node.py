@@ -111,7 +111,7 @@ class LlmClientNode(Node):
         self._entities.service(
             GetPlan, '~/get_waypoints', self.on_get_waypoints, LimitedCallbackGroup(CALLERS)
         )
-        self.create_timer(1.0, self.publish_health, callback_group=ReentrantCallbackGroup())
+        self._entities.timer(1.0, self.publish_health, ReentrantCallbackGroup())
         self._entities.on_close(lambda: self._queue.close())  # noqa: PLW0108 - it is replaced
         self.get_logger().info(f'ready; waypoints by {self._source.name}')
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -51,8 +52,12 @@ class Entities:
         return made
 
     def timer(self, seconds: float, callback: Callable[[], None], group: CallbackGroup) -> None:
-        """Create a timer."""
-        made = self.node.create_timer(seconds, callback, callback_group=group)
+        """Create a timer of a steady clock.
+
+        That of the node may jump back, or stand still where time is simulated.
+        """
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        made = self.node.create_timer(seconds, callback, callback_group=group, clock=steady)
         self._undo.append(lambda: self.node.destroy_timer(made))
 
     def on_close(self, undo: Callable[[], Any]) -> None:

@@ -16,6 +16,7 @@ import rclpy
 from llm_astar_msgs_adapter.bags.messages import NANOSECONDS
 from llm_astar_msgs_adapter.bags.types import BagTypeError, TypeDefinition, define
 from llm_astar_msgs_adapter.bags.writing import BagWriter, OfferedTopic
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.expand_topic_name import expand_topic_name
@@ -108,7 +109,8 @@ class Recorder(Node):
             name = expand_topic_name(relative, NAME, namespace)
             if name in self._waiting:
                 self._expect(name, msgtype, is_latched=is_latched)
-        self.create_timer(DISCOVERY_PERIOD_S, self._discover)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(DISCOVERY_PERIOD_S, self._discover, clock=steady)
 
     def _expect(self, name: str, msgtype: str, *, is_latched: bool) -> None:
         """Subscribe to a topic that may have no publisher yet, if its type is installed."""
