@@ -17,14 +17,14 @@ WIDTH = 5
 
 @dataclass(frozen=True)
 class RowKeys:
-    """Positions [n] and keys [n, 4] of rows: map, pair, scale and the index in `variants`.
+    """The keys of rows, 40 bytes each, in the order of map, pair and scale.
 
-    They are in the order of map, pair and scale, and of rows with equal keys only the last is
-    among them.
+    `stored` [n, 5] has map, pair, scale, index in `variants` and position of every row of a
+    file; `order` [m] the indices of the rows that count: the last of those with equal keys.
     """
 
-    positions: NDArray[np.int64]
-    numbers: NDArray[np.int64]
+    stored: NDArray[np.int64]
+    order: NDArray[np.intp]
     variants: tuple[Variant, ...]
 
     @classmethod
@@ -38,18 +38,30 @@ class RowKeys:
                 numbers.extend((map_id, pair, scale, index, position))
         except OverflowError:
             raise ValueError('a number of over 63 bits') from None
-        table = np.frombuffer(numbers, np.int64).reshape(-1, WIDTH)
-        table = table[last_of_equal(table[:, :4])]
-        table = table[np.lexsort(table[:, 2::-1].T)]
-        return cls(table[:, 4].copy(), table[:, :4].copy(), tuple(variants))
+        stored = np.frombuffer(numbers, np.int64).reshape(-1, WIDTH)
+        last = last_of_equal(stored[:, :4])
+        by_sample = np.lexsort([stored[:, column][last] for column in (2, 1, 0)])
+        return cls(stored, last[by_sample], tuple(variants))
+
+    @property
+    def positions(self) -> NDArray[np.int64]:
+        """The position [m] of each row that counts."""
+        return self.stored[:, 4][self.order]
+
+    def column(self, index: int) -> NDArray[np.int64]:
+        """Return map, pair, scale or the index of the variant [m] of each row that counts."""
+        return self.stored[:, index][self.order]
 
 
 def last_of_equal(keys: NDArray[np.int64]) -> NDArray[np.intp]:
     """Return the indices, ascending, of the rows of `keys` [n, k] that no later one equals."""
     order = np.lexsort(keys.T)  # stable: equal rows stay in their order
-    ordered = keys[order]
-    is_last = np.ones(len(keys), dtype=np.bool_)
-    is_last[:-1] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    is_last = np.zeros(len(keys), dtype=np.bool_)
+    is_last[-1:] = True
+    # Column by column: all keys in order would take as much memory again.
+    for column in keys.T:
+        ordered = column[order]
+        is_last[:-1] |= ordered[1:] != ordered[:-1]
     return np.sort(order[is_last])
 
 
@@ -58,13 +70,14 @@ class FinishedRows:
 
     def __init__(self, keys: RowKeys | None = None) -> None:
         """Take the keys, of no row by default."""
-        numbers = np.zeros((0, 4), np.int64) if keys is None else keys.numbers
-        self._values = [np.unique(numbers[:, column]) for column in range(3)]
-        packed, _ = self._pack(numbers[:, :3])
-        variants = () if keys is None else keys.variants
+        known = RowKeys.of(()) if keys is None else keys
+        samples = np.stack([known.column(index) for index in range(3)], axis=1)
+        self._values = [np.unique(column) for column in samples.T]
+        packed, _ = self._pack(samples)
+        variants = known.column(3)
         self._packed = {
-            variant: np.sort(packed[numbers[:, 3] == index])
-            for index, variant in enumerate(variants)
+            variant: np.sort(packed[variants == index])
+            for index, variant in enumerate(known.variants)
         }
 
     def __len__(self) -> int:
