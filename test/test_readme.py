@@ -139,6 +139,9 @@ def write_files(folder):
     shutil.copytree(ROOT / 'docs', folder / 'docs', ignore=shutil.ignore_patterns('images'))
     write_depot(folder)
     write_movingai(folder)
+    (folder / 'movingai').mkdir()
+    write_movingai(folder / 'movingai')
+    (folder / 'environment_50_30.json').symlink_to(ROOT / 'maps' / 'samples_1000.json')
     write_transcript(folder / 'replies.jsonl')
     (folder / 'drives').mkdir()
     for name in ('run1', 'drive', 'drives/depot'):

@@ -90,6 +90,15 @@ def test_no_training_step_uses_the_seed_of_a_held_out_problem():
         step_batch(0, 4_000_000)
 
 
+def test_a_kind_that_is_left_out_is_never_drawn_and_nothing_changes_without(monkeypatch):
+    monkeypatch.setattr('llm_astar_training.batches.make_batch', lambda seed, kind, *_: kind)
+    kinds = [step_batch(0, step) for step in range(300)]
+    assert set(kinds) == set(range(5))
+    assert kinds == [step_batch(0, step, left_out=()) for step in range(300)]
+    without = [step_batch(0, step, left_out=[ROOMS]) for step in range(300)]
+    assert set(without) == set(range(5)) - {ROOMS}
+
+
 def test_the_benchmarks_maps_are_not_among_the_training_maps():
     known = set()
     for barrier_map in load_barrier_maps(find_file('samples_1000.json', 'maps')):

@@ -57,8 +57,8 @@ def make_batch(seed: int, kind: int, barriers: int, count: int) -> Batch:
     return Batch(kind, *arrays)
 
 
-def step_batch(seed: int, step: int, most: int = MAX_MAPS) -> Batch:
-    """Draw the batch of a training step, of at most `most` maps.
+def step_batch(seed: int, step: int, most: int = MAX_MAPS, left_out: Sequence[int] = ()) -> Batch:
+    """Draw the batch of a training step, of at most `most` maps, of no kind that is left out.
 
     Raises ValueError for a seed or step whose problems would overlap with others.
     """
@@ -66,7 +66,8 @@ def step_batch(seed: int, step: int, most: int = MAX_MAPS) -> Batch:
         message = f'seed {seed}, step {step}: not a seed below 1000 and a step below 4 million'
         raise ValueError(message)
     draw = np.random.default_rng([seed, step])
-    kind = int(draw.choice(len(SHARES), p=SHARES))
+    shares = np.array([0.0 if kind in left_out else share for kind, share in enumerate(SHARES)])
+    kind = int(draw.choice(len(SHARES), p=shares / shares.sum() if left_out else SHARES))
     if kind in (maps.RECIPE, maps.SCALED):
         barriers = int(draw.integers(1, maps.MAX_PARALLEL, size=2, endpoint=True).sum())
     else:

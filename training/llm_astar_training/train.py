@@ -34,7 +34,7 @@ from tqdm import tqdm
 
 from llm_astar_training import batches
 from llm_astar_training.batches import Batch
-from llm_astar_training.maps import RECIPE
+from llm_astar_training.maps import KINDS, RECIPE
 from llm_astar_training.network import Network, Shape
 
 LEARNING_RATE = 1.5e-3
@@ -130,7 +130,8 @@ class Trainer:
 
             def submit() -> Future[Batch]:
                 seed, most = self.options.seed, self.options.most_maps
-                return pool.submit(batches.step_batch, seed, next(steps), most)
+                left_out = [KINDS.index(name) for name in self.options.leave_out]
+                return pool.submit(batches.step_batch, seed, next(steps), most, left_out)
 
             ahead = deque(submit() for _ in range(PREFETCH))
             try:
@@ -173,6 +174,7 @@ class Trainer:
             'optimiser': self.optimiser.state_dict(), 'maps': self.maps,
             'seconds': self.seconds, 'shape': asdict(self.network.shape),
             'seed': self.options.seed,
+            'left_out': sorted(self.options.leave_out),
         }  # fmt: skip
         partial = self.out / 'checkpoint.partial'
         torch.save(state, partial)
@@ -189,7 +191,13 @@ class Trainer:
         if not path.exists():
             return
         state: dict[str, Any] = torch.load(path, map_location=self.device, weights_only=True)
-        expected = {'shape': asdict(self.network.shape), 'seed': self.options.seed}
+        # Checkpoints of before had every kind.
+        state.setdefault('left_out', [])
+        expected = {
+            'shape': asdict(self.network.shape),
+            'seed': self.options.seed,
+            'left_out': sorted(self.options.leave_out),
+        }
         for name, value in expected.items():
             if state.get(name) != value:
                 found = f'{name}: is {state.get(name)}, not {value}'
@@ -268,6 +276,10 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('--threads', type=int, default=os.cpu_count() or 1)
     parser.add_argument('--width', type=int, default=Shape.width)
     parser.add_argument('--layers', type=int, default=Shape.layers)
+    parser.add_argument(
+        '--leave-out', action='append', default=[], choices=KINDS[1:], metavar='KIND',
+        help=f'draw no maps of this kind, of {", ".join(KINDS[1:])}; may be repeated',
+    )  # fmt: skip
     parser.add_argument('--most-maps', type=int, default=batches.MAX_MAPS, help='maps per batch')
     parser.add_argument('--held-out', type=int, default=1000, help='held-out maps of the recipe')
     parser.add_argument('--save-every', type=float, default=420, help='seconds between saves')
