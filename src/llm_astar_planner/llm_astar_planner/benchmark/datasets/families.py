@@ -114,7 +114,7 @@ def divide(blocked: Blocked, area: Area, random: np.random.Generator) -> list[Ar
         parts = divide(blocked.T, Area(left, top, right, bottom), random)
         return [Area(part.left, part.top, part.right, part.bottom) for part in parts]
     width = CORRIDOR + 2 if right - left >= DIVIDED_BY_CORRIDOR else 1
-    may_end = blocked[[top - 1, bottom]].all(axis=0)
+    may_end: Blocked = np.logical_and(blocked[top - 1], blocked[bottom])
     columns = range(left + MIN_ROOM, right - MIN_ROOM - width + 1)
     at = [x for x in columns if may_end[[x, x + width - 1]].all()]
     if not at:

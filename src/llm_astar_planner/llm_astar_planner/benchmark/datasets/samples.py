@@ -7,6 +7,7 @@ import random
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr, shortened
 from llm_astar_msgs_adapter.files import read_json
@@ -126,7 +127,7 @@ def load_kept_maps(path: str | Path) -> list[ProblemMap]:
     return parse_maps(entries, path)
 
 
-def parse_maps(entries: Sequence[object], path: str | Path) -> list[ProblemMap]:
+def parse_maps(entries: Sequence[Any], path: str | Path) -> list[ProblemMap]:
     """Read barrier maps and grids of a file; raises as `load_kept_maps` does."""
     cells = 0
     for index, entry in enumerate(entries):
