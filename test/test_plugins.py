@@ -9,9 +9,10 @@ import sys
 from pathlib import Path
 
 import pytest
-import rclpy
-from graph_tools import calling, process, set_parameter
+from graph_tools import PATIENCE, process
 from llm_astar_planner.cli.doctor import plugin_findings
+from llm_astar_planner.cli.param import ACTIONS
+from llm_astar_planner.nodes.tools.parameter_client import RemoteParameterError, parameter_client
 from llm_astar_planner.search.methods import SEARCH_METHODS
 from llm_astar_planner.waypoints.plugins import SOURCES
 
@@ -63,13 +64,6 @@ def hang(problem):
     return exact_method(problem)
 """
 ABSENT = '[llm_astar.waypoint_sources]\nbroken = no_such_package:make\noracle = sys:exit\n'
-
-
-@pytest.fixture
-def _context():
-    rclpy.init()
-    yield
-    rclpy.try_shutdown()
 
 
 @pytest.fixture(scope='module')
@@ -197,22 +191,25 @@ def test_the_doctor_lists_plug_ins_and_why_one_cannot_be_imported(installed):
     assert not any(item.required for item in found.values())
 
 
-@pytest.mark.usefixtures('_context')
 def test_nodes_take_code_at_the_start_only(site, monkeypatch):
     monkeypatch.setenv('PYTHONPATH', os.pathsep.join([*filter(None, sys.path), str(site)]))
     space, source, method = '/plugins', SIDESTEP[1], GREEDY[1]
     with (
         process('llm_client_node', '-p', f'source:={source}', namespace=space, files=()),
         process('planner_node', '-p', f'method:={method}', namespace=space, files=()),
-        calling(space) as caller,
+        parameter_client(space, [], PATIENCE) as client,
     ):
-        for node, name, own, plugin, code in (
-            ('llm_client_node', 'source', 'straight', 'sidestep', source),
-            ('planner_node', 'method', 'astar', 'greedy_best_first', method),
+        for name, values in (
+            ('llm_client_node source', ('straight', SIDESTEP[0], source)),
+            ('planner_node method', ('astar', GREEDY[0], method)),
         ):
-            refused = set_parameter(caller, node, name, 'broken_plugins:anything')
-            assert not refused.successful
-            assert 'names code, which is imported only where' in refused.reason
-            assert not set_parameter(caller, node, name, 'no_such_plugin').successful
-            for value in (own, plugin, code):
-                assert set_parameter(caller, node, name, value).successful, value
+            place = name.split()
+            assert ACTIONS['get'](client, *place)[0] == values[-1]
+            for value in values:
+                assert ACTIONS['set'](client, *place, value)[0] == value
+            for value, words in (
+                ('broken_plugins:Source', 'names code, which is imported only where'),
+                ('no_such_plugin', 'is not one of'),
+            ):
+                with pytest.raises(RemoteParameterError, match=f'refused it: .*{words}'):
+                    ACTIONS['set'](client, *place, value)
