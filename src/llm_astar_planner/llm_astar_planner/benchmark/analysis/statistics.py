@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -71,16 +72,30 @@ def bootstrap_means(
     sums, counts = np.bincount(group, weights=numbers), np.bincount(group)
     if len(sums) == 1 and (len(numbers) == 1 or np.ptp(numbers) > 0):
         return np.full(DRAWS, np.nan)
-    # The same seed draws the same maps, so methods run on the same maps stay paired.
-    random = np.random.default_rng(seed)
-    chances = np.full(len(sums), 1.0 / len(sums))
     means = []
     # Of many maps few draws at a time: all would take gigabytes.
     block = max(1, MAX_DRAWN // len(sums))
+    every = drawn_maps(len(sums), seed if isinstance(seed, int) else tuple(seed))
     for begin in range(0, DRAWS, block):
-        times = random.multinomial(len(sums), chances, size=min(block, DRAWS - begin))
+        times = every[begin : begin + block].astype(float)
         means.append(times @ sums / (times @ counts))
     return np.concatenate(means)
+
+
+@lru_cache(maxsize=2)
+def drawn_maps(count: int, seed: int | tuple[int, ...]) -> NDArray[np.uint16]:
+    """Return how often each of `count` maps is in each draw: [DRAWS, count].
+
+    The same seed draws the same maps, so that methods run on the same maps stay paired. The draws
+    are kept: the figures of a report are many, and to draw takes longer than to average.
+    """
+    random = np.random.default_rng(seed)
+    times = np.empty((DRAWS, count), dtype=np.uint16)
+    block = max(1, MAX_DRAWN // count)
+    for begin in range(0, DRAWS, block):
+        part = times[begin : begin + block]
+        part[:] = random.multinomial(count, np.full(count, 1.0 / count), size=len(part))
+    return times
 
 
 def middle_of(value: float, means: NDArray[np.float64]) -> Interval:
