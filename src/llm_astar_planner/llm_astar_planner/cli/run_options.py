@@ -370,7 +370,6 @@ def close_run(
         if 'map_costs' in metadata:
             add_query_times(metadata['map_costs'], RowColumns(folder.read()))
         folder.write_json('metadata.json', metadata)
-        summary = write_report(folder, metadata, maps)
         columns = RowColumns()
         unanswered = describe_unanswered(columns.passing(folder.read()))
         recorded = recorded_sentence(folder.read()) if metadata.get('bags') else None
@@ -378,6 +377,8 @@ def close_run(
         agreements = (
             compare_with_reference(folder.read(), lengths, args.heuristic) if lengths else []
         )
+        # Last, because figures take memory that is not given back.
+        summary = write_report(folder, metadata, maps)
     except ResultsError as error:
         return complain(args, str(error), INCOMPLETE)
     print(json.dumps(summary) if args.json else text_report(columns, args.seed, recorded))
