@@ -112,7 +112,7 @@ def draw_changes(
         axes.plot(percentiles, [position] * 2, color=style.LINE, linewidth=5, zorder=1)
         draw_interval(axes, position, found.mean, style.WORSE if is_worse else style.CHART)
     axes.axvline(100.0, color=style.BASELINE, linewidth=1, linestyle=':')
-    axes.set_xlabel(f'{metric}, % of the base (95 % interval)')
+    axes.set_xlabel(f'{metric}, % of the base (95 % interval; wide: 90 % of samples)')
     axes.grid(axis='x', alpha=0.25)
     low, high = axes.get_xlim()
     if high > WIDE * max(low, 1.0):
