@@ -39,11 +39,13 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
 from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_msgs_adapter.maps.places_file import load_places, places_from_geojson
 from llm_astar_planner.benchmark.analysis.summary import compare_with_none, growth, summarise
+from llm_astar_planner.benchmark.analysis.transcript_check import check_transcript
 from llm_astar_planner.benchmark.bags.requests import RequestReader, load_requests
 from llm_astar_planner.benchmark.bags.topics import TopicSelection, describe
 from llm_astar_planner.benchmark.datasets.grids import load_grid_problem
 from llm_astar_planner.benchmark.datasets.samples import format_kept_maps, load_kept_maps
 from llm_astar_planner.benchmark.instructions.suite import load_suite
+from llm_astar_planner.benchmark.parquet_rows import write_part
 from llm_astar_planner.benchmark.report.write import search_settings
 from llm_astar_planner.benchmark.results import ResultsFolder, Row, describe_run
 from llm_astar_planner.costmap.zone_file import zones_from_text
@@ -264,9 +266,21 @@ def make_results(name: str) -> Callable[[Path], Path]:
     return make
 
 
+def make_parquet(folder: Path) -> Path:
+    table = make_results('results.csv')(folder)
+    part = folder / 'results.parquet' / 'part-000000.parquet'
+    write_part(part, list(ResultsFolder(folder).read()))
+    table.write_text(table.read_text().partition('\n')[0] + '\n')
+    return part
+
+
 def make_grid_problem(folder: Path) -> Path:
     board = load_grid_problem(make_scenarios(folder))
     return file('maps.json', format_kept_maps([board]))(folder)
+
+
+def check_whole_transcript(path: Path) -> None:
+    check_transcript(path).to_json()
 
 
 def read_results(path: Path) -> None:
@@ -353,6 +367,9 @@ READERS: dict[str, Reader] = {
     'transcript': Reader(
         file('x.jsonl', '\n'.join([json.dumps(WAYPOINT_LINE)] * 3) + '\n'), read_transcript
     ),
+    'transcript_to_check': Reader(
+        file('x.jsonl', '\n'.join([json.dumps(WAYPOINT_LINE)] * 2) + '\n'), check_whole_transcript
+    ),
     'transcript_of_instructions': Reader(
         file('x.jsonl', f'{json.dumps(INSTRUCTION_LINE)}\n{json.dumps(WAYPOINT_LINE)}'),
         read_exchanges,
@@ -369,6 +386,7 @@ READERS: dict[str, Reader] = {
     ),
     'weights': Reader(make_weights, lambda path: read_weights(path.read_bytes(), str(path))),
     'results_rows': Reader(make_results('results.csv'), read_results),
+    'results_parquet': Reader(make_parquet, lambda path: read_results(path.parent)),
     'results_metadata': Reader(make_results('metadata.json'), read_results),
     'results_maps': Reader(make_results('maps.json'), read_results),
     'requests_csv': Reader(

@@ -139,6 +139,8 @@ def read_columns(group: RowGroup, names: Sequence[str] | None = None) -> dict[st
     """Return columns of a group as lists by name, all by default; equal texts are one object."""
     with open_part(group.part) as file:
         table = file.read_row_group(group.number, columns=names, use_threads=False)
+        # Texts of a damaged part may be numbers of texts that it does not have.
+        table.validate(full=True)
         wanted = names or table.column_names
         found = {name: table.column(name).combine_chunks() for name in wanted}
         return {name: values_of(found[name], name, group.part) for name in wanted}
@@ -162,11 +164,12 @@ def values_of(array: Any, name: str, part: Path) -> list[Any]:  # noqa: ANN401 -
 def open_part(path: Path) -> Iterator[ParquetFile]:
     """Open a part, its texts as numbers of distinct ones. Raises ResultsError."""
     pyarrow, parquet = import_pyarrow()
-    texts = [name for name, kind in COLUMNS.items() if kind == 'str']
     try:
+        names = parquet.read_schema(path).names
+        texts = [name for name in names if COLUMNS.get(name) == 'str']
         with parquet.ParquetFile(path, read_dictionary=texts) as file:
             yield file
-    except (pyarrow.ArrowException, OSError) as error:
+    except (pyarrow.ArrowException, OSError, UnicodeDecodeError) as error:
         raise ResultsError(f'{path}: {first_line(error)}') from None
 
 
