@@ -5,7 +5,6 @@
 
 import contextlib
 import itertools
-import logging
 import random
 import signal
 import threading
@@ -94,7 +93,7 @@ def test_a_hundred_thousand_calls():
     assert tally.wrong == []
     assert min(tally.guided, tally.unguided, tally.refused) > 1000
     assert tally.unanswered <= 3 * CALLERS
-    logging.getLogger(__name__).warning('%s', replace(tally, digests=len(tally.digests)))
+    tqdm.write(str(replace(tally, digests=len(tally.digests))))
 
 
 def soak(rounds, calls_a_round, killed=()):
