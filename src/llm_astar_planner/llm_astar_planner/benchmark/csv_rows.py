@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
+from llm_astar_msgs_adapter.errors import shortened
+
 import llm_astar_planner
 from llm_astar_planner.benchmark.row import (
     ADDED_COLUMNS,
@@ -24,6 +26,7 @@ from llm_astar_planner.benchmark.row import (
 
 # Bytes of one line.
 MAX_LINE_BYTES = 16_000_000
+MAX_INTEGER = 2**53
 # Columns whose texts stand in many rows and are kept once: so many of them, of so many characters.
 SHARED_COLUMNS = (
     'method', 'source', 'prompt', 'model', 'code', 'source_status', 'guided_by', 'verdicts', 'bag',
@@ -45,7 +48,7 @@ class RowParser:
             version = llm_astar_planner.__version__
             raise ValueError(f'its columns are not those of version {version}')
         self._names = tuple(names)
-        converters: dict[str, Callable[[str], Any]] = {'int': int, 'float': parse_number}
+        converters: dict[str, Callable[[str], Any]] = {'int': parse_integer, 'float': parse_number}
         converters |= dict.fromkeys(SHARED_COLUMNS, self._share)
         converters['method'] = lambda name: METHOD_ALIASES.get(name, self._share(name))
         kinds = [name if name in SHARED_COLUMNS else COLUMNS[name] for name in names]
@@ -73,7 +76,7 @@ class RowParser:
             method, source, prompt, model = names
             variant = Variant(METHOD_ALIASES.get(method, method), source, prompt, model)
             self._variants[tuple(names)] = variant
-        return int(number), int(pair), int(scale), variant
+        return parse_integer(number), parse_integer(pair), parse_integer(scale), variant
 
     def _check(self, cells: Sequence[str]) -> None:
         if len(cells) != len(self._names):
@@ -136,7 +139,9 @@ class CsvRows:
                 try:
                     yield parser.row(next(csv.reader(complete_lines(file))))
                 except (csv.Error, ValueError) as error:
-                    raise ResultsError(f'{self.path}: byte {position}: {error}') from None
+                    raise ResultsError(
+                        f'{self.path}: byte {position}: {shortened(str(error))}'
+                    ) from None
 
     def _read(self, parse: Callable[[RowParser, Sequence[str]], Any]) -> Iterator[tuple[int, Any]]:
         """Yield position and parsed line of every complete line. Raises ResultsError."""
@@ -152,7 +157,9 @@ class CsvRows:
                     yield position, parse(parser, cells)
                     position = file.tell()
             except (csv.Error, ValueError) as error:
-                raise ResultsError(f'{self.path}: line {reader.line_num}: {error}') from None
+                raise ResultsError(
+                    f'{self.path}: line {reader.line_num}: {shortened(str(error))}'
+                ) from None
 
 
 def is_header(names: Sequence[str]) -> bool:
@@ -163,6 +170,14 @@ def is_header(names: Sequence[str]) -> bool:
 def parse_number(text: str) -> float:
     """Read a number; NaN is an empty cell. Raises ValueError."""
     return float(text) if text else math.nan
+
+
+def parse_integer(text: str) -> int:
+    """Read a whole number that a float can hold, as summaries do. Raises ValueError."""
+    value = int(text)
+    if abs(value) > MAX_INTEGER:
+        raise ValueError(f'{shortened(text)} is above {MAX_INTEGER}')
+    return value
 
 
 def format_row(row: Row) -> list[str]:
