@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import shapely
+from llm_astar_msgs_adapter.errors import short_repr
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.benchmark.instructions.measured_path import MeasuredPath, opened
@@ -203,7 +204,8 @@ def read_cross(reading: Reading) -> Measure:
     segment, times = shapely.LineString([(x0, y0), (x1, y1)]), reading.fields.get('times')
     is_count = isinstance(times, int) and not isinstance(times, bool) and 0 <= times <= MAX_TIMES
     if not (is_count or times == 'some'):
-        raise SuiteError(f'{reading.where}: times: {times!r} is neither a number nor "some"')
+        problem = f'{short_repr(times)} is neither a number nor "some"'
+        raise SuiteError(f'{reading.where}: times: {problem}')
 
     def measure(path: MeasuredPath) -> Verdict:
         met = len(path.stretches(segment))
@@ -250,14 +252,15 @@ def read_check(value: object, where: str, scene: Scene, clauses: int) -> Check:
     fields = as_mapping(value, where)
     kind = fields.get('check')
     if not isinstance(kind, str) or kind not in KINDS:
-        raise SuiteError(f'{where}: check: {kind!r} is not one of {", ".join(KINDS)}')
+        raise SuiteError(f'{where}: check: {short_repr(kind)} is not one of {", ".join(KINDS)}')
     where = f'{where} ({kind})'
     read, own = KINDS[kind]
     unknown = set(fields) - own - COMMON
     if unknown:
-        known = ', '.join(sorted(own | COMMON))
-        raise SuiteError(f'{where}: has no field {min(unknown)!r}; its fields are {known}')
+        problem = f'has no field {short_repr(min(unknown))}'
+        raise SuiteError(f'{where}: {problem}; its fields are {", ".join(sorted(own | COMMON))}')
     clause = fields.get('clause')
     if clause is not None and (type(clause) is not int or not 0 <= clause < clauses):
-        raise SuiteError(f'{where}: clause: {clause!r} is not the index of one of {clauses}')
+        problem = f'{short_repr(clause)} is not the index of one of {clauses}'
+        raise SuiteError(f'{where}: clause: {problem}')
     return Check(kind, read(Reading(fields, where, scene)), clause)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, find_barrier_map, load_barrier_maps
 from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_msgs_adapter.maps.places import Place, Places
@@ -38,8 +38,9 @@ class MapFinder:
 
         Raises SuiteError, which names the suite, the map and the field.
         """
-        where = f'{self.suite}: map {name!r}'
+        where = f'{self.suite}: map {short_repr(name)}'
         try:
+            as_text(name, 'its name')
             fields = as_mapping(value, 'entry')
             file = self.map_file(name, fields)
             places = self.read_places(fields, file)
@@ -65,7 +66,7 @@ class MapFinder:
         if 'dataset' in fields:
             dataset, number = as_text(fields['dataset'], 'dataset'), fields.get('id')
             if type(number) is not int:
-                raise SuiteError(f'id: {number!r} is not the id of a map of {dataset}')
+                raise SuiteError(f'id: {short_repr(number)} is not the id of a map of {dataset}')
         elif numbered:
             dataset, number = NUMBERED_DATASET, int(numbered[1])
         else:
@@ -98,7 +99,7 @@ class MapFinder:
 
 def read_place(name: str, value: object) -> Place:
     """Read a place of a suite's map. Raises PlacesError or SpecificationError."""
-    where = f'places: {name!r}'
+    where = f'places: {short_repr(name)}'
     fields = as_mapping(value, where)
     geometry: dict[str, Any] = {'type': 'Polygon', 'coordinates': [fields.get('polygon')]}
     if 'point' in fields:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.places import Place, Places
@@ -118,7 +118,7 @@ def region_geometry(value: object, where: str, scene: Scene, depth: int = 0) -> 
         raise SuiteError(f'{where}: {problem}')
     unknown = set(fields) - {form, *EXTRAS.get(form, ())}
     if unknown:
-        raise SuiteError(f'{where}: {form} has no field {min(unknown)!r}')
+        raise SuiteError(f'{where}: {form} has no field {short_repr(min(unknown))}')
     geometry = FORMS[form](Reading(fields, form, f'{where}: {form}', scene, depth))
     if geometry.is_empty or not geometry.is_valid:
         raise SuiteError(f'{where}: {form}: is empty or crosses itself')

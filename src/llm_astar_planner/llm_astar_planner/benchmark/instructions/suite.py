@@ -68,6 +68,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.files import read_json
 
 from llm_astar_planner.benchmark.instructions.checks import Check, read_check
@@ -142,7 +143,8 @@ def load_suite(path: str | Path, folders: Sequence[Path] = ()) -> Suite:
     path = Path(path)
     fields = read_object(path)
     if fields.get('version') != VERSION:
-        raise SuiteError(f'{path}: version: {fields.get("version")!r} is not {VERSION}')
+        version = short_repr(fields.get('version'))
+        raise SuiteError(f'{path}: version: {version} is not {VERSION}')
     entries, listed = fields.get('maps'), fields.get('instructions')
     if not isinstance(entries, dict) or not 1 <= len(entries) <= MAX_MAPS:
         raise SuiteError(f'{path}: maps: is not an object of 1 to {MAX_MAPS} maps')
@@ -172,11 +174,11 @@ def named_instruction(
 ) -> SuiteInstruction:
     """Read an instruction. Raises SuiteError, which names the file and the id or the index."""
     name = value.get('id') if isinstance(value, dict) else None
-    where = f'{path}: instruction ' + (repr(name) if isinstance(name, str) else f'at {index}')
+    which = short_repr(name) if isinstance(name, str) else f'at {index}'
     try:
         return read_instruction(as_mapping(value, 'entry'), maps)
     except (SuiteError, SpecificationError) as error:
-        raise SuiteError(f'{where}: {error}') from None
+        raise SuiteError(f'{path}: instruction {which}: {error}') from None
 
 
 def read_instruction(fields: Mapping[str, Any], maps: Mapping[str, SuiteMap]) -> SuiteInstruction:

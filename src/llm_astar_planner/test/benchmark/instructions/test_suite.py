@@ -175,6 +175,27 @@ def test_a_malformed_suite_is_refused(tmp_path, path, value, message):
         load_suite(suite)
 
 
+@pytest.mark.parametrize(
+    'path',
+    [
+        ('version',),
+        ('maps', 'x' * 5000),
+        ('maps', 'rooms', 'places', 'x' * 5000),
+        (*FIRST, 'id'),
+        (*FIRST, 'map'),
+        (*FIRST, 'checks', 0, 'check'),
+        (*FIRST, 'checks', 0, 'clause'),
+        (*FIRST, 'checks', 0, 'x' * 5000),
+        (*FIRST, 'checks', 0, 'region', 'x' * 5000),
+    ],
+)
+def test_an_error_of_a_suite_with_long_texts_is_short(tmp_path, path):
+    suite = write_suite(tmp_path, set_field(path, 'x' * 5000))
+    with pytest.raises(SuiteError) as raised:
+        load_suite(suite)
+    assert len(str(raised.value).replace(str(suite), '')) < 500
+
+
 @pytest.mark.parametrize('text', ['', '[]', '{"version": 1', '[' * 100_000])
 def test_a_file_that_is_no_suite_is_refused(tmp_path, text):
     path = tmp_path / 'suite.json'
