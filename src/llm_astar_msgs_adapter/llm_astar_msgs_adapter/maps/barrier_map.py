@@ -8,6 +8,7 @@ Ours may have a `family` too.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -79,10 +80,9 @@ class BarrierMap:
         Both ends of a barrier are blocked; a barrier of length zero blocks one cell. The outermost
         cells are blocked. The origin is (min - 0.5) * resolution.
         """
-        (x_min, x_max), (y_min, y_max) = self.range_x, self.range_y
+        (x_min, y_min), (width, height) = self.offset, self.size
         # One row and column more than the map, since barriers in the published data lie there.
-        shape = (y_max - y_min + 1, x_max - x_min + 1)
-        cells: NDArray[np.int8] = np.full(shape, FREE, dtype=np.int8)
+        cells: NDArray[np.int8] = np.full((height + 1, width + 1), FREE, dtype=np.int8)
         for y, first, last in self.horizontal_barriers:
             cells[y - y_min, first - x_min : last - x_min + 1] = OCCUPIED
         for x, first, last in self.vertical_barriers:
@@ -97,6 +97,12 @@ class BarrierMap:
     def offset(self) -> Point:
         """The lattice coordinates (x_min, y_min) of cell (0, 0)."""
         return self.range_x[0], self.range_y[0]
+
+    @property
+    def size(self) -> Point:
+        """Width and height in cells."""
+        (x_min, x_max), (y_min, y_max) = self.range_x, self.range_y
+        return x_max - x_min, y_max - y_min
 
     def to_cell(self, point: Point) -> Point:
         """Return the cell of a lattice point: the same point counted from (x_min, y_min)."""
@@ -130,8 +136,7 @@ class BarrierMap:
         """
         if factor < 1:
             raise BarrierMapError(f'scale: {factor} is not 1 or more')
-        (x0, x1), (y0, y1) = self.range_x, self.range_y
-        if (x1 - x0) * (y1 - y0) * factor**2 > MAX_CELLS:
+        if math.prod(self.size) * factor**2 > MAX_CELLS:
             raise BarrierMapError(
                 f'scale: {factor} gives map {self.id} over {MAX_CELLS} cells; choose a smaller one'
             )

@@ -231,11 +231,17 @@ def replacing(path: Path) -> Iterator[TextIO]:
 
     After an error the file is as before.
     """
+    with drafted(path) as draft, draft.open('w', encoding='utf-8', newline='') as file:
+        yield file
+
+
+@contextmanager
+def drafted(path: Path) -> Iterator[Path]:
+    """Name a file that takes the place of `path` when the block ends without error."""
     draft = path.with_name(f'.{path.name}.draft')
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        with draft.open('w', encoding='utf-8', newline='') as file:
-            yield file
+        yield draft
         draft.replace(path)
     finally:
         draft.unlink(missing_ok=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import llm_astar_planner
-from llm_astar_planner.benchmark.csv_rows import KEY_COLUMNS, is_header
+from llm_astar_planner.benchmark.csv_rows import KEY_COLUMNS, drafted, is_header
 from llm_astar_planner.benchmark.row import COLUMNS, ResultsError, Row, RowKey, Variant
 
 if TYPE_CHECKING:
@@ -103,13 +103,8 @@ def write_part(path: Path, rows: Sequence[Row]) -> None:
             for name, kind in COLUMNS.items()
         }
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    draft = path.with_name(f'.{path.name}.draft')
-    try:
+    with drafted(path) as draft:
         parquet.write_table(table, draft, row_group_size=GROUP_ROWS, compression='zstd')
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
 
 
 def groups_of(parts: Iterable[Path]) -> Iterator[RowGroup]:
@@ -165,9 +160,10 @@ def open_part(path: Path) -> Iterator[ParquetFile]:
     """Open a part, its texts as numbers of distinct ones. Raises ResultsError."""
     pyarrow, parquet = import_pyarrow()
     try:
-        names = parquet.read_schema(path).names
+        metadata = parquet.read_metadata(path)
+        names = metadata.schema.to_arrow_schema().names
         texts = [name for name in names if COLUMNS.get(name) == 'str']
-        with parquet.ParquetFile(path, read_dictionary=texts) as file:
+        with parquet.ParquetFile(path, metadata=metadata, read_dictionary=texts) as file:
             yield file
     except (pyarrow.ArrowException, OSError, UnicodeDecodeError) as error:
         raise ResultsError(f'{path}: {first_line(error)}') from None

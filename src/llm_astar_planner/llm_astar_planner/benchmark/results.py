@@ -195,10 +195,7 @@ class ResultsFolder:
     def _keys(self) -> RowKeys:
         """Return the keys of all rows; positions in parts are negative, beginning at -1."""
         parts = ((~position, key) for position, key in self._parquet.stored_keys())
-        try:
-            return RowKeys.of(chain(parts, self._csv.stored_keys()))
-        except ValueError as error:
-            raise ResultsError(f'{self.results}: {error}') from None
+        return RowKeys.of(chain(parts, self._csv.stored_keys()))
 
     def _rows_at(self, positions: NDArray[np.int64]) -> Iterator[Row]:
         for in_part, some in groupby(map(int, positions), key=lambda position: position < 0):

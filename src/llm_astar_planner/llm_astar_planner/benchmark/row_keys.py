@@ -29,15 +29,12 @@ class RowKeys:
 
     @classmethod
     def of(cls, keys: Iterable[tuple[int, RowKey]]) -> RowKeys:
-        """Take positions and keys in the order of a file. Raises ValueError for a huge number."""
+        """Take positions and keys in the order of a file."""
         numbers = array('q')
         variants: dict[Variant, int] = {}
-        try:
-            for position, (map_id, pair, scale, variant) in keys:
-                index = variants.setdefault(variant, len(variants))
-                numbers.extend((map_id, pair, scale, index, position))
-        except OverflowError:
-            raise ValueError('a number of over 63 bits') from None
+        for position, (map_id, pair, scale, variant) in keys:
+            index = variants.setdefault(variant, len(variants))
+            numbers.extend((map_id, pair, scale, index, position))
         stored = np.frombuffer(numbers, np.int64).reshape(-1, WIDTH)
         last = last_of_equal(stored[:, :4])
         by_sample = np.lexsort([stored[:, column][last] for column in (2, 1, 0)])

@@ -44,10 +44,7 @@ class SampleResolver:
     def _find(self, grid_map: GridMap) -> tuple[BarrierMap, Lattice, int] | None:
         """Return the scaled barrier map with exactly these cells, its lattice and its scale."""
         digest = cells_digest(grid_map)
-        sizes = {
-            (item.range_x[1] - item.range_x[0], item.range_y[1] - item.range_y[0])
-            for item in self._maps
-        }
+        sizes = {item.size for item in self._maps}
         for scale in range(1, MAX_SCALE + 1):
             if (grid_map.width, grid_map.height) not in {(w * scale, h * scale) for w, h in sizes}:
                 continue
@@ -56,7 +53,7 @@ class SampleResolver:
                 self._indices[scale] = {cells_digest(item.to_grid()): item for item in scaled}
             found = self._indices[scale].get(digest)
             if found is not None:
-                return found, Lattice(found.range_x[0], found.range_y[0]), scale
+                return found, Lattice(*found.offset), scale
         return None
 
 

@@ -68,11 +68,10 @@ class VariantSummary:
     paths found. `recorded` is the length over that of the path in the bag, where there is one.
     `instruction` is the share of satisfied instructions among the samples that had one, and
     `recorded_instruction` that of the plans in the bag; unknown where none had one.
-    `optimal_share` is the share of the paths found that are no longer than those of A*, `optimal`
-    its value. `families` are the figures by family of maps, and `family_means` the operation
-    ratios over all families and over all but one. `replies` counts a model's replies by what is
-    wrong with them, empty where none was judged; `seconds_reply` is how long the model took when
-    they were recorded.
+    `optimal` is the share of the paths found that are no longer than those of A*. `families` are
+    the figures by family of maps, and `family_means` the operation ratios over all families and
+    over all but one. `replies` counts a model's replies by what is wrong with them, empty where
+    none was judged; `seconds_reply` is how long the model took when they were recorded.
     """
 
     variant: Variant
@@ -82,7 +81,7 @@ class VariantSummary:
     operation: Ratio
     storage: Ratio
     length: Ratio
-    optimal: float
+    optimal: Interval
     seconds_source: Spread
     seconds_search: Spread
     waypoints: float
@@ -101,7 +100,6 @@ class VariantSummary:
     recorded: Ratio | None = None
     instruction: Interval = UNKNOWN
     recorded_instruction: Interval = UNKNOWN
-    optimal_share: Interval = UNKNOWN
     families: Mapping[str, FamilySummary] = field(default_factory=dict)
     family_means: FamilyMeans = field(default_factory=FamilyMeans)
     replies: Mapping[str, int] = field(default_factory=dict)
@@ -180,7 +178,6 @@ def summarise_variant(
     """Summarise the rows of one variant against those of A* and of our exact A*, `bases`."""
     found, maps = rows.flags('found'), rows.column('map')
     pairs, exact_pairs = (SolvedPairs.of(rows, base) for base in bases)
-    optimal = optimal_share(pairs, seed)
     families, family_means = by_family(rows, pairs, seed)
     # A map without obstacles has an infinite clearance.
     clearances = finite(rows.column('clearance')[found])
@@ -194,8 +191,7 @@ def summarise_variant(
         operation=pairs.ratio('operation', seed),
         storage=pairs.ratio('storage', seed),
         length=pairs.ratio('length', seed),
-        optimal=optimal.value,
-        optimal_share=optimal,
+        optimal=optimal_share(pairs, seed),
         seconds_source=spread(rows.column('seconds_source')),
         seconds_search=spread(rows.column('seconds_search')),
         waypoints=rows.waypoints / len(rows),
@@ -230,16 +226,12 @@ def by_family(
     names = rows.families
     if len(names) < 2:
         return {}, FamilyMeans()
-    families = pairs.rows.column('family')[pairs.places[0]]
-    ratios = {}
-    for name in ('operation', 'length'):
-        first, base = pairs.columns(name)
-        usable = (first > 0) & (base > 0)
-        quotient = first[usable] / base[usable]
-        ratios[name] = Grouped(quotient, pairs.maps[usable], families[usable])
+    groups = np.stack([pairs.maps, pairs.rows.column('family')[pairs.places[0]]])
+    ratios = [quotients(*pairs.columns(name), groups) for name in ('operation', 'length')]
+    operation, length = (Grouped(values, *kept) for values, kept in ratios)
     valid = Grouped(rows.flags('found'), rows.column('map'), rows.column('family'))
-    summaries = family_summaries(names, valid, ratios['operation'], ratios['length'], seed)
-    return summaries, family_means(summaries, names, ratios['operation'], seed)
+    summaries = family_summaries(names, valid, operation, length, seed)
+    return summaries, family_means(summaries, names, operation, seed)
 
 
 def finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -392,11 +384,11 @@ class SolvedPairs:
 
 
 def quotients(
-    values: NDArray[np.float64], base: NDArray[np.float64], maps: NDArray[np.float64]
+    values: NDArray[np.float64], base: NDArray[np.float64], groups: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return values / base where both are above 0, and the maps of these."""
+    """Return values / base where both are above 0, and what `groups` [..., n] has for these."""
     usable = (values > 0) & (base > 0)
-    return values[usable] / base[usable], maps[usable]
+    return values[usable] / base[usable], groups[..., usable]
 
 
 def ratio_of(values: NDArray[np.float64], maps: NDArray[np.float64], seed: int) -> Ratio:

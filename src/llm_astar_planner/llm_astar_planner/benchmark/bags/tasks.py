@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
 from llm_astar_msgs_adapter.bags.reading import Bag
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
@@ -164,5 +164,5 @@ class BagTasks:
 def count_cells(problem: ProblemMap) -> int:
     """Return the number of cells of a map."""
     if isinstance(problem, BarrierMap):
-        return int(np.ptp(problem.range_x) * np.ptp(problem.range_y))
+        return math.prod(problem.size)
     return problem.grid_map.cells.size

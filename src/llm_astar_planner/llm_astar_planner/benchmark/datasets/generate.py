@@ -92,12 +92,12 @@ def octile(start: Point, goal: Point) -> float:
 
 def query_sentence(barrier_map: BarrierMap, start: Point, goal: Point) -> str:
     """Return the query of a sample, worded as in the paper's dataset."""
-    (x_min, x_max), (y_min, y_max) = barrier_map.range_x, barrier_map.range_y
+    width, height = barrier_map.size
     horizontal = [list(barrier) for barrier in barrier_map.horizontal_barriers]
     vertical = [list(barrier) for barrier in barrier_map.vertical_barriers]
     return (
-        f'design a path from {list(start)} to {list(goal)} on a {x_max - x_min} by '
-        f'{y_max - y_min} grid that avoids horizontal barriers centered at {horizontal} '
+        f'design a path from {list(start)} to {list(goal)} on a {width} by '
+        f'{height} grid that avoids horizontal barriers centered at {horizontal} '
         f'and vertical barriers at {vertical}.'
     )
 

@@ -59,12 +59,19 @@ class Judgement:
 
     def tables(self) -> list[Table]:
         """Return the tables of all runs: variants, and the samples that changed most."""
-        tables = []
+        tables: list[Table] = []
         for number, comparison in enumerate(self.comparisons, start=1):
             end = f'_{number}' if len(self.comparisons) > 1 else ''
-            tables.append(variant_table(comparison, self, f'compared{end}'))
-            tables.append(sample_table(comparison, self, f'changed{end}'))
-        return [table for table in tables if table.rows]
+            tables += self.tables_of(comparison, end)
+        return tables
+
+    def tables_of(self, comparison: RunComparison, end: str = '') -> list[Table]:
+        """Return the tables of one run that have rows; `end` makes their names distinct."""
+        made = (
+            variant_table(comparison, self, f'compared{end}'),
+            sample_table(comparison, self, f'changed{end}'),
+        )
+        return [table for table in made if table.rows]
 
     def as_text(self) -> str:
         """Return the comparison for a terminal."""
@@ -72,8 +79,7 @@ class Judgement:
         for comparison in self.comparisons:
             lines = [f'{comparison.path} against {self.base.path}', *remarks(comparison)]
             parts.append('\n  '.join(printable(line) for line in lines))
-            tables = variant_table(comparison, self), sample_table(comparison, self)
-            parts += [f'{table.title}\n{text(table)}' for table in tables if table.rows]
+            parts += [f'{table.title}\n{text(table)}' for table in self.tables_of(comparison)]
         return '\n\n'.join([*parts, '\n'.join([*self.regressions(), self.verdict()])])
 
     def as_markdown(self, picture: str) -> str:
@@ -84,9 +90,8 @@ class Judgement:
                 f'## {comparison.path} against {self.base.path}',
                 bullets(remarks(comparison)),
             ]
-            for table in (variant_table(comparison, self), sample_table(comparison, self)):
-                if table.rows:
-                    parts += [f'### {table.title}', table.note, markdown(table)]
+            for table in self.tables_of(comparison):
+                parts += [f'### {table.title}', table.note, markdown(table)]
         parts.append(f'![ratios to the base]({picture})')
         return '\n\n'.join(part for part in parts if part) + '\n'
 

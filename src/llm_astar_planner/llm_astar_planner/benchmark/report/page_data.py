@@ -130,9 +130,9 @@ def map_data(problem: ProblemMap, costmap: CostmapConfig | None) -> dict[str, An
         grid_map = drawable_map(problem.to_grid(), costmap)
         size = [grid_map.width, grid_map.height]
         return {'size': size, 'h': [], 'v': [], 'image': grid_image(grid_map), 'pairs': pairs}
-    (x_min, x_max), (y_min, y_max) = problem.range_x, problem.range_y
+    x_min, y_min = problem.offset
     return {
-        'size': [x_max - x_min, y_max - y_min],
+        'size': list(problem.size),
         'h': [[y - y_min, a - x_min, b - x_min] for y, a, b in problem.horizontal_barriers],
         'v': [[x - x_min, a - y_min, b - y_min] for x, a, b in problem.vertical_barriers],
         'pairs': pairs,

@@ -166,7 +166,7 @@ def main_table(summaries: Sequence[VariantSummary]) -> Table:
             summary.storage.mean,
             summary.length.mean,
             summary.valid,
-            summary.optimal_share,
+            summary.optimal,
         )
         for summary in summaries
     ]

@@ -111,6 +111,8 @@ def to_json(item: VariantSummary | PairedComparison | Growth) -> dict[str, Any]:
                 values[name] = {**value.mean._asdict(), 'spread': value.spread._asdict()}
             elif isinstance(value, (Interval, Spread)) and name != 'proven':
                 values[name] = value._asdict()
+        # Older than the interval, and read by scripts: `optimal` is a number.
+        values |= {'optimal': item.optimal.value, 'optimal_share': values['optimal']}
         for name in ('instruction', 'recorded_instruction'):
             if math.isnan(values[name]['value']):
                 del values[name]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -60,7 +61,7 @@ class ExampleLibrary:
         self._tiles = np.array([occupied_tiles(item.to_grid().blocked()) for item in maps])
         self._map_of = np.array([index for index, _ in self._samples], dtype=np.intp)
         self._endpoints = np.array([
-            relative(maps[i].to_cell(s.start), maps[i].to_cell(s.goal), map_size(maps[i]))
+            relative(maps[i].to_cell(s.start), maps[i].to_cell(s.goal), maps[i].size)
             for i, s in self._samples
         ])  # fmt: skip
         self._solved: dict[int, SolvedSample | None] = {}
@@ -120,7 +121,7 @@ def problem_of_maps(maps: Sequence[BarrierMap], at_least: int) -> str | None:
     count = sum(len(item.samples) for item in maps)
     if not at_least <= count <= MAX_SAMPLES:
         return f'samples: {count}, where {at_least} to {MAX_SAMPLES} are expected'
-    sizes = [width * height for width, height in map(map_size, maps)]
+    sizes = [math.prod(item.size) for item in maps]
     if sum(sizes) > MAX_CELLS_OF_ALL:
         return f'{sum(sizes)} cells are more than {MAX_CELLS_OF_ALL}; choose fewer maps'
     for item, size in zip(maps, sizes):
@@ -143,7 +144,7 @@ def solve(barrier_map: BarrierMap, start: Cell, goal: Cell) -> SolvedSample | No
     corners, length = shortest_route(costmap, start, goal)
     if not np.isfinite(length):
         return None
-    lattice = Lattice(barrier_map.range_x[0], barrier_map.range_y[0])
+    lattice = Lattice(*barrier_map.offset)
     description = describe(costmap, start, goal, lattice=lattice)
     cells = (start, *((round(x), round(y)) for x, y in corners), goal)
     path = tuple(description.lattice.to_lattice(cell) for cell in cells)
@@ -151,12 +152,6 @@ def solve(barrier_map: BarrierMap, start: Cell, goal: Cell) -> SolvedSample | No
     if not all(x_min <= x <= x_max and y_min <= y <= y_max for x, y in path[1:-1]):
         return None
     return SolvedSample(description, path)
-
-
-def map_size(barrier_map: BarrierMap) -> tuple[int, int]:
-    """Return width and height in cells."""
-    (x_min, x_max), (y_min, y_max) = barrier_map.range_x, barrier_map.range_y
-    return x_max - x_min, y_max - y_min
 
 
 def relative(start: Cell, goal: Cell, size: tuple[int, int]) -> NDArray[np.float64]:
@@ -183,12 +178,12 @@ def is_same_map(barrier_map: BarrierMap, blocked: NDArray[np.bool_]) -> bool:
     A grid with more obstacles than the map counts too. `blocked` is bool [height, width].
     """
     height, width = blocked.shape
-    own_width, own_height = map_size(barrier_map)
+    own_width, own_height = barrier_map.size
     factor = width // own_width
     if factor < 1 or (width, height) != (own_width * factor, own_height * factor):
         return False
     scaled = barrier_map.scale(factor)
-    (x0, _), (y0, _) = scaled.range_x, scaled.range_y
+    x0, y0 = scaled.offset
     # The slices end with the grid, as the barriers of the published data do not.
     return all(
         lines[line - across : line - across + 1, first - along : last - along + 1].all()
