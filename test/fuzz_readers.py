@@ -47,7 +47,8 @@ from llm_astar_planner.benchmark.datasets.samples import format_kept_maps, load_
 from llm_astar_planner.benchmark.instructions.suite import load_suite
 from llm_astar_planner.benchmark.parquet_rows import write_part
 from llm_astar_planner.benchmark.report.write import search_settings
-from llm_astar_planner.benchmark.results import ResultsFolder, Row, describe_run
+from llm_astar_planner.benchmark.results import ResultsFolder, describe_run
+from llm_astar_planner.benchmark.row import Row
 from llm_astar_planner.costmap.zone_file import zones_from_text
 from llm_astar_planner.instructions.messages import parse_answer, parse_question
 from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_examples

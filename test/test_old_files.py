@@ -16,7 +16,8 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport, report_from_message
 from llm_astar_planner.benchmark.bags.writing import write_sample_bag
 from llm_astar_planner.benchmark.datasets.samples import load_samples
-from llm_astar_planner.benchmark.results import ADDED_COLUMNS, ResultsFolder
+from llm_astar_planner.benchmark.results import ResultsFolder
+from llm_astar_planner.benchmark.row import ADDED_COLUMNS
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.parameter_file import read_parameter_files

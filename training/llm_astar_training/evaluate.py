@@ -19,7 +19,7 @@ from llm_astar_planner.benchmark.analysis.summary import VariantSummary, summari
 from llm_astar_planner.benchmark.datasets.generate import MapRules, generate
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps, select_samples
 from llm_astar_planner.benchmark.report.formats import markdown_table
-from llm_astar_planner.benchmark.results import WAYPOINTS_ONLY
+from llm_astar_planner.benchmark.row import WAYPOINTS_ONLY
 from llm_astar_planner.benchmark.runner.engine import (
     SearchSettings,
     list_variants,

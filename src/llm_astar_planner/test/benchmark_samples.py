@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 from llm_astar_planner.benchmark.datasets.samples import load_samples
-from llm_astar_planner.benchmark.results import Row, Variant
+from llm_astar_planner.benchmark.row import Row, Variant
 from llm_astar_planner.benchmark.runner.config import BenchmarkConfig
 from llm_astar_planner.benchmark.runner.engine import (
     ALL_METHODS,

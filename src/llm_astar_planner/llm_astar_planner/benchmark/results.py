@@ -27,32 +27,10 @@ from llm_astar_msgs_adapter.maps.places_file import load_places
 from numpy.typing import NDArray
 
 import llm_astar_planner
-from llm_astar_planner.benchmark.csv_rows import CsvRows, format_csv, replacing
+from llm_astar_planner.benchmark.csv_rows import CsvRows, replacing
 from llm_astar_planner.benchmark.parquet_rows import ParquetRows
-from llm_astar_planner.benchmark.row import (
-    ADDED_COLUMNS,
-    COLUMNS,
-    METHOD_ALIASES,
-    PAPER_ASTAR,
-    WAYPOINTS_ONLY,
-    ResultsError,
-    Row,
-    RowKey,
-    Variant,
-    cells_along,
-    format_points,
-    parse_points,
-    plan_columns,
-    satisfied_column,
-)
+from llm_astar_planner.benchmark.row import ResultsError, Row
 from llm_astar_planner.benchmark.row_keys import FinishedRows, RowKeys
-
-__all__ = [
-    'ADDED_COLUMNS', 'COLUMNS', 'METHOD_ALIASES', 'PAPER_ASTAR', 'WAYPOINTS_ONLY', 'FinishedRows',
-    'ResultsError', 'ResultsFolder', 'Row', 'RowKey', 'Variant', 'cells_along', 'describe_run',
-    'format_csv', 'format_points', 'parse_points', 'plan_columns', 'run_differences',
-    'satisfied_column',
-]  # fmt: skip
 
 # Costmap parameters that 0.1.0 wrote under another name.
 RULE_ALIASES = {'cost_multiplier': 'cost_travel_multiplier'}

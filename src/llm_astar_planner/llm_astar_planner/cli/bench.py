@@ -22,12 +22,8 @@ from llm_astar_planner.benchmark.datasets.samples import (
     parse_ranges,
     select_samples,
 )
-from llm_astar_planner.benchmark.results import (
-    MAPS_FILE,
-    WAYPOINTS_ONLY,
-    ResultsError,
-    ResultsFolder,
-)
+from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsFolder
+from llm_astar_planner.benchmark.row import WAYPOINTS_ONLY, ResultsError
 from llm_astar_planner.benchmark.runner.config import BenchmarkConfig, choose_folder, start_run
 from llm_astar_planner.benchmark.runner.engine import SearchSettings
 from llm_astar_planner.benchmark.runner.map_costs import map_costs

@@ -31,12 +31,8 @@ from llm_astar_planner.benchmark.bags.topics import (
 )
 from llm_astar_planner.benchmark.bags.writing import ResultsBag
 from llm_astar_planner.benchmark.datasets.samples import format_kept_maps
-from llm_astar_planner.benchmark.results import (
-    MAPS_FILE,
-    ResultsError,
-    ResultsFolder,
-    describe_run,
-)
+from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsFolder, describe_run
+from llm_astar_planner.benchmark.row import ResultsError
 from llm_astar_planner.benchmark.runner.config import choose_folder, is_parquet_run, open_folder
 from llm_astar_planner.benchmark.runner.engine import Outcome, SearchSettings, Task
 from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES

@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from llm_astar_planner.benchmark.csv_rows import format_csv
 from llm_astar_planner.benchmark.instructions.report import (
     chain_text,
     markdown_summary,
@@ -40,12 +41,8 @@ from llm_astar_planner.benchmark.instructions.thresholds import (
     missed_suite_thresholds,
     parse_suite_threshold,
 )
-from llm_astar_planner.benchmark.results import (
-    ResultsError,
-    ResultsFolder,
-    describe_run,
-    format_csv,
-)
+from llm_astar_planner.benchmark.results import ResultsFolder, describe_run
+from llm_astar_planner.benchmark.row import ResultsError
 from llm_astar_planner.benchmark.runner.config import progress
 from llm_astar_planner.cli.parameter_flags import add_parameter_flags, given_values
 from llm_astar_planner.cli.pictures import picture_file

@@ -31,13 +31,8 @@ from llm_astar_planner.benchmark.datasets.reference_lengths import (
 )
 from llm_astar_planner.benchmark.datasets.samples import load_kept_maps
 from llm_astar_planner.benchmark.report.sentences import recorded_sentence
-from llm_astar_planner.benchmark.results import (
-    MAPS_FILE,
-    METHOD_ALIASES,
-    WAYPOINTS_ONLY,
-    ResultsError,
-    ResultsFolder,
-)
+from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsFolder
+from llm_astar_planner.benchmark.row import METHOD_ALIASES, WAYPOINTS_ONLY, ResultsError
 from llm_astar_planner.benchmark.runner.cluster import connect
 from llm_astar_planner.benchmark.runner.config import (
     FORMATS,

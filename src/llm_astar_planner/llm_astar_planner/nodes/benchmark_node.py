@@ -37,19 +37,17 @@ from llm_astar_planner.benchmark.datasets.samples import (
 )
 from llm_astar_planner.benchmark.report.markdown import text_report
 from llm_astar_planner.benchmark.report.write import write_report
-from llm_astar_planner.benchmark.results import (
-    MAPS_FILE,
+from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsFolder, describe_run
+from llm_astar_planner.benchmark.row import (
     PAPER_ASTAR,
-    FinishedRows,
     ResultsError,
-    ResultsFolder,
     Row,
     RowKey,
     Variant,
-    describe_run,
     format_points,
     plan_columns,
 )
+from llm_astar_planner.benchmark.row_keys import FinishedRows
 from llm_astar_planner.benchmark.runner.config import choose_folder, open_folder, progress
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import joined

@@ -10,7 +10,8 @@ import resource
 import sys
 from pathlib import Path
 
-from llm_astar_planner.benchmark.results import ResultsFolder, Row
+from llm_astar_planner.benchmark.results import ResultsFolder
+from llm_astar_planner.benchmark.row import Row
 from llm_astar_planner.benchmark.runner import engine
 from llm_astar_planner.cli.main import main
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from benchmark_samples import A_STAR, MODEL, row
 from llm_astar_planner.benchmark import results
-from llm_astar_planner.benchmark.results import ResultsError, ResultsFolder
+from llm_astar_planner.benchmark.results import ResultsFolder
+from llm_astar_planner.benchmark.row import ResultsError
 from llm_astar_planner.benchmark.row_keys import FinishedRows, RowKeys
 from llm_astar_planner.benchmark.runner.config import LARGE_RUN, is_parquet_run
 
@@ -159,7 +160,8 @@ from pathlib import Path
 from llm_astar_planner.benchmark.analysis.columns import RowColumns
 from llm_astar_planner.benchmark.analysis.summary import summarise
 from llm_astar_planner.benchmark import results
-from llm_astar_planner.benchmark.results import ResultsFolder, Row
+from llm_astar_planner.benchmark.results import ResultsFolder
+from llm_astar_planner.benchmark.row import Row
 
 results.PART_ROWS = 2000
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 from benchmark_samples import rows_of, tasks_of, untimed
 from llm_astar_planner.benchmark.datasets.samples import load_samples
-from llm_astar_planner.benchmark.results import ResultsError, ResultsFolder
+from llm_astar_planner.benchmark.results import ResultsFolder
+from llm_astar_planner.benchmark.row import ResultsError
 
 
 def test_a_damaged_row_is_named_and_the_last_of_equal_keys_counts(dataset, tmp_path):

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barrier_maps
 from llm_astar_planner.benchmark.datasets.generate import generate
-from llm_astar_planner.benchmark.results import ResultsError, parse_points
+from llm_astar_planner.benchmark.row import ResultsError, parse_points
 from llm_astar_planner.cli import bench as cli_bench
 from llm_astar_planner.cli.main import parse
 from llm_astar_planner.resources import find_file

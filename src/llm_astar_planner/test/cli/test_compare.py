@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmark_samples import A_STAR, NONE, ORACLE, row
-from llm_astar_planner.benchmark.results import ResultsFolder, Variant, describe_run
+from llm_astar_planner.benchmark.results import ResultsFolder, describe_run
+from llm_astar_planner.benchmark.row import Variant
 from llm_astar_planner.cli.main import main
 
 ALONE = Variant('waypoints_only', 'oracle')

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llm_astar_planner.benchmark.analysis.replies import count_problems
-from llm_astar_planner.benchmark.results import Row, Variant
+from llm_astar_planner.benchmark.row import Row, Variant
 
 # The columns that summaries are made of: fields and properties of a row, and its family's number.
 NUMBERS = (

@@ -18,7 +18,7 @@ from llm_astar_planner.benchmark.analysis.statistics import (
     mean_interval,
     ratio_interval,
 )
-from llm_astar_planner.benchmark.results import Row, Variant
+from llm_astar_planner.benchmark.row import Row, Variant
 
 # The columns of a row that are compared; of each, less is better.
 METRICS = ('operation', 'storage', 'length', 'seconds_search')

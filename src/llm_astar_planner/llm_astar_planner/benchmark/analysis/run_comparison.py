@@ -20,7 +20,8 @@ from llm_astar_planner.benchmark.analysis.paired import (
 )
 from llm_astar_planner.benchmark.analysis.summary import report_order
 from llm_astar_planner.benchmark.analysis.thresholds import Threshold, variants_of
-from llm_astar_planner.benchmark.results import ResultsError, ResultsFolder, Variant
+from llm_astar_planner.benchmark.results import ResultsFolder
+from llm_astar_planner.benchmark.row import ResultsError, Variant
 from llm_astar_planner.parameter import nearest_name
 
 # Changed samples that are kept of each variant, the largest changes first.

@@ -32,7 +32,7 @@ from llm_astar_planner.benchmark.analysis.statistics import (
     ratio_interval,
     spread,
 )
-from llm_astar_planner.benchmark.results import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant
+from llm_astar_planner.benchmark.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant
 
 SampleId = tuple[int, int]
 # Our exact A* needs about half as many expansions as the paper's, so the ratio to it is stricter.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from llm_astar_planner.benchmark.analysis.statistics import Interval
 from llm_astar_planner.benchmark.analysis.summary import Ratio, VariantSummary
-from llm_astar_planner.benchmark.results import METHOD_ALIASES, Variant
+from llm_astar_planner.benchmark.row import METHOD_ALIASES, Variant
 from llm_astar_planner.parameter import nearest_name
 
 # Metrics in percent. A limit is the maximum of a ratio and the minimum of a share.

@@ -17,11 +17,7 @@ from llm_astar_msgs_adapter.maps.places import Places
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of, values_of_report
 from numpy.typing import NDArray
 
-from llm_astar_planner.benchmark.results import (
-    cells_along,
-    format_points,
-    satisfied_column,
-)
+from llm_astar_planner.benchmark.row import cells_along, format_points, satisfied_column
 from llm_astar_planner.instructions.interpretation import (
     InstructionError,
     Interpretation,

@@ -16,7 +16,7 @@ from llm_astar_planner.benchmark.bags.recorded_plans import BagRequest, Recorded
 from llm_astar_planner.benchmark.bags.requests import ListedRequest, RequestReader
 from llm_astar_planner.benchmark.bags.topics import TopicSelection
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, ProblemMap
-from llm_astar_planner.benchmark.results import FinishedRows
+from llm_astar_planner.benchmark.row_keys import FinishedRows
 from llm_astar_planner.benchmark.runner.engine import (
     SearchSettings,
     Task,

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
-from llm_astar_planner.benchmark.results import Row, Variant
+from llm_astar_planner.benchmark.row import Row, Variant
 from llm_astar_planner.search.methods import EXACT
 
 # Reference lengths are printed with at least two digits.

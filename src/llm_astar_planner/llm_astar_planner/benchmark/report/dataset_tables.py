@@ -18,7 +18,7 @@ from llm_astar_planner.benchmark.report.table import (
     percents,
     texts,
 )
-from llm_astar_planner.benchmark.results import ResultsError
+from llm_astar_planner.benchmark.row import ResultsError
 
 FAMILY_NOTE = 'Geometric means of the ratios to A* on the same sample, in percent.'
 VALID_NOTE = 'Shares of the samples in percent, of the variants that miss some.'

@@ -19,7 +19,7 @@ from llm_astar_planner.benchmark.analysis.summary import Growth, VariantSummary
 from llm_astar_planner.benchmark.analysis.trace import trace
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.benchmark.report.sentences import variant_label
-from llm_astar_planner.benchmark.results import WAYPOINTS_ONLY, Variant
+from llm_astar_planner.benchmark.row import WAYPOINTS_ONLY, Variant
 from llm_astar_planner.search.result import Cell, describe_expansions
 from llm_astar_planner.visualization import style
 from llm_astar_planner.visualization.style import OBSTACLE, PATH

@@ -11,13 +11,7 @@ from numpy.typing import NDArray
 from llm_astar_planner.benchmark.analysis.summary import by_variant, is_baseline
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.benchmark.report.sentences import variant_label
-from llm_astar_planner.benchmark.results import (
-    PAPER_ASTAR,
-    WAYPOINTS_ONLY,
-    Row,
-    Variant,
-    parse_points,
-)
+from llm_astar_planner.benchmark.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant, parse_points
 from llm_astar_planner.benchmark.runner.engine import SearchSettings, request_again
 from llm_astar_planner.planning.retrace import retrace
 from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS

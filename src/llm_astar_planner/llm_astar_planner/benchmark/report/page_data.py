@@ -19,7 +19,7 @@ from PIL import Image
 from llm_astar_planner.benchmark.analysis.summary import by_variant, report_order
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.benchmark.report.sentences import variant_label
-from llm_astar_planner.benchmark.results import Row
+from llm_astar_planner.benchmark.row import Row
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.visualization import raster
 from llm_astar_planner.visualization.figures import drawable_map

@@ -13,7 +13,7 @@ from llm_astar_planner.benchmark.analysis.summary import (
     is_baseline,
     is_learned,
 )
-from llm_astar_planner.benchmark.results import WAYPOINTS_ONLY, Row, Variant
+from llm_astar_planner.benchmark.row import WAYPOINTS_ONLY, Row, Variant
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
 
 # A slope of log work over log scale below this counts as near linear.

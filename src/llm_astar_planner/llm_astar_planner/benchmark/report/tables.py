@@ -28,7 +28,7 @@ from llm_astar_planner.benchmark.report.table import (
     percents,
     texts,
 )
-from llm_astar_planner.benchmark.results import Variant
+from llm_astar_planner.benchmark.row import Variant
 
 # Table 1 of the paper as printed, on the paper's samples: method, model, prompt, then operation,
 # storage, length and valid path ratio in percent.

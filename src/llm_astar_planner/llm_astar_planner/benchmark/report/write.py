@@ -33,7 +33,8 @@ from llm_astar_planner.benchmark.report.markdown import markdown_report
 from llm_astar_planner.benchmark.report.median import draw_median
 from llm_astar_planner.benchmark.report.page_data import shown_samples
 from llm_astar_planner.benchmark.report.sentences import headline, recorded_sentence, sentence
-from llm_astar_planner.benchmark.results import ResultsError, ResultsFolder, Row
+from llm_astar_planner.benchmark.results import ResultsFolder
+from llm_astar_planner.benchmark.row import ResultsError, Row
 from llm_astar_planner.benchmark.runner.engine import SearchSettings
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.visualization.animation import save_animation

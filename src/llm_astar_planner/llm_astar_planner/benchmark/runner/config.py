@@ -17,15 +17,9 @@ from tqdm import tqdm
 
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, draw
 from llm_astar_planner.benchmark.parquet_rows import has_pyarrow
-from llm_astar_planner.benchmark.results import (
-    FinishedRows,
-    ResultsError,
-    ResultsFolder,
-    Row,
-    Variant,
-    describe_run,
-    run_differences,
-)
+from llm_astar_planner.benchmark.results import ResultsFolder, describe_run, run_differences
+from llm_astar_planner.benchmark.row import ResultsError, Row, Variant
+from llm_astar_planner.benchmark.row_keys import FinishedRows
 from llm_astar_planner.benchmark.runner.engine import (
     Outcome,
     SearchSettings,

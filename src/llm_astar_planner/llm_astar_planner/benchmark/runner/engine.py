@@ -25,16 +25,16 @@ from llm_astar_planner.benchmark.analysis.replies import problems_column
 from llm_astar_planner.benchmark.bags.recorded_plans import RecordedPlan
 from llm_astar_planner.benchmark.datasets.grids import GRID_CONFIG
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, ProblemMap
-from llm_astar_planner.benchmark.results import (
+from llm_astar_planner.benchmark.row import (
     PAPER_ASTAR,
     WAYPOINTS_ONLY,
-    FinishedRows,
     Row,
     Variant,
     format_points,
     parse_points,
     plan_columns,
 )
+from llm_astar_planner.benchmark.row_keys import FinishedRows
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.instructions.interpretation import RouteInstruction

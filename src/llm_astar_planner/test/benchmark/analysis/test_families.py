@@ -11,7 +11,7 @@ from llm_astar_planner.benchmark.analysis.statistics import UNKNOWN, Interval
 from llm_astar_planner.benchmark.analysis.summary import summarise
 from llm_astar_planner.benchmark.report.dataset_tables import family_tables
 from llm_astar_planner.benchmark.report.formats import markdown
-from llm_astar_planner.benchmark.results import Row
+from llm_astar_planner.benchmark.row import Row
 
 # Operation of llm_astar over that of A*, by family and map.
 RATIOS = {'rooms': [[0.2, 0.3], [0.4, 0.5], [0.3, 0.2]], 'mazes': [[1.1, 1.2], [1.4, 1.3]]}

@@ -15,7 +15,7 @@ from llm_astar_planner.benchmark.analysis.summary import summarise
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample
 from llm_astar_planner.benchmark.report.tables import main_table, reply_table
 from llm_astar_planner.benchmark.report.write import to_json
-from llm_astar_planner.benchmark.results import Variant
+from llm_astar_planner.benchmark.row import Variant
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.answer import read_answer

@@ -15,7 +15,7 @@ from llm_astar_planner.benchmark.analysis.summary import (
 )
 from llm_astar_planner.benchmark.report.sentences import growth_sentence
 from llm_astar_planner.benchmark.report.tables import main_table
-from llm_astar_planner.benchmark.results import Variant
+from llm_astar_planner.benchmark.row import Variant
 
 
 def test_a_summary_holds_each_metric():

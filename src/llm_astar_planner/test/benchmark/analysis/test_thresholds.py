@@ -6,7 +6,7 @@ import pytest
 from benchmark_samples import rows_with
 from llm_astar_planner.benchmark.analysis.summary import summarise
 from llm_astar_planner.benchmark.analysis.thresholds import missed_thresholds, parse_threshold
-from llm_astar_planner.benchmark.results import Variant
+from llm_astar_planner.benchmark.row import Variant
 
 
 def test_ratios_are_missed_above_and_shares_below_their_threshold():

@@ -17,7 +17,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.benchmark.datasets.grids import draw_pairs, load_grid_problem
 from llm_astar_planner.benchmark.datasets.reference_lengths import agrees, compare_with_reference
 from llm_astar_planner.benchmark.datasets.samples import load_kept_maps, load_samples
-from llm_astar_planner.benchmark.results import Row
+from llm_astar_planner.benchmark.row import Row
 from llm_astar_planner.benchmark.runner.sources import check_grid_options
 from llm_astar_planner.cli import main as cli
 from llm_astar_planner.costmap.costmap import Costmap

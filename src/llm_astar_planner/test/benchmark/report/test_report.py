@@ -19,7 +19,8 @@ from llm_astar_planner.benchmark.report.markdown import replace_section
 from llm_astar_planner.benchmark.report.median import median_rows
 from llm_astar_planner.benchmark.report.page_data import browser_data, shown_samples
 from llm_astar_planner.benchmark.report.write import write_report
-from llm_astar_planner.benchmark.results import ResultsFolder, Variant, describe_run
+from llm_astar_planner.benchmark.results import ResultsFolder, describe_run
+from llm_astar_planner.benchmark.row import Variant
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.visualization.figures import drawable_map
 

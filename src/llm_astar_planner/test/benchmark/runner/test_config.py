@@ -4,7 +4,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from benchmark_samples import FakeSource, config_of
-from llm_astar_planner.benchmark.results import ResultsError, ResultsFolder
+from llm_astar_planner.benchmark.results import ResultsFolder
+from llm_astar_planner.benchmark.row import ResultsError
 from llm_astar_planner.benchmark.runner.config import (
     choose_folder,
     run_into_folder,

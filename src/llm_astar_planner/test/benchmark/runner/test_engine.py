@@ -11,7 +11,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import Sample
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, load_samples
-from llm_astar_planner.benchmark.results import Variant, parse_points
+from llm_astar_planner.benchmark.row import Variant, parse_points
 from llm_astar_planner.benchmark.runner.config import describe_unanswered
 from llm_astar_planner.benchmark.runner.engine import (
     MAX_CACHED_CELLS,

@@ -8,7 +8,7 @@ import pytest
 from llm_astar_planner.benchmark.analysis.columns import RowColumns
 from llm_astar_planner.benchmark.datasets.families import generate_family
 from llm_astar_planner.benchmark.report.dataset_tables import map_cost_table
-from llm_astar_planner.benchmark.results import Row
+from llm_astar_planner.benchmark.row import Row
 from llm_astar_planner.benchmark.runner.map_costs import add_query_times, held_bytes, map_costs
 from llm_astar_planner.cli import main as cli
 from reader_files import write_movingai
