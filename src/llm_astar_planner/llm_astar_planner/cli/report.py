@@ -11,13 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from llm_astar_planner.benchmark.analysis.columns import RowColumns
-from llm_astar_planner.benchmark.analysis.summary import (
-    Price,
-    compare_with_none,
-    growth,
-    summarise,
-)
+from llm_astar_planner.benchmark.analysis.summary import summarise_run
 from llm_astar_planner.benchmark.datasets.samples import load_kept_maps
 from llm_astar_planner.benchmark.report.formats import write_tables
 from llm_astar_planner.benchmark.report.markdown import replace_section, results_section
@@ -67,14 +61,11 @@ def write_parts(
     args: argparse.Namespace, folder: ResultsFolder, metadata: Mapping[str, Any]
 ) -> int:
     """Write the section and the tables that are asked for, and print their files; return 0."""
-    columns, seed = RowColumns(folder.read()), int(metadata['parameters'].get('seed', 0))
-    price = metadata['parameters'].get('price')
-    summaries = summarise(columns, seed, None if price is None else Price(*price))
-    comparisons = compare_with_none(columns, seed)
+    summary = summarise_run(folder.read(), metadata)
     if args.readme:
-        replace_section(Path(args.readme), results_section(summaries, comparisons, metadata))
+        replace_section(Path(args.readme), results_section(summary))
         print(args.readme)
-    tables = report_tables(summaries, comparisons, growth(columns), metadata)
+    tables = report_tables(summary)
     for path in write_tables(folder, tables, as_latex=args.latex, as_csv=args.csv):
         print(path)
     return 0

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +23,12 @@ from llm_astar_planner.benchmark.analysis.families import (
     Grouped,
     family_means,
     family_summaries,
+)
+from llm_astar_planner.benchmark.analysis.solved_pairs import (
+    Ratio,
+    SolvedPairs,
+    quotients,
+    ratio_of,
 )
 from llm_astar_planner.benchmark.analysis.statistics import (
     NO_SPREAD,
@@ -45,14 +53,6 @@ METHOD_ORDER = (
 BASELINE_SOURCES = ('none', 'coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 # The columns whose growth over the scales of the map is measured.
 GROWING_COLUMNS = ('operation', 'storage')
-
-
-@dataclass(frozen=True)
-class Ratio:
-    """Ratios of two variants on the same samples: geometric mean with interval, and spread."""
-
-    mean: Interval
-    spread: Spread
 
 
 @dataclass(frozen=True)
@@ -144,6 +144,15 @@ class Price:
         return (prompt_tokens * self.prompt + completion_tokens * self.completion) / 1e6
 
 
+class RunSummary(NamedTuple):
+    """What the rows of a run show, with its metadata: all that a report's tables are made of."""
+
+    variants: Sequence[VariantSummary] = ()
+    comparisons: Sequence[PairedComparison] = ()
+    growths: Sequence[Growth] = ()
+    metadata: Mapping[str, Any] = MappingProxyType({})
+
+
 def by_variant(rows: Iterable[Row], scale: int = 1) -> dict[Variant, dict[SampleId, Row]]:
     """Return the rows of a scale by variant and sample, variants in order of appearance."""
     variants: dict[Variant, dict[SampleId, Row]] = defaultdict(dict)
@@ -151,6 +160,14 @@ def by_variant(rows: Iterable[Row], scale: int = 1) -> dict[Variant, dict[Sample
         if row.scale == scale:
             variants[row.variant][row.map, row.pair] = row
     return dict(variants)
+
+
+def summarise_run(rows: Iterable[Row] | RowColumns, metadata: Mapping[str, Any]) -> RunSummary:
+    """Summarise a run by the seed and the price in its metadata."""
+    columns, parameters = columns_of(rows), metadata['parameters']
+    seed, price = int(parameters.get('seed', 0)), parameters.get('price')
+    variants = summarise(columns, seed, None if price is None else Price(*price))
+    return RunSummary(variants, compare_with_none(columns, seed), growth(columns), metadata)
 
 
 def summarise(
@@ -332,68 +349,6 @@ def log_log_slope(scales: ArrayLike, growth: ArrayLike) -> float:
     if len(np.unique(xs)) < 2:
         return float('nan')
     return float(np.polyfit(np.log(xs), np.log(ys), 1)[0])
-
-
-@dataclass(frozen=True)
-class SolvedPairs:
-    """The n samples on which two variants both found a path.
-
-    `places` are the indices [n] of their rows among those of the first variant and the second.
-    """
-
-    rows: VariantColumns
-    base: VariantColumns
-    places: tuple[NDArray[np.intp], NDArray[np.intp]]
-
-    @classmethod
-    def of(cls, rows: VariantColumns, base: VariantColumns | None) -> SolvedPairs:
-        """Pair the rows of two variants by sample; no pair without a second variant."""
-        nowhere = np.zeros(0, dtype=np.intp)
-        if base is None:
-            return cls(rows, rows, (nowhere, nowhere))
-        solved = [np.flatnonzero(columns.flags('found')) for columns in (rows, base)]
-        _, first, second = np.intersect1d(
-            rows.samples()[solved[0]],
-            base.samples()[solved[1]],
-            assume_unique=True,
-            return_indices=True,
-        )
-        return cls(rows, base, (solved[0][first], solved[1][second]))
-
-    def __len__(self) -> int:
-        """Return the number of samples."""
-        return len(self.places[0])
-
-    @property
-    def maps(self) -> NDArray[np.float64]:
-        """The map of each sample [n]."""
-        return self.rows.column('map')[self.places[0]]
-
-    def columns(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return a column [n] of the first variant and of the second."""
-        first, second = self.places
-        return self.rows.column(name)[first], self.base.column(name)[second]
-
-    def quotients(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return first / second of a column where both are above 0, and the maps of these."""
-        return quotients(*self.columns(name), self.maps)
-
-    def ratio(self, name: str, seed: int) -> Ratio:
-        """Return the ratios of a column."""
-        return ratio_of(*self.quotients(name), seed)
-
-
-def quotients(
-    values: NDArray[np.float64], base: NDArray[np.float64], groups: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return values / base where both are above 0, and what `groups` [..., n] has for these."""
-    usable = (values > 0) & (base > 0)
-    return values[usable] / base[usable], groups[..., usable]
-
-
-def ratio_of(values: NDArray[np.float64], maps: NDArray[np.float64], seed: int) -> Ratio:
-    """Return mean and spread of ratios and the interval of the mean."""
-    return Ratio(ratio_interval(values, maps, seed) if len(values) else UNKNOWN, spread(values))
 
 
 def is_baseline(variant: Variant) -> bool:

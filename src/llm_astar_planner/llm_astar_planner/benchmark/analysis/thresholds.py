@@ -6,8 +6,9 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+from llm_astar_planner.benchmark.analysis.solved_pairs import Ratio
 from llm_astar_planner.benchmark.analysis.statistics import Interval
-from llm_astar_planner.benchmark.analysis.summary import Ratio, VariantSummary
+from llm_astar_planner.benchmark.analysis.summary import VariantSummary
 from llm_astar_planner.benchmark.row import METHOD_ALIASES, Variant
 from llm_astar_planner.parameter import nearest_name
 

@@ -11,12 +11,7 @@ from jinja2 import Environment, PackageLoader
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from markupsafe import Markup
 
-from llm_astar_planner.benchmark.analysis.summary import (
-    Growth,
-    PairedComparison,
-    VariantSummary,
-    is_baseline,
-)
+from llm_astar_planner.benchmark.analysis.summary import RunSummary, VariantSummary, is_baseline
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.benchmark.report.figures import has_waypoints
 from llm_astar_planner.benchmark.report.formats import TextRows, texts_of, without_constant_columns
@@ -74,10 +69,7 @@ class Bar(NamedTuple):
 
 
 def html_report(
-    summaries: Sequence[VariantSummary],
-    comparisons: Sequence[PairedComparison],
-    growths: Sequence[Growth],
-    metadata: Mapping[str, Any],
+    run: RunSummary,
     *,
     shown: ShownSamples = NO_SAMPLES,
     maps: Sequence[ProblemMap] = (),
@@ -94,26 +86,23 @@ def html_report(
     environment = Environment(
         loader=PackageLoader('llm_astar_planner', 'benchmark/report'), autoescape=True
     )
-    bars, mark = work_bars(summaries)
+    bars, mark = work_bars(run.variants)
     page: str = environment.get_template('report.html.j2').render(
-        title=report_title(metadata),
-        headline=without_code_marks(headline(comparisons)),
+        title=report_title(run.metadata),
+        headline=without_code_marks(headline(run.comparisons)),
         recorded=without_code_marks(recorded or ''),
-        provenance=without_code_marks(provenance(metadata, summaries)),
+        provenance=without_code_marks(provenance(run)),
         bars=bars,
         mark_100=mark,
         sentences=[
             without_code_marks(sentence(comparison))
-            for comparison in comparisons
+            for comparison in run.comparisons
             if comparison.samples
         ],
-        tables=[
-            shown_table(table)
-            for table in report_tables(summaries, comparisons, growths, metadata)
-        ],
-        left_out=list(metadata.get('left_out') or []),
-        notes=list(metadata.get('notes') or []),
-        grown=growth_sentence(growths) or '',
+        tables=[shown_table(table) for table in report_tables(run)],
+        left_out=list(run.metadata.get('left_out') or []),
+        notes=list(run.metadata.get('notes') or []),
+        grown=growth_sentence(run.growths) or '',
         style=style,
         glyphs=GLYPHS,
         zone=[(style.INFLATED, 'inflated zone')] if costmap and costmap.robot_radius else [],

@@ -7,13 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_planner.benchmark.analysis.columns import RowColumns
-from llm_astar_planner.benchmark.analysis.summary import (
-    Growth,
-    PairedComparison,
-    VariantSummary,
-    compare_with_none,
-    summarise,
-)
+from llm_astar_planner.benchmark.analysis.summary import RunSummary, compare_with_none, summarise
 from llm_astar_planner.benchmark.report.formats import markdown, text
 from llm_astar_planner.benchmark.report.sentences import (
     counted,
@@ -34,32 +28,26 @@ SECTION_BEGIN, SECTION_END = '<!-- results:begin -->', '<!-- results:end -->'
 
 
 def markdown_report(
-    summaries: Sequence[VariantSummary],
-    comparisons: Sequence[PairedComparison],
-    growths: Sequence[Growth],
-    metadata: Mapping[str, Any],
-    *,
-    recorded: str | None = None,
-    pictures: Sequence[tuple[str, str]] = (),
+    run: RunSummary, *, recorded: str | None = None, pictures: Sequence[tuple[str, str]] = ()
 ) -> str:
     """Return the report; `pictures` are (file name, caption) in the same folder.
 
     `recorded` is the sentence about the plans in the bags.
     """
     remarks = {
-        'over_none': '\n'.join(f'- {sentence(item)}' for item in comparisons if item.samples),
-        'growth': growth_sentence(growths) or '',
+        'over_none': '\n'.join(f'- {sentence(item)}' for item in run.comparisons if item.samples),
+        'growth': growth_sentence(run.growths) or '',
     }
     parts = [
-        f'# {report_title(metadata)}',
-        headline(comparisons),
+        f'# {report_title(run.metadata)}',
+        headline(run.comparisons),
         recorded or '',
-        provenance(metadata, summaries),
+        provenance(run),
     ]
-    for table in report_tables(summaries, comparisons, growths, metadata):
+    for table in report_tables(run):
         parts += [f'## {table.title}', table.note, markdown(table), remarks.get(table.name, '')]
     for title, name in (('## Left out', 'left_out'), ('## Notes on the input', 'notes')):
-        if lines := metadata.get(name):
+        if lines := run.metadata.get(name):
             parts += [title, '\n'.join(f'- {line}' for line in lines)]
     parts += [f'![{caption}]({file})\n\n{caption}' for file, caption in pictures]
     return '\n\n'.join(part for part in parts if part) + '\n'
@@ -71,21 +59,18 @@ def report_title(metadata: Mapping[str, Any]) -> str:
     return f'Evaluation of bags: {", ".join(bags)}' if bags else 'Benchmark report'
 
 
-def results_section(
-    summaries: Sequence[VariantSummary],
-    comparisons: Sequence[PairedComparison],
-    metadata: Mapping[str, Any],
-) -> str:
+def results_section(run: RunSummary) -> str:
     """Return the part of a report for a README: finding, table, provenance."""
-    table = markdown(main_table(summaries))
-    return '\n\n'.join([headline(comparisons), table, provenance(metadata, summaries)])
+    table = markdown(main_table(run.variants))
+    return '\n\n'.join([headline(run.comparisons), table, provenance(run)])
 
 
-def provenance(metadata: Mapping[str, Any], summaries: Sequence[VariantSummary]) -> str:
+def provenance(run: RunSummary) -> str:
     """Say which samples, settings, version and machine the figures come from."""
+    metadata = run.metadata
     dataset, machine = metadata.get('dataset', {}), metadata.get('machine', {})
     parameters = metadata.get('parameters', {})
-    most = max(summaries, key=lambda summary: summary.samples, default=None)
+    most = max(run.variants, key=lambda summary: summary.samples, default=None)
     size = ''
     if most is not None:
         size = f'{counted(most.samples, "sample")} of {counted(most.maps, "map")} from '

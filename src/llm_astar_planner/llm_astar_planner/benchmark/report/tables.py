@@ -10,11 +10,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from llm_astar_planner.benchmark.analysis.replies import REPLIES, reply_shares
+from llm_astar_planner.benchmark.analysis.solved_pairs import Ratio
 from llm_astar_planner.benchmark.analysis.statistics import UNKNOWN, Interval
 from llm_astar_planner.benchmark.analysis.summary import (
     Growth,
     PairedComparison,
-    Ratio,
+    RunSummary,
     VariantSummary,
     is_learned,
 )
@@ -133,24 +134,19 @@ PAPER_NOTE = (
 )
 
 
-def report_tables(
-    summaries: Sequence[VariantSummary],
-    comparisons: Sequence[PairedComparison],
-    growths: Sequence[Growth],
-    metadata: Mapping[str, Any],
-) -> list[Table]:
+def report_tables(run: RunSummary) -> list[Table]:
     """Return the tables of a report that have rows, in its order."""
     every = [
-        main_table(summaries),
-        comparison_table(comparisons),
-        spread_table(summaries),
-        waypoint_table(summaries),
-        reply_table(summaries),
-        path_table(summaries),
-        *family_tables(summaries),
-        map_cost_table(metadata),
-        growth_table(growths),
-        paper_table(metadata),
+        main_table(run.variants),
+        comparison_table(run.comparisons),
+        spread_table(run.variants),
+        waypoint_table(run.variants),
+        reply_table(run.variants),
+        path_table(run.variants),
+        *family_tables(run.variants),
+        map_cost_table(run.metadata),
+        growth_table(run.growths),
+        paper_table(run.metadata),
     ]
     return [table for table in every if table.rows]
 

@@ -16,11 +16,9 @@ from llm_astar_planner.benchmark.analysis.statistics import Interval, Spread
 from llm_astar_planner.benchmark.analysis.summary import (
     Growth,
     PairedComparison,
-    Price,
+    RunSummary,
     VariantSummary,
-    compare_with_none,
-    growth,
-    summarise,
+    summarise_run,
 )
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.benchmark.report.figures import (
@@ -59,33 +57,23 @@ def write_report(
     columns = RowColumns()
     shown = shown_samples(columns.passing(folder.read()), maps)
     recorded = recorded_sentence(folder.read()) if metadata.get('bags') else None
-    seed = int(metadata['parameters'].get('seed', 0))
-    price = metadata['parameters'].get('price')
-    summaries = summarise(columns, seed, None if price is None else Price(*price))
-    comparisons = compare_with_none(columns, seed)
-    growths = growth(columns)
+    run = summarise_run(columns, metadata)
     summary: dict[str, Any] = {
-        'headline': headline(comparisons),
-        'sentences': [sentence(comparison) for comparison in comparisons if comparison.samples],
+        'headline': headline(run.comparisons),
+        'sentences': [sentence(item) for item in run.comparisons if item.samples],
         'rows': len(columns),
-        'cases': [to_json(item) for item in summaries],
-        'over_none': [to_json(item) for item in comparisons],
-        'growth': [to_json(item) for item in growths],
+        'cases': [to_json(item) for item in run.variants],
+        'over_none': [to_json(item) for item in run.comparisons],
+        'growth': [to_json(item) for item in run.growths],
         **{name: metadata[name] for name in ('version', 'dataset', 'machine')},
         **{name: metadata[name] for name in ('left_out', 'notes', 'replays') if name in metadata},
     }
     folder.write_json('summary.json', summary)
-    pictures = draw_all(folder.path, shown.rows, maps, (summaries, growths), metadata)
+    pictures = draw_all(folder.path, shown.rows, maps, run)
     names = [(path.name, caption) for path, caption in pictures if not path.name.startswith(PANEL)]
-    text = markdown_report(
-        summaries, comparisons, growths, metadata, recorded=recorded, pictures=names
-    )
-    folder.write_text('report.md', text)
+    folder.write_text('report.md', markdown_report(run, recorded=recorded, pictures=names))
     page = html_report(
-        summaries,
-        comparisons,
-        growths,
-        metadata,
+        run,
         shown=shown,
         maps=maps,
         recorded=recorded,
@@ -142,27 +130,22 @@ def named(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def draw_all(
-    folder: Path,
-    rows: Sequence[Row],
-    maps: Sequence[ProblemMap],
-    figures: tuple[Sequence[VariantSummary], Sequence[Growth]],
-    metadata: Mapping[str, Any],
+    folder: Path, rows: Sequence[Row], maps: Sequence[ProblemMap], run: RunSummary
 ) -> Pictures:
     """Draw every figure that the rows allow; return the files and their captions."""
-    summaries, growths = figures
     pictures: Pictures = []
-    if summaries:
+    if run.variants:
         path = folder / 'ratios.png'
-        ratio_figure(summaries).savefig(path, dpi=DPI, bbox_inches='tight')
+        ratio_figure(run.variants).savefig(path, dpi=DPI, bbox_inches='tight')
         pictures.append(
             (path, 'Expansions and length against A*: blue with waypoints, the rest grey.')
         )
-    if growths:
+    if run.growths:
         path = folder / 'growth.png'
-        growth_figure(growths).savefig(path, dpi=DPI)
+        growth_figure(run.growths).savefig(path, dpi=DPI)
         pictures.append((path, 'Growth of work and storage with the scale of the map.'))
-    pictures += draw_median_sample(folder, rows, maps, search_settings(metadata))
-    if not metadata.get('bags'):
+    pictures += draw_median_sample(folder, rows, maps, search_settings(run.metadata))
+    if not run.metadata.get('bags'):
         path = folder / 'showcase.png'
         showcase_figure().savefig(path, dpi=DPI)
         caption = 'LLM-A* target by target on an 11 x 11 map, Chebyshev heuristic, and A*.'

@@ -7,7 +7,7 @@ import math
 import pytest
 from benchmark_samples import rows_with
 from llm_astar_planner.benchmark.analysis.statistics import UNKNOWN, Interval
-from llm_astar_planner.benchmark.analysis.summary import compare_with_none, growth, summarise
+from llm_astar_planner.benchmark.analysis.summary import summarise_run
 from llm_astar_planner.benchmark.report.formats import (
     cell_text,
     csv_table,
@@ -83,7 +83,7 @@ def test_no_cell_breaks_a_table():
 
 def test_every_table_of_a_report_is_written_as_latex_and_csv(tmp_path):
     rows = rows_with(0.8)
-    tables = report_tables(summarise(rows), compare_with_none(rows), growth(rows), {})
+    tables = report_tables(summarise_run(rows, {'parameters': {}}))
     files = write_tables(ResultsFolder(tmp_path), tables, as_latex=True, as_csv=True)
     assert {path.name for path in files} == {
         f'{name}.{kind}'

@@ -12,7 +12,7 @@ import pytest
 from benchmark_samples import ORACLE, rows_with
 from llm_astar_msgs_adapter.maps.barrier_map import save_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_planner.benchmark.analysis.summary import by_variant
+from llm_astar_planner.benchmark.analysis.summary import RunSummary, by_variant
 from llm_astar_planner.benchmark.datasets.generate import generate
 from llm_astar_planner.benchmark.report.html import html_report
 from llm_astar_planner.benchmark.report.markdown import replace_section
@@ -145,7 +145,7 @@ def test_the_page_fits_the_width_of_a_phone(reported):
 
 
 def test_a_report_can_be_written_without_rows():
-    page = html_report([], [], [], {})
+    page = html_report(RunSummary())
     assert 'nothing to compare' in page
     assert by_variant([]) == {}
 
