@@ -73,12 +73,27 @@ def spinning(*nodes):
             node.destroy_node()
 
 
+class PatientClient(PlannerClient):
+    """A caller that gives nodes the time which they take to start on a busy machine."""
+
+    def wait_until_ready(self, map_digest=None, *, client='', seconds=PATIENCE):
+        super().wait_until_ready(map_digest, client=client, seconds=seconds)
+
+    def wait_for_landmarks(self):
+        """Before its landmarks are there, a planner finds the same path with more expansions."""
+
+        def has_landmarks():
+            return any(values.get('landmarks') for values in self._health.values())
+
+        self.wait_for(has_landmarks, 'landmarks', PATIENCE)
+
+
 @contextlib.contextmanager
 def calling(namespace='', name='test_caller'):
     """Join the graph as a caller."""
     node = rclpy.create_node(name, namespace=namespace or None)
     try:
-        with PlannerClient(node) as caller:
+        with PatientClient(node) as caller:
             yield caller
     finally:
         node.destroy_node()

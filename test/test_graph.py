@@ -432,6 +432,7 @@ def test_a_plan_of_the_node_is_reproduced_by_one_command_line(capsys, tmp_path):
         calling(ALONE) as caller,
     ):
         caller.wait_until_ready(client='llm_client_node')
+        caller.wait_for_landmarks()
         path, report, _ = caller.call(START, GOAL)
     files = [part for file in (DEMO, REPLAY, robot) for part in ('--params-file', str(file))]
     capsys.readouterr()

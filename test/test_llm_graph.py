@@ -290,9 +290,9 @@ def failures(server):
 
 def test_no_failure_of_the_endpoint_stops_a_plan_and_each_is_reported(chat_server, monkeypatch):
     monkeypatch.setenv(KEY_ENV, KEY)
-    arguments = endpoint(chat_server.base_url, timeout_s=0.8, max_retries=0)
+    arguments = endpoint(chat_server.base_url, timeout_s=2.0, max_retries=0)
     map_node, client, planner, caller = graph(
-        arguments, '-p', 'max_planning_time:=4.0', '-p', 'source_timeout:=2.0'
+        arguments, '-p', 'max_planning_time:=8.0', '-p', 'source_timeout:=5.0'
     )
     seen = {}
     with map_node, client, planner, caller as caller:
