@@ -152,7 +152,7 @@ def test_a_broken_plug_in_costs_its_samples_only_and_is_named(bench):
         'plug-in broken_plugins:Source: returned list, not a WaypointReply',
         'plug-in broken_plugins:Source: waypoints: (nan, 1) is not two finite numbers (x, y)',
         'plug-in broken_plugins:search: KeyboardInterrupt (broken_plugins.py, line',
-        'plug-in broken_plugins:search: expansions: -1 is not a number of 0 or more',
+        'plug-in broken_plugins:search: expansions: -1 is not a whole number of 0 or more',
         'plug-in broken_plugins:search: path: has 1000000 cells, more than the map',
         'plug-in broken_plugins:hang: had not come back after 1.',
         'llm_astar/broken_plugins:Source: 3 samples without an answer (ERROR 3)',

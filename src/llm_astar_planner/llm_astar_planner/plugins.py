@@ -17,6 +17,7 @@ import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from numbers import Integral
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, printable, short_repr, shortened
@@ -41,6 +42,8 @@ MAX_LATE = 4
 MAX_LOGGED = 5
 # Characters of the name of a plug-in, and of the message of an exception that is repeated.
 MAX_NAME, MAX_MESSAGE = 200, 300
+# The largest count that a plug-in may give.
+MAX_COUNT = 2**53
 
 
 class PluginError(LlmAstarError, ValueError):
@@ -119,6 +122,14 @@ class _Call:
         self.done.set()
 
 
+def checked_count(value: Any, field: str) -> int:  # noqa: ANN401 - of foreign code
+    """Return a count that a plug-in gives as a plain number. Raises PluginError."""
+    count = int(value) if isinstance(value, Integral) else -1
+    if 0 <= count <= MAX_COUNT:
+        return count
+    raise PluginError(f'{field}: {short_repr(value)} is not a whole number of 0 or more')
+
+
 def description(error: BaseException) -> str:
     """Return an exception of foreign code in one line, with the place where it was raised."""
     if isinstance(error, PluginError):
@@ -139,7 +150,8 @@ class Plugins:
 
     `kind` is what they are called in messages, `group` that of the entry points of other
     packages, and `own` has the package's own as `module:name`. What a plug-in's name leads to
-    becomes `adapt(name, object)`. `loaded` has those that were used so far.
+    becomes `adapt(name, object)`. `loaded` has those that were used so far, `guards` what calls
+    the imports of plug-ins.
     """
 
     kind: str
@@ -147,6 +159,7 @@ class Plugins:
     own: Mapping[str, str]
     adapt: Callable[[str, Any], Any]
     loaded: dict[str, Any] = field(default_factory=dict)
+    guards: dict[str, Guard] = field(default_factory=dict)
 
     @cached_property
     def installed(self) -> dict[str, list[EntryPoint]]:
@@ -219,7 +232,8 @@ class Plugins:
 
     def _import(self, name: str, place: str, seconds: float = LOADING_S) -> Any:  # noqa: ANN401
         """Import a plug-in from `module:name`. Raises PluginError."""
+        guard = self.guards.setdefault(name, Guard(name))
         try:
-            return Guard(name).call(lambda: self.adapt(name, pkgutil.resolve_name(place)), seconds)
+            return guard.call(lambda: self.adapt(name, pkgutil.resolve_name(place)), seconds)
         except (PluginError, TimeoutError) as error:
             raise PluginError(f'{self.kind} {name} cannot be loaded: {error}') from None

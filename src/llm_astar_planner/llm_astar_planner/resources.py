@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGE = 'llm_astar_planner'
+# Our 1000 samples on 100 maps.
+SAMPLES_FILE = 'samples_1000.json'
 
 
 def share_folders() -> Iterator[Path]:

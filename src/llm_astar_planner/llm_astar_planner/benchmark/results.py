@@ -11,6 +11,7 @@ import json
 import math
 import os
 import platform
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
@@ -40,7 +41,7 @@ OLD_RULES = {'unknown_cost': 0}
 COMPARED_PARAMETERS = (
     'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
     'start_tolerance', 'paper_corners', 'requests', 'plan_window', 'topics', 'instruction',
-    'instruction_policy', 'samples',
+    'instruction_policy', 'samples', 'examples_file',
 )  # fmt: skip
 # The maps of the rows, stored in the folder so that a report needs no dataset.
 MAPS_FILE = 'maps.json'
@@ -266,8 +267,10 @@ def describe_run(
     """Return the metadata of a run: version, parameters, digests of its input, machine.
 
     A dataset may be a folder. `files` are other inputs that the rows depend on, such as
-    transcripts and prompts. Raises OSError.
+    transcripts and prompts; two of the same name go by their paths. Raises OSError.
     """
+    count = Counter(Path(file).name for file in dict.fromkeys(files))
+    names = {file: Path(file).name if count[Path(file).name] == 1 else str(file) for file in files}
     return {
         'version': llm_astar_planner.__version__,
         'parameters': dict(parameters),
@@ -275,7 +278,7 @@ def describe_run(
             'file': ', '.join(Path(dataset).name for dataset in datasets),
             'sha256': digest_files(*datasets),
         },
-        'files': {Path(file).name: digest_files(file) for file in files},
+        'files': {names[file]: digest_files(file) for file in names},
         'machine': describe_machine(),
         'packages': {
             name: package_version(name) for name in ('numpy', 'numba', 'scipy', 'shapely')

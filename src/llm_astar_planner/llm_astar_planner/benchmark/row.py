@@ -20,9 +20,9 @@ from llm_astar_planner.waypoints.source import SourceStatus
 WAYPOINTS_ONLY = 'waypoints_only'
 METHOD_ALIASES = {'llm_only': WAYPOINTS_ONLY}
 # Source statuses that a second query would not change.
-FINAL_STATUSES = frozenset(status.value for status in (
-    SourceStatus.OK, SourceStatus.NONE, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED,
-))  # fmt: skip
+FINAL_STATUSES = frozenset(
+    status.value for status in SourceStatus if status.is_answer or status is SourceStatus.NONE
+)
 
 
 class ResultsError(LlmAstarError, RuntimeError):

@@ -174,7 +174,7 @@ def benchmark_config(
     samples = select_samples(maps, str(dataset), args.maps)
     recorded = RecordedRun(samples, sources, [])
     if args.samples == RECORDED:
-        recorded = keep_recorded(samples, sources, scales)
+        recorded = keep_recorded(samples, sources, scales, args.scale_samples, args.seed)
     samples = recorded.samples
     if args.limit is not None:
         samples = draw(samples, args.limit, args.seed)

@@ -13,6 +13,8 @@ from llm_astar_msgs_adapter.bags.messages import GET_PLAN_EVENT, MAP
 from llm_astar_planner.benchmark.datasets.generate import GenerationError, MapRules
 from llm_astar_planner.benchmark.datasets.named import (
     BARRIERS,
+    DEFAULT_MAPS,
+    DEFAULT_PAIRS,
     GENERATED,
     DrawRules,
     draw_family,
@@ -45,10 +47,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f'kind of maps: {BARRIERS} as in the paper, or grids ({BARRIERS})',
     )  # fmt: skip
     make.add_argument('--seed', type=int, default=0, help='seed of the maps (0)')
-    make.add_argument('--maps', type=int, default=100, metavar='N', help='number of maps (100)')
     make.add_argument(
-        '--pairs', type=int, default=10, metavar='N', help='start-goal pairs per map (10)'
-    )
+        '--maps', type=int, default=DEFAULT_MAPS, metavar='N',
+        help='number of maps (default: %(default)s)',
+    )  # fmt: skip
+    make.add_argument(
+        '--pairs', type=int, default=DEFAULT_PAIRS, metavar='N',
+        help='start-goal pairs per map (default: %(default)s)',
+    )  # fmt: skip
     make.add_argument(
         '--size', type=int, nargs=2, metavar=('W', 'H'),
         help='largest coordinates, of barriers alone (50 30)',

@@ -57,7 +57,7 @@ def open_dataset(args: Namespace) -> Dataset:
     if args.named is not None and names is None:
         warn_renamed('--dataset', '--map')
         args.dataset = args.named
-    check_options(args, names or ())
+    settle_options(args, names or ())
     if names is None:
         file = find_file(args.dataset, 'maps')
         return Dataset((), load_maps(file, args.limit, args.seed), file)
@@ -66,13 +66,15 @@ def open_dataset(args: Namespace) -> Dataset:
     return load_named(names, path, rules)
 
 
-def check_options(args: Namespace, names: Sequence[str]) -> None:
-    """Raise SelectionError where an option is of another kind of dataset.
+def settle_options(args: Namespace, names: Sequence[str]) -> None:
+    """Take `--maps` for `--map-ids`, which it was up to version 0.2.0, where nothing is generated.
 
-    Up to version 0.2.0 `--maps` was what `--map-ids` is now.
+    Raises SelectionError where an option is of another kind of dataset.
     """
     is_generated = bool(set(names) & set(GENERATED))
     if args.map_count is not None and not is_generated:
+        if args.maps is not None:
+            raise SelectionError('--maps: needs --dataset with a generated one beside --map-ids')
         warn_renamed('--maps', '--map-ids')
         args.maps, args.map_count = args.map_count, None
     if args.map_count is not None and not args.map_count.isdecimal():

@@ -17,6 +17,7 @@ from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.retrace import retrace
 from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.resources import SAMPLES_FILE
 from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.source import WaypointQuery
 
@@ -47,7 +48,7 @@ class Drawn(NamedTuple):
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options: those of `plan`, and the file."""
-    add_query_options(parser, 'samples_1000.json')
+    add_query_options(parser, SAMPLES_FILE)
     add_old_flag(parser, '--dataset', '--map', 'map', metavar='FILE')
     parser.add_argument(
         '--out',

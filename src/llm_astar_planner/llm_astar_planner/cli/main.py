@@ -166,9 +166,10 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
             commands.add_parser(name, help=summary)
     arguments, unknown = parser.parse_known_args(argv)
     if unknown:
-        known = re.findall(r'--[a-z][a-z-]*', commands.choices[argv[0]].format_help())
+        command = commands.choices.get(argv[0], parser)
+        known = re.findall(r'--[a-z][a-z-]*', command.format_help())
         near = nearest_name(unknown[0].partition('=')[0], known)
-        raise ParameterError(f'{argv[0]} has no option {unknown[0]}{near}')
+        raise ParameterError(f'{command.prog} has no option {unknown[0]}{near}')
     return arguments
 
 

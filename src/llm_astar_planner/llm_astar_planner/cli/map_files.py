@@ -19,14 +19,13 @@ from llm_astar_planner.benchmark.datasets.grids import BARE_MAP
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps
 from llm_astar_planner.cli.flags import add_old_flag
 from llm_astar_planner.planning.parameters import PLANNER
-from llm_astar_planner.resources import find_file
+from llm_astar_planner.resources import SAMPLES_FILE, find_file
 
 # What --map takes.
 MAP_KINDS = (
     "a robot's map as a map_server yaml, a MovingAI x.map or x.map.scen, or barrier-map JSON; a "
     'path or a name in maps/'
 )
-DEFAULT_DATASET = 'samples_1000.json'
 # Decimals of metres in listings.
 DECIMALS = 3
 PLACES_FILE = next(item for item in PLANNER if item.name == 'places_file')
@@ -62,7 +61,7 @@ def add_map_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its typ
     group.add_argument(
         '--map',
         dest='dataset',
-        default=DEFAULT_DATASET,
+        default=SAMPLES_FILE,
         metavar='FILE',
         help=f'{MAP_KINDS} (default: %(default)s); on a yaml pairs are drawn',
     )

@@ -66,11 +66,10 @@ from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.interpretation import RouteInstruction, clean_instruction
 from llm_astar_planner.parameter import Scalar
 from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, defaults
-from llm_astar_planner.resources import find_file
+from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
 from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
 from llm_astar_planner.waypoints.plugins import SOURCES
-from llm_astar_planner.waypoints.prompts.examples import SAMPLES_FILE
 from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
 
 # Simultaneous requests to a live endpoint, unless --jobs says otherwise.
@@ -256,7 +255,7 @@ def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) ->
 
 
 def deciding_parameters(args: argparse.Namespace, *more: str) -> dict[str, Any]:
-    """Return the parameters of a run for its metadata; --resume compares them."""
+    """Return the parameters of a run for its metadata; --resume compares COMPARED_PARAMETERS."""
     names = (
         'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds',
         'prompt_form', 'retrieved_examples', 'examples_file', 'heuristic', 'weight',
@@ -362,11 +361,11 @@ def close_run(
     maps = load_kept_maps(folder.path / MAPS_FILE)
     try:
         folder.fold()
-        if 'map_costs' in metadata:
-            add_query_times(metadata['map_costs'], RowColumns(folder.read()))
-        folder.write_json('metadata.json', metadata)
         columns = RowColumns()
         unanswered = describe_unanswered(columns.passing(folder.read()))
+        if 'map_costs' in metadata:
+            add_query_times(metadata['map_costs'], columns)
+        folder.write_json('metadata.json', metadata)
         recorded = recorded_sentence(folder.read()) if metadata.get('bags') else None
         lengths = reference_lengths(maps)
         agreements = (

@@ -76,7 +76,14 @@ def describe(found: TranscriptCheck, dataset: str | None) -> Iterator[str]:
     for model in found.models:
         yield from describe_model(model, dataset)
     about = f', {lines.instructions} about instructions' if lines.instructions else ''
-    verdict = {0: 'sound', 2: f'{len(lines.problems)} malformed lines', 3: 'incomplete'}
+    from llm_astar_planner.benchmark.analysis.transcript_check import (  # noqa: PLC0415
+        INCOMPLETE,
+        MALFORMED,
+        SOUND,
+    )
+
+    malformed = f'{len(lines.problems)} malformed lines'
+    verdict = {SOUND: 'sound', MALFORMED: malformed, INCOMPLETE: 'incomplete'}
     yield f'{found.path}: {len(lines.exchanges)} exchanges{about}: {verdict[found.code]}'
 
 

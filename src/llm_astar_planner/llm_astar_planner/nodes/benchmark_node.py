@@ -33,7 +33,7 @@ from llm_astar_planner.benchmark.datasets.samples import (
     format_kept_maps,
     load_kept_maps,
     load_maps,
-    load_samples,
+    select_samples,
 )
 from llm_astar_planner.benchmark.report.markdown import text_report
 from llm_astar_planner.benchmark.report.write import write_report
@@ -52,7 +52,7 @@ from llm_astar_planner.benchmark.runner.config import choose_folder, open_folder
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
-from llm_astar_planner.resources import find_file
+from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS
 
 # Parameters of the planner that a run sets and restores; the paper's paths may cut corners.
@@ -74,7 +74,10 @@ def main(args: Sequence[str] | None = None) -> int:
     arguments = parse_arguments(remove_ros_args(sys.argv if args is None else args)[1:])
     try:
         dataset = find_file(arguments.dataset, 'maps')
-        samples = load_samples(dataset, arguments.maps, arguments.limit, arguments.seed)
+        maps = load_maps(dataset)
+        samples = select_samples(
+            maps, str(dataset), arguments.maps, arguments.limit, arguments.seed
+        )
         if any(isinstance(sample.barrier_map, GridProblem) for sample in samples):
             message = (
                 f'{dataset}: a grid dataset cannot be run through the graph; use llm-astar bench'
@@ -87,7 +90,7 @@ def main(args: Sequence[str] | None = None) -> int:
         done = open_folder(
             folder, metadata, resume=arguments.resume, overwrite=arguments.overwrite
         )
-        folder.write_text(MAPS_FILE, format_kept_maps(load_maps(dataset)))
+        folder.write_text(MAPS_FILE, format_kept_maps(maps))
     except (LlmAstarError, FileNotFoundError) as error:
         return report_error(str(error), BAD_INPUT)
     begun = time.monotonic()
@@ -105,7 +108,7 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        '--map', '--dataset', dest='dataset', default='samples_1000.json', metavar='FILE',
+        '--map', '--dataset', dest='dataset', default=SAMPLES_FILE, metavar='FILE',
         help='barrier maps: a path, or a name in maps/ (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument(

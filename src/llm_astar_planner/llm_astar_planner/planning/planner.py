@@ -128,8 +128,8 @@ class Planner:
     ) -> Iterator[Plan]:
         """Yield each better plan as it is found, validated; the last one is the answer.
 
-        Only `guided` finds several, and only without via points and instruction. `anytime` False
-        yields the answer alone. Otherwise as `plan`.
+        Only `guided` and plug-ins that are generators find several, and only without via points
+        and instruction. `anytime` False yields the answer alone. Otherwise as `plan`.
         """
         stop = no_stop() if stop is None else stop
         if request.viapoints:

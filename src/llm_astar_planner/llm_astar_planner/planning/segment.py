@@ -32,7 +32,6 @@ from llm_astar_planner.search.landmarks import Landmarks
 from llm_astar_planner.search.layered import LayeredResult, VisitProblem, visit_search
 from llm_astar_planner.search.methods import (
     SEARCH_METHODS,
-    WAYPOINT_METHODS,
     uses_waypoints,
 )
 from llm_astar_planner.search.problem import SearchMethod, SearchProblem
@@ -79,13 +78,12 @@ class SegmentPlanner:
     ) -> None:
         """Plan until `deadline` (monotonic seconds) or until `stop[0]` is raised.
 
-        Raises PluginError where the method's plug-in cannot be loaded.
+        Raises PluginError where the method's plug-in cannot be loaded in that time.
         """
         self.costmap = costmap
         self.request = request
-        # At hand after the first plan.
-        loaded = SEARCH_METHODS.loaded.get(request.method)
-        self.method: SearchMethod = loaded or SEARCH_METHODS.load(request.method)
+        seconds = max(0.0, deadline - time.monotonic())
+        self.method: SearchMethod = SEARCH_METHODS.load(request.method, seconds)
         self.deadline = deadline
         self.stop = stop
         self.landmarks = landmarks
@@ -300,7 +298,7 @@ def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
 def not_asked(request: PlanRequest) -> WaypointReply:
     """Return the reply of a source that was not asked, which says why if there is one."""
     reason = ''
-    if request.method not in WAYPOINT_METHODS and not uses_waypoints(request.method):
+    if not uses_waypoints(request.method):
         reason = f'{request.method} uses no waypoints'
     elif request.via:
         reason = 'the via points take their place'
@@ -318,7 +316,7 @@ def success_message(first: SegmentPlanner, result: SearchResult | None) -> str:
     message, metres = f'{result.length:.2f} cells', first.costmap.grid_map.resolution
     if metres != 1.0:
         message = f'{metres * result.length:.2f} m ({message})'
-    message += f', {result.expansions:,} expansion{"" if result.expansions == 1 else "s"}'
+    message += f', {describe_expansions(result.expansions)}'
     if isinstance(result, BoundedResult):
         is_priced = not math.isclose(result.cost, result.length, rel_tol=1e-6)
         least = 'cheapest' if is_priced else 'shortest'

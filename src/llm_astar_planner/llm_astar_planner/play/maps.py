@@ -14,7 +14,7 @@ from llm_astar_msgs_adapter.maps.places_file import load_places, places_beside
 from llm_astar_planner.benchmark.datasets.grids import BARE_MAP, YAML
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps
 from llm_astar_planner.play.errors import PlayError
-from llm_astar_planner.resources import find_file
+from llm_astar_planner.resources import SAMPLES_FILE, find_file
 
 # What the page can still draw and the server plan on while somebody waits.
 MAX_CELLS = 4_000_000
@@ -28,7 +28,7 @@ SHIPPED = (
         f'instructions/{name}.yaml'
         for name in ('house', 'office', 'warehouse', 'museum', 'market', 'ward', 'workshop')
     ),
-    'samples_1000.json',
+    SAMPLES_FILE,
 )
 
 

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from llm_astar_planner.plugins import Guard, PluginError
+from llm_astar_planner.plugins import Guard, PluginError, checked_count
 from llm_astar_planner.search.problem import SearchProblem
 from llm_astar_planner.search.result import SearchResult, SearchStatus, empty_path
 from llm_astar_planner.search.stop import no_stop
 
-# The largest coordinate of a path, and the largest count of a result.
-MAX_COORDINATE, MAX_COUNT = 2**31 - 1, 2**53
+# The largest coordinate of a path.
+MAX_COORDINATE = 2**31 - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +27,10 @@ class PluginMethod:
     function: Callable[[SearchProblem], Any]
     guard: Guard
     uses_waypoints: bool
-    takes_late_waypoints: bool = False
-    as_published: bool = False
+    takes_late_waypoints: ClassVar[bool] = False
+    as_published: ClassVar[bool] = False
+    # Generators that could not be closed; freed here, they would run foreign code in this thread.
+    unclosed: list[Generator[Any]] = field(default_factory=list)
 
     def __call__(self, problem: SearchProblem) -> Generator[SearchResult, None, SearchResult]:
         """Search; a method whose time is over has its last result, or stopped without any.
@@ -44,6 +46,7 @@ class PluginMethod:
             seconds = problem.deadline - time.monotonic()
             return self.guard.call(step, seconds, problem.stop, stopped)
 
+        answer: Any = None
         try:
             answer = call(lambda: first_answer(self.function(given), problem))
             if isinstance(answer, SearchResult):
@@ -60,6 +63,19 @@ class PluginMethod:
         except PluginError as error:
             self.guard.log(error)
             raise PluginError(f'search method {self.name}: {error}') from None
+        finally:
+            self.close(answer)
+
+    def close(self, answer: Any) -> None:  # noqa: ANN401 - of foreign code
+        """End a generator that has not ended, and with it what it holds open."""
+        if getattr(answer, 'gi_frame', None) is None or answer.gi_running:
+            return  # where it still runs, its own thread frees it
+        try:
+            self.guard.call(answer.close, 0.0)
+        except (PluginError, TimeoutError) as error:
+            self.guard.log(error)
+            if answer.gi_frame is not None and not answer.gi_running:
+                self.unclosed.append(answer)
 
 
 def make_plugin_method(name: str, function: Any) -> PluginMethod:  # noqa: ANN401 - foreign
@@ -89,15 +105,11 @@ def checked_result(answer: Any, problem: SearchProblem) -> SearchResult:  # noqa
     """
     if not isinstance(answer, SearchResult):
         raise PluginError(f'returned {type(answer).__name__}, not a SearchResult')
-    for name in ('expansions', 'storage'):
-        count = getattr(answer, name)
-        if not (isinstance(count, int | np.integer) and 0 <= count <= MAX_COUNT):
-            raise PluginError(f'{name}: {str(count)[:40]} is not a number of 0 or more')
     path = checked_path(answer.path, problem)
     return SearchResult(
         SearchStatus(answer.status),
-        int(answer.expansions),
-        int(answer.storage),
+        checked_count(answer.expansions, 'expansions'),
+        checked_count(answer.storage, 'storage'),
         expanded_cells(answer.expanded, problem),
         path,
         float(np.hypot(*np.diff(path, axis=0).T).sum()) if len(path) else float('nan'),

@@ -84,7 +84,10 @@ def search_method(
     takes_late_waypoints: bool = False,
     as_published: bool = False,
 ) -> Callable[[Callable[[SearchProblem], Any]], SearchMethod]:
-    """Make a function of a SearchProblem a SearchMethod with these properties."""
+    """Make a function of a SearchProblem a SearchMethod with these properties.
+
+    Of a plug-in only `uses_waypoints` counts: its waypoints never come late.
+    """
 
     def mark(function: Callable[[SearchProblem], Any]) -> SearchMethod:
         method: Any = function

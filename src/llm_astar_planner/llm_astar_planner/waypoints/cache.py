@@ -19,8 +19,6 @@ from llm_astar_planner.waypoints.source import (
 
 # Different queries that may run at a time; the endpoint's client lets fewer requests through.
 MAX_PENDING = 16
-# A reply without a route is an answer too and is kept; after a failure the source is asked again.
-_KEPT = (SourceStatus.OK, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED)
 
 
 @dataclass(eq=False)
@@ -81,7 +79,8 @@ class CachedSource:
 
     def _store(self, key: Hashable, reply: WaypointReply) -> None:
         with self._lock:
-            if reply.status in _KEPT:
+            # A reply without a route is kept too; after a failure the source is asked again.
+            if reply.status.is_answer:
                 self._replies[key] = reply
             self._running.pop(key, None)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from llm_astar_msgs_adapter.errors import printable, short_repr
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
-from llm_astar_planner.plugins import LOADING_S, Guard, PluginError, Plugins
+from llm_astar_planner.plugins import LOADING_S, Guard, PluginError, Plugins, checked_count
 from llm_astar_planner.search.stop import no_stop
 from llm_astar_planner.waypoints.async_query import MAX_WAYPOINTS
 from llm_astar_planner.waypoints.source import (
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 GROUP = 'llm_astar.waypoint_sources'
 # Characters of a plug-in's texts that are kept.
 MAX_TEXT, MAX_DETAIL = 100_000, 500
+# Seconds that a model may be said to have taken: a day.
+MAX_SECONDS = 86_400.0
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,7 @@ def checked_reply(name: str, reply: Any) -> WaypointReply:  # noqa: ANN401 - of 
         prompt,
         checked_count(reply.prompt_tokens, 'prompt_tokens'),
         checked_count(reply.completion_tokens, 'completion_tokens'),
+        checked_seconds(reply.seconds),
     )
 
 
@@ -139,11 +142,11 @@ def checked_point(point: Any) -> Waypoint:  # noqa: ANN401 - of foreign code
     raise PluginError(f'waypoints: {short_repr(point)} is not two finite numbers (x, y)')
 
 
-def checked_count(value: Any, field: str) -> int:  # noqa: ANN401 - of foreign code
-    """Return a count of tokens. Raises PluginError."""
-    if isinstance(value, int) and 0 <= value < 2**53:
-        return int(value)
-    raise PluginError(f'{field}: {short_repr(value)} is not a number of tokens')
+def checked_seconds(value: Any) -> float:  # noqa: ANN401 - of foreign code
+    """Return how long a model took. Raises PluginError."""
+    if isinstance(value, (int, float)) and 0 <= value <= MAX_SECONDS:
+        return float(value)
+    raise PluginError(f'seconds: {short_repr(value)} is not a time of 0 or more')
 
 
 # The package's own by name, in the order in which they are listed; each is a function of a

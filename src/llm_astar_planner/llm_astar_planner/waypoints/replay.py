@@ -21,9 +21,6 @@ from llm_astar_planner.waypoints.source import (
 )
 from llm_astar_planner.waypoints.transcript import Exchange, read_transcript
 
-# What the status of an exchange is whose model answered, if only with an empty text.
-ANSWERS = (SourceStatus.OK, SourceStatus.NO_WAYPOINTS, SourceStatus.MALFORMED)
-
 
 class ReplayError(LlmAstarError, ValueError):
     """It is not clear which exchanges to replay; the message lists what the transcript holds."""
@@ -71,14 +68,12 @@ class ReplaySource:
                 continue
             if exchange.instruction:
                 continue
-            if exchange.response or exchange.sample not in self._exchanges:
+            if exchange.is_answered or exchange.sample not in self._exchanges:
                 self._exchanges[exchange.sample] = exchange
         # The samples whose query failed, by a timeout for example, and those that the model
         # answered, usefully or not.
         self.unanswered = frozenset(
-            key
-            for key, exchange in self._exchanges.items()
-            if not exchange.response and exchange.status not in ANSWERS
+            key for key, exchange in self._exchanges.items() if not exchange.is_answered
         )
         self.answered = self._exchanges.keys() - self.unanswered
 

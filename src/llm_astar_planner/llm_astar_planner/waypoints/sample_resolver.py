@@ -43,6 +43,8 @@ class SampleResolver:
 
     def _find(self, grid_map: GridMap) -> tuple[BarrierMap, Lattice, int] | None:
         """Return the scaled barrier map with exactly these cells, its lattice and its scale."""
+        if not self._maps:
+            return None
         digest = cells_digest(grid_map)
         sizes = {item.size for item in self._maps}
         for scale in range(1, MAX_SCALE + 1):
@@ -60,10 +62,12 @@ class SampleResolver:
 def dataset_digest(maps: Sequence[BarrierMap]) -> str:
     """Return the SHA-256 of maps with their samples, however their file is laid out.
 
-    The queries of the samples, which are sentences, do not count. '' where there are no maps.
+    The queries of the samples, which are sentences, and the families of the maps, which depend on
+    how a dataset is named, do not count. '' where there are no maps.
     """
     entries = [item.to_json() for item in maps]
     for entry in entries:
+        entry.pop('family', None)
         entry['start_goal'] = [ends[:2] for ends in entry['start_goal']]
     text = json.dumps(entries, separators=(',', ':'))
     return hashlib.sha256(text.encode()).hexdigest() if entries else ''

@@ -80,6 +80,11 @@ class SourceStatus(str, Enum):
     LATE = 'LATE'  # the search finished before the answer came
 
     @property
+    def is_answer(self) -> bool:
+        """Whether a model has answered, usefully or not: asking it again changes nothing."""
+        return self.value in ('OK', 'NO_WAYPOINTS', 'MALFORMED')
+
+    @property
     def is_failure(self) -> bool:
         """Whether a source was asked and could not answer."""
         return self.value not in ('OK', 'NONE', 'NO_WAYPOINTS', 'LATE')
@@ -129,8 +134,9 @@ class WaypointReply:
     """A source's reply: waypoints (x, y) in grid coordinates, not yet checked.
 
     `label` names what answered, such as `replay:gpt-3.5` or `none`. `text` is the raw answer,
-    bounded in length; `detail` is a sentence on what went wrong, '' if nothing did. `messages`
-    are those that led to the answer; `unit` is the lattice step of its coordinates in cells.
+    bounded in length; `detail` is a sentence on what went wrong, '' if nothing did. `seconds` is
+    how long the model took, 0 if unknown. `messages` are those that led to the answer; `unit` is
+    the lattice step of its coordinates in cells.
     """
 
     waypoints: tuple[Waypoint, ...] = ()

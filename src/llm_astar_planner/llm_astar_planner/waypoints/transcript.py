@@ -83,6 +83,11 @@ class Exchange:
         """The sample that the query was about."""
         return SampleKey(self.map, self.pair, self.scale)
 
+    @property
+    def is_answered(self) -> bool:
+        """Whether the model answered, if only with an empty text."""
+        return bool(self.response) or self.status.is_answer
+
     def to_json(self) -> dict[str, Any]:
         """Return the JSON object of a transcript line."""
         record = {name: getattr(self, name) for name in _FIELDS}
@@ -210,11 +215,18 @@ def parse_provenance(record: Mapping[str, Any], where: str) -> Provenance:
             raise TranscriptError(f'{where}: {name}: {short_repr(value)} is not a usual number')
     if when := known.get('time'):
         try:
-            datetime.fromisoformat(when)
+            parse_time(when)
         except ValueError:
             problem = f'{short_repr(when)} is no time such as 2026-01-31T12:00:00+00:00'
             raise TranscriptError(f'{where}: time: {problem}') from None
     return Provenance(**known)
+
+
+def parse_time(text: str) -> datetime:
+    """Read a time in ISO 8601, UTC where it names no zone. Raises ValueError."""
+    # Python 3.10 does not read a Z.
+    time = datetime.fromisoformat(text.replace('Z', '+00:00'))
+    return time if time.tzinfo else time.replace(tzinfo=timezone.utc)
 
 
 def check_type(value: object, types: tuple[type, ...], name: str) -> None:
@@ -267,7 +279,10 @@ class TranscriptWriter:
             raise TranscriptError(f'{self.path}: {error.strerror or error}') from None
 
     def write(self, exchange: TranscriptEntry) -> None:
-        """Append one exchange, whole or not at all. Raises OSError where the disk refuses it."""
+        """Append one exchange, whole or not at all.
+
+        Raises OSError where the disk refuses it, ValueError for a number that JSON does not have.
+        """
         line = json.dumps(exchange.to_json(), allow_nan=False).encode() + b'\n'
         # The file is opened for each write: answers are rare, and a source that is replaced
         # leaves no open file behind. An unbuffered write is one system call, so lines of

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from benchmark_samples import rows_of, tasks_of, untimed
 from llm_astar_planner.benchmark.datasets.samples import load_samples
-from llm_astar_planner.benchmark.results import ResultsFolder
+from llm_astar_planner.benchmark.results import ResultsFolder, describe_run
 from llm_astar_planner.benchmark.row import ResultsError
 
 
@@ -21,6 +21,17 @@ def test_a_damaged_row_is_named_and_the_last_of_equal_keys_counts(dataset, tmp_p
         folder.results.write_text(good + damaged)
         with pytest.raises(ResultsError, match=r'results\.csv: line 4: \d+ values are expected'):
             folder.read()
+
+
+def test_inputs_of_the_same_name_keep_their_digests_apart(tmp_path):
+    for name in ('a', 'b'):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / 'r.jsonl').write_text(name)
+    paths = [tmp_path / 'a' / 'r.jsonl', tmp_path / 'b' / 'r.jsonl']
+    files = describe_run([], {}, paths)['files']
+    assert list(files) == list(map(str, paths))
+    assert len(set(files.values())) == 2
+    assert list(describe_run([], {}, [paths[0], paths[0]])['files']) == ['r.jsonl']
 
 
 def test_a_full_disk_is_reported_and_earlier_rows_stay(dataset, tmp_path):

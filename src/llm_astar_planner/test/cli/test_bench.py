@@ -221,6 +221,7 @@ def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
         (('--scales', 'x'), '--scales'),
         (('--scales', '0-2'), '--scales 0-2'),
         (('--map-ids', '90-99'), '--map-ids 90-99'),
+        (('--map-ids', '1', '--maps', '2'), '--maps: needs --dataset'),
         (('--weight', '0.5'), '--weight'),
         (('--max-planning-time', '0'), '--max-planning-time'),
     ],

@@ -426,6 +426,7 @@ def test_flags_override_a_parameter_file_and_the_nodes_defaults_hold_for_the_res
             ['bench', '--metods=astar'],
             'no option --metods=astar; did you mean --methods?',
         ),
+        (['--jsn', 'plan'], 'llm-astar has no option --jsn'),
         (['serve-llm', '--model', 'x'], 'serve-llm is no longer a command; '),
         (['speed'], 'speed is no longer a command; '),
     ],

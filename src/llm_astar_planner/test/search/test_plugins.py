@@ -1,7 +1,10 @@
 """Search methods of other packages: the protocol, and what a plan makes of one that fails."""
 
+import sys
 import threading
 import time
+from importlib.metadata import EntryPoint
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -178,6 +181,41 @@ def test_a_plug_in_that_hangs_is_left_behind_and_what_it_yielded_is_kept(plan):
     deadline = time.monotonic() + 10.0
     while PLANNER.plan(PlanRequest(START, GOAL, NAME)).code is not ResultCode.NONE:
         assert time.monotonic() < deadline
+
+
+def test_the_cleanup_of_a_generator_that_has_not_ended_does_not_hold_the_plan(plan):
+    entered, released, threads = threading.Event(), threading.Event(), []
+
+    def search(problem):
+        try:
+            yield exact_method(problem)
+            yield 'no result'
+        finally:
+            threads.append(threading.current_thread())
+            entered.set()
+            released.wait(60.0)
+
+    begin = time.monotonic()
+    assert plan(search, time_limit=5.0).code is ResultCode.UNKNOWN
+    assert time.monotonic() - begin < 30.0
+    assert entered.wait(10.0)
+    assert threads != [threading.current_thread()]
+    released.set()
+
+
+def test_a_plug_in_that_is_imported_by_a_plan_has_the_time_of_that_plan(monkeypatch, tmp_path):
+    released = threading.Event()
+    monkeypatch.setitem(sys.modules, 'releaser', SimpleNamespace(event=released))
+    (tmp_path / 'slow_method.py').write_text('import releaser\nreleaser.event.wait(60.0)\n')
+    monkeypatch.syspath_prepend(tmp_path)
+    entry = EntryPoint('slow', 'slow_method:search', SEARCH_METHODS.group)
+    monkeypatch.setitem(SEARCH_METHODS.installed, 'slow', [entry])
+    begin = time.monotonic()
+    late = PLANNER.plan(PlanRequest(START, GOAL, 'slow', time_limit=0.2))
+    released.set()
+    assert time.monotonic() - begin < 30.0
+    assert late.code is not ResultCode.NONE
+    assert 'slow cannot be loaded: had not come back' in late.message
 
 
 def test_a_plug_in_sees_that_it_is_cancelled(plan):

@@ -134,7 +134,8 @@ def test_a_factory_that_makes_no_source_is_named(module):
         (lambda query: WaypointReply(((1, 2, 3),)), 'is not two finite numbers'),
         (lambda query: WaypointReply(7), 'TypeError'),
         (lambda query: WaypointReply(status='FINE'), "'FINE' is not a valid SourceStatus"),
-        (lambda query: WaypointReply(prompt_tokens=-1), 'prompt_tokens: -1 is not a number of'),
+        (lambda query: WaypointReply(prompt_tokens=-1), 'prompt_tokens: -1 is not a whole'),
+        (lambda query: WaypointReply(seconds=float('nan')), 'seconds: nan is not a time'),
         (lambda query: WaypointReply(model='m' * 999), 'model or prompt: .* is no name'),
     ],
 )
@@ -143,6 +144,10 @@ def test_a_plug_in_that_fails_gives_an_error_that_says_why(answer, detail):
     assert (reply.status, reply.waypoints) == (SourceStatus.ERROR, ())
     assert len(reply.detail.splitlines()) == 1
     assert re.search(detail, reply.detail), reply.detail
+
+
+def test_a_plug_in_may_say_how_long_its_model_took():
+    assert ask(lambda query: WaypointReply(seconds=3)).seconds == 3.0
 
 
 def test_of_a_million_waypoints_a_thousand_are_read():

@@ -130,6 +130,14 @@ def test_the_last_answered_exchange_counts(tmp_path):
     assert source.waypoints(ask(sample=SampleKey(7, 1))).waypoints == ((3.0, 1.0),)
 
 
+def test_an_empty_answer_counts_after_a_failure(tmp_path):
+    failed = replace(EXCHANGE, response='', status=SourceStatus.TIMEOUT)
+    source = ReplaySource(
+        write(tmp_path / 't.jsonl', failed, replace(failed, status=SourceStatus.MALFORMED))
+    )
+    assert (source.answered, source.unanswered) == ({SampleKey(7, 1)}, frozenset())
+
+
 def test_several_models_need_a_choice(tmp_path):
     other = replace(EXCHANGE, model='large', prompt='cot', response='[[1, 5]]')
     path = write(tmp_path / 't.jsonl', EXCHANGE, other)

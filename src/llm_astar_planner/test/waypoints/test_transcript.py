@@ -89,6 +89,7 @@ def test_a_dataset_keeps_its_digest_whatever_its_sentences_and_file(tmp_path):
     reworded = [sample._replace(query='another sentence') for sample in first.samples]
     digest = dataset_digest([first, second])
     assert dataset_digest([replace(first, samples=tuple(reworded)), second]) == digest
+    assert dataset_digest([replace(first, family='paper'), second]) == digest
     assert dataset_digest([second, first]) != digest
     assert dataset_digest([replace(first, samples=first.samples[1:]), second]) != digest
 

@@ -140,7 +140,7 @@ class SampleChange(NamedTuple):
 
 
 def run_rows(rows: Iterable[Row]) -> RunRows:
-    """Read rows once and keep what a comparison takes of them."""
+    """Read rows once and keep what a comparison takes of them. Raises what reading them raises."""
     codes: dict[str, int] = {}
     columns: dict[Variant, array[float]] = defaultdict(lambda: array('d'))
     for row in rows:

@@ -19,7 +19,7 @@ from llm_astar_planner.benchmark.analysis.paired import (
     variant_change,
 )
 from llm_astar_planner.benchmark.analysis.summary import report_order
-from llm_astar_planner.benchmark.analysis.thresholds import Threshold, variants_of
+from llm_astar_planner.benchmark.analysis.thresholds import variants_of
 from llm_astar_planner.benchmark.results import ResultsFolder
 from llm_astar_planner.benchmark.row import ResultsError, Variant
 from llm_astar_planner.parameter import nearest_name
@@ -93,7 +93,7 @@ def compare_runs(base: Run, other: Run, metric: str, name: str | None = None) ->
 def chosen_variants(every: Sequence[Variant], name: str | None) -> list[Variant]:
     """Return the variants that a name or its beginning means. Raises ResultsError for none."""
     names = [str(variant) for variant in every]
-    found = variants_of(Threshold(name or '', '', 0.0), names)
+    found = variants_of(name or '', names)
     if not found:
         near = nearest_name(name or '', names)
         message = f'--variant {name}: no such variant{near or ";"} there are {", ".join(names)}'

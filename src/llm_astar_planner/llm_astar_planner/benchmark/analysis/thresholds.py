@@ -45,9 +45,8 @@ def parse_threshold(text: str) -> Threshold:
         raise ValueError(f'{text!r}: {limit!r} is not a number') from None
 
 
-def variants_of(threshold: Threshold, known: Collection[str]) -> list[str]:
-    """Return which of the known variants a threshold is about."""
-    name = threshold.variant
+def variants_of(name: str, known: Collection[str]) -> list[str]:
+    """Return which of the known variants a name or its beginning means, all for ''."""
     if not name:
         return list(known)
     exact = [other for other in (name, f'{name}/none') if other in known][:1]
@@ -58,7 +57,7 @@ def unknown_variant(thresholds: Sequence[Threshold], variants: Iterable[Variant]
     """Say which threshold is about no variant of a run, before it starts, or return None."""
     known = [str(variant) for variant in variants]
     for threshold in thresholds:
-        if not variants_of(threshold, known):
+        if not variants_of(threshold.variant, known):
             near = nearest_name(threshold.variant, known)
             return (
                 f'--fail-under {threshold.variant}: this run has no such variant{near or ";"} '
@@ -77,7 +76,7 @@ def missed_thresholds(
         if not threshold.variant:
             lines += problems_of_all(by_name, threshold)
             continue
-        names = variants_of(threshold, by_name)
+        names = variants_of(threshold.variant, by_name)
         if not names:
             lines.append(f'{threshold.variant}: was not run; available are {", ".join(by_name)}')
         for known in names:

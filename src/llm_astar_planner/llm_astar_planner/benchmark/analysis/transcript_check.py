@@ -16,7 +16,7 @@ from llm_astar_planner.benchmark.runner.recorded import Coverage, cover, groups_
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.instructions import transcript as instructions
 from llm_astar_planner.waypoints.answer import read_answer
-from llm_astar_planner.waypoints.replay import ANSWERS, ReplaySource
+from llm_astar_planner.waypoints.replay import ReplaySource
 from llm_astar_planner.waypoints.sample_resolver import dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus
 from llm_astar_planner.waypoints.transcript import (
@@ -25,6 +25,7 @@ from llm_astar_planner.waypoints.transcript import (
     is_about_instruction,
     numbered_lines,
     parse_exchange,
+    parse_time,
 )
 
 # What all exchanges of one model and prompt have in common, if they were recorded alike.
@@ -75,7 +76,9 @@ class RecordedModel:
     def to_json(self) -> dict[str, Any]:
         """Return what was found, for --json."""
         statuses = Counter(exchange.status.value for exchange in self.exchanges)
-        times = sorted(e.provenance.time for e in self.exchanges if e.provenance.time)
+        times = sorted(
+            (e.provenance.time for e in self.exchanges if e.provenance.time), key=parse_time
+        )
         return {
             'model': self.model,
             'prompt': self.prompt,
@@ -159,7 +162,7 @@ def check_transcript(
             source = ReplaySource(path, model, prompt, exchanges=exchanges)
             spec = SourceSpec(source, 'replay', prompt, model, path.name)
             coverage = cover(spec, [(sample, 1) for sample in samples])
-        answered = Counter(e.sample for e in exchanges if e.response or e.status in ANSWERS)
+        answered = Counter(e.sample for e in exchanges if e.is_answered)
         twice = tuple(key for key, count in answered.items() if count > 1)
         foreign = [e for e in exchanges if e.provenance.dataset_digest not in ('', digest)]
         models.append(

@@ -46,27 +46,27 @@ class Area(NamedTuple):
     right: int
 
 
-def rooms(side: int, random: np.random.Generator, room: int = 16) -> Blocked:
+def rooms(side: int, generator: np.random.Generator, room: int = 16) -> Blocked:
     """Return square rooms with thin walls, and a door in four of five walls."""
     blocked = np.zeros((side, side), dtype=np.bool_)
     blocked[::room] = blocked[:, ::room] = True
     for top in range(0, side - room, room):
         for left in range(0, side - room, room):
-            y, x = random.integers(1, room - 1, 2)
-            if random.random() < 0.8 and top:
+            y, x = generator.integers(1, room - 1, 2)
+            if generator.random() < 0.8 and top:
                 blocked[top, left + x : left + x + 2] = False
-            if random.random() < 0.8 and left:
+            if generator.random() < 0.8 and left:
                 blocked[top + y : top + y + 2, left] = False
     return blocked
 
 
-def maze(side: int, random: np.random.Generator) -> Blocked:
+def maze(side: int, generator: np.random.Generator) -> Blocked:
     """Return a maze without loops, its ways and walls one cell wide."""
     count = (side - 1) // 2
     cells = np.arange(count * count).reshape(count, count)
     first = np.concatenate([cells[:, :-1].ravel(), cells[:-1].ravel()])
     second = np.concatenate([cells[:, 1:].ravel(), cells[1:].ravel()])
-    weights = 1.0 + random.random(len(first))
+    weights = 1.0 + generator.random(len(first))
     tree = minimum_spanning_tree(
         coo_array((weights, (first, second)), shape=(count * count,) * 2)
     ).tocoo()
@@ -77,33 +77,33 @@ def maze(side: int, random: np.random.Generator) -> Blocked:
     return blocked
 
 
-def aisles(side: int, random: np.random.Generator) -> Blocked:
+def aisles(side: int, generator: np.random.Generator) -> Blocked:
     """Return rows of racks with aisles between them, cross aisles, and pallets left in the way.
 
     The cross aisles are at other places in each row of racks.
     """
     blocked = np.zeros((side, side), dtype=np.bool_)
     for top in range(AISLE, side - AISLE, RACK_DEPTH + AISLE):
-        begin = int(random.integers(-RACK_LENGTH, AISLE))
+        begin = int(generator.integers(-RACK_LENGTH, AISLE))
         for left in range(begin, side, RACK_LENGTH + AISLE):
-            if random.random() < 0.95:
+            if generator.random() < 0.95:
                 blocked[top : top + RACK_DEPTH, max(left, 0) : left + RACK_LENGTH] = True
-    for y, x in random.integers(0, side, (side * side // 400, 2)):
+    for y, x in generator.integers(0, side, (side * side // 400, 2)):
         blocked[y, x] = True
     return blocked
 
 
-def floor(side: int, random: np.random.Generator) -> Blocked:
+def floor(side: int, generator: np.random.Generator) -> Blocked:
     """Return a floor plan: corridors, and rooms that doors connect with them and one another."""
     blocked = np.zeros((side, side), dtype=np.bool_)
     blocked[[0, -1]] = blocked[:, [0, -1]] = True
     areas = [Area(1, 1, side - 1, side - 1)]
     while areas:
-        areas += divide(blocked, areas.pop(), random)
+        areas += divide(blocked, areas.pop(), generator)
     return blocked
 
 
-def divide(blocked: Blocked, area: Area, random: np.random.Generator) -> list[Area]:
+def divide(blocked: Blocked, area: Area, generator: np.random.Generator) -> list[Area]:
     """Divide the longer side of an area by a wall with a door, or by a corridor between two.
 
     Draws into `blocked` and returns the parts; none where the area is a room. No wall ends at the
@@ -111,7 +111,7 @@ def divide(blocked: Blocked, area: Area, random: np.random.Generator) -> list[Ar
     """
     top, left, bottom, right = area
     if bottom - top > right - left:
-        parts = divide(blocked.T, Area(left, top, right, bottom), random)
+        parts = divide(blocked.T, Area(left, top, right, bottom), generator)
         return [Area(part.left, part.top, part.right, part.bottom) for part in parts]
     width = CORRIDOR + 2 if right - left >= DIVIDED_BY_CORRIDOR else 1
     may_end: Blocked = np.logical_and(blocked[top - 1], blocked[bottom])
@@ -119,11 +119,11 @@ def divide(blocked: Blocked, area: Area, random: np.random.Generator) -> list[Ar
     at = [x for x in columns if may_end[[x, x + width - 1]].all()]
     if not at:
         return []
-    x = at[int(random.integers(len(at)))]
+    x = at[int(generator.integers(len(at)))]
     for wall in dict.fromkeys((x, x + width - 1)):
         blocked[top:bottom, wall] = True
         doors = 1 + (bottom - top) // DIVIDED_BY_CORRIDOR
-        for door in random.integers(top, bottom - DOOR + 1, doors):
+        for door in generator.integers(top, bottom - DOOR + 1, doors):
             blocked[door : door + DOOR, wall] = False
     return [Area(top, left, bottom, x), Area(top, x + width, bottom, right)]
 

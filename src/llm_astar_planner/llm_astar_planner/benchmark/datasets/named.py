@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
@@ -17,6 +16,7 @@ from llm_astar_msgs_adapter.maps.grid_map import MAX_CELLS
 from llm_astar_planner.benchmark.datasets import families, movingai_sets
 from llm_astar_planner.benchmark.datasets.generate import GenerationError, MapRules, generate
 from llm_astar_planner.benchmark.datasets.samples import ProblemMap, SelectionError
+from llm_astar_planner.parameter import nearest_name
 
 PAPER, BARRIERS = 'paper', 'barriers'
 # The file that the paper's code publishes.
@@ -83,10 +83,9 @@ def parse_names(text: str) -> tuple[str, ...] | None:
     looks_like_file = Path(text).suffix or Path(text).expanduser().is_file()
     if looks_like_file and len(parts) == 1:
         return None
-    near = difflib.get_close_matches(unknown[0], NAMES, 1)
-    hint = f', did you mean {near[0]}?' if near else ';'
+    near = nearest_name(unknown[0], NAMES) or ';'
     raise SelectionError(
-        f'--dataset: {short_repr(unknown[0])} is unknown{hint} there are {", ".join(NAMES)}'
+        f'--dataset: {short_repr(unknown[0])} is unknown{near} there are {", ".join(NAMES)}'
     )
 
 
@@ -108,7 +107,10 @@ def load_named(names: Sequence[str], path: Path | None, rules: DrawRules) -> Dat
 
 
 def load_one(name: str, path: Path | None, rules: DrawRules) -> list[tuple[str, ProblemMap]]:
-    """Read or draw one dataset; return its maps, each with its name, '' where it has none."""
+    """Read or draw one dataset; return its maps, each with its name, '' where it has none.
+
+    Raises as `load_named` does.
+    """
     if name in GENERATED:
         return [('', item) for item in draw_family(name, rules)]
     if path is None:

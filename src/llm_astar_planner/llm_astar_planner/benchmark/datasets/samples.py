@@ -153,6 +153,21 @@ def draw(samples: Sequence[BenchmarkSample], count: int, seed: int) -> list[Benc
     return [samples[i] for i in sorted(order[:count])]
 
 
+def sample_pairs(
+    samples: Sequence[BenchmarkSample], scales: Sequence[int], count: int, seed: int
+) -> list[tuple[BenchmarkSample, int]]:
+    """Return which samples a run has at which scales: all at scale 1, `count` at the others.
+
+    These are drawn with `seed`, and are at scale 1 too so that the scales can be compared.
+    """
+    pairs = [(sample, 1) for sample in samples if 1 in scales]
+    larger = [scale for scale in scales if scale != 1]
+    if larger:
+        drawn = draw(samples, count, seed)
+        pairs += [(sample, scale) for scale in (1, *larger) for sample in drawn]
+    return pairs
+
+
 def parse_ranges(text: str, option: str) -> list[int]:
     """Parse whole numbers such as `1-10` or `0-9,12`, ascending.
 

@@ -16,10 +16,9 @@ from llm_astar_msgs_adapter.maps.places_file import load_places, parse_feature, 
 
 from llm_astar_planner.benchmark.instructions.regions import SuiteError, SuiteMap
 from llm_astar_planner.instructions.specification_json import as_mapping, as_text
-from llm_astar_planner.resources import find_file
+from llm_astar_planner.resources import SAMPLES_FILE, find_file
 
 # The dataset in which map pN is map N.
-NUMBERED_DATASET = 'samples_1000.json'
 NUMBERED = re.compile(r'p([0-9]{1,6})')
 MAX_PLACES = 1000
 MAX_NAMES = 100
@@ -68,7 +67,7 @@ class MapFinder:
             if type(number) is not int:
                 raise SuiteError(f'id: {short_repr(number)} is not the id of a map of {dataset}')
         elif numbered:
-            dataset, number = NUMBERED_DATASET, int(numbered[1])
+            dataset, number = SAMPLES_FILE, int(numbered[1])
         else:
             searched = ', '.join(str(folder) for folder in (self.suite.parent, *self.folders))
             raise SuiteError(

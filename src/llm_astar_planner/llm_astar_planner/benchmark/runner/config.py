@@ -15,7 +15,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, draw
+from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, sample_pairs
 from llm_astar_planner.benchmark.parquet_rows import has_pyarrow
 from llm_astar_planner.benchmark.results import ResultsFolder, describe_run, run_differences
 from llm_astar_planner.benchmark.row import ResultsError, Row, Variant
@@ -69,11 +69,7 @@ class BenchmarkConfig:
 
     def tasks(self, done: FinishedRows | None = None) -> TaskList:
         """Return the tasks without the rows that are `done`."""
-        pairs = [(sample, 1) for sample in self.samples if 1 in self.scales]
-        larger = [scale for scale in self.scales if scale != 1]
-        if larger:
-            drawn = draw(self.samples, self.scale_samples, self.seed)
-            pairs += [(sample, scale) for scale in (1, *larger) for sample in drawn]
+        pairs = sample_pairs(self.samples, self.scales, self.scale_samples, self.seed)
         variants = list_variants(self.methods, self.sources)
         return make_tasks(pairs, variants, self.sources, self.settings, done)
 

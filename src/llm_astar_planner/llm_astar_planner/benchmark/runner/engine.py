@@ -297,7 +297,7 @@ def reply_columns(reply: WaypointReply, seconds: float, query: WaypointQuery) ->
         'completion_tokens': reply.completion_tokens,
         'waypoints': format_points(reply.waypoints),
         'reply_problems': problems,
-        'seconds_reply': reply.seconds if problems else math.nan,
+        'seconds_reply': reply.seconds if problems and reply.seconds > 0 else math.nan,
     }
 
 

@@ -8,7 +8,11 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Any, NamedTuple
 
-from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, SelectionError
+from llm_astar_planner.benchmark.datasets.samples import (
+    BenchmarkSample,
+    SelectionError,
+    sample_pairs,
+)
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.waypoints.replay import ReplaySource
 from llm_astar_planner.waypoints.source import SampleKey, live_key
@@ -93,29 +97,36 @@ class RecordedRun(NamedTuple):
 
 
 def keep_recorded(
-    samples: Sequence[BenchmarkSample], specs: Sequence[SourceSpec], scales: Sequence[int]
+    samples: Sequence[BenchmarkSample],
+    specs: Sequence[SourceSpec],
+    scales: Sequence[int],
+    scale_samples: int,
+    seed: int,
 ) -> RecordedRun:
     """Limit a run to the samples that its replays have at one of the scales.
 
     A replay is run on the samples that it has, every other source on those that any replay has.
-    Without a replay nothing changes. Raises SelectionError where no sample is left.
+    At scales above 1 only those count as missing that the run draws, as `sample_pairs` does with
+    `scale_samples` and `seed`. Without a replay nothing changes. Raises SelectionError where no
+    sample is left.
     """
-    pairs = [(sample, scale) for scale in scales for sample in samples]
-    coverage = [cover(spec, pairs) for spec in specs if isinstance(spec.source, ReplaySource)]
-    if not coverage:
+    replays = [spec for spec in specs if isinstance(spec.source, ReplaySource)]
+    if not replays:
         return RecordedRun(list(samples), list(specs), [])
-    own = {id(item.spec): item.recorded for item in coverage}
+    pairs = [(sample, scale) for scale in {1, *scales} for sample in samples]
+    own = {id(spec): cover(spec, pairs).recorded for spec in replays}
     every = frozenset[SampleKey]().union(*own.values())
+    recorded = {key[:2] for key in every}
+    kept = [sample for sample in samples if sample.key in recorded]
+    due = [(sample, 1) for sample in samples if 1 in scales]
+    due += sample_pairs(kept, [scale for scale in scales if scale != 1], scale_samples, seed)
+    coverage = [cover(spec, due) for spec in replays]
     if not every:
         raise SelectionError(
             f'{coverage[0].sentence()}; --samples all runs them without waypoints'
         )
-    kept = {key[:2] for key in every}
-    return RecordedRun(
-        [sample for sample in samples if sample.key in kept],
-        [replace(spec, samples=own.get(id(spec), every)) for spec in specs],
-        coverage,
-    )
+    chosen = [replace(spec, samples=own.get(id(spec), every)) for spec in specs]
+    return RecordedRun(kept, chosen, coverage)
 
 
 def cover(spec: SourceSpec, pairs: Sequence[Pair]) -> Coverage:

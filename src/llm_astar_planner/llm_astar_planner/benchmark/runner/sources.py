@@ -109,7 +109,7 @@ def replay_sources(
             for model, prompt in recorded
             if (not models or model in models) and (not prompts or prompt in prompts)
         ]
-        for model, prompt in chosen or [(model, '') for model in models or ('',)]:
+        for model, prompt in chosen or product(models or ('',), prompts or ('',)):
             source = make_source(replace(of_file, model=model, prompt=prompt), dataset)
             specs.append(SourceSpec(source, REPLAY, prompt, model, Path(transcript).name))
     return told_apart(specs)

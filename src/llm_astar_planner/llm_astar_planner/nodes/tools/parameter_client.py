@@ -18,6 +18,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 
+from llm_astar_planner.nodes.common.asking import ASK_AGAIN_S
 from llm_astar_planner.nodes.common.names import check_names
 from llm_astar_planner.nodes.common.spin import LONGEST_WAIT, joined
 from llm_astar_planner.parameter import nearest_name
@@ -32,8 +33,6 @@ TYPE_NAMES = {
 SERVICE = '/get_parameters'
 # Seconds without a new node after which a graph is taken to be known.
 QUIET_SECONDS = 0.5
-# Seconds without a response after which a node is asked again.
-ASK_AGAIN_S = 3.0
 
 
 class RemoteParameterError(LlmAstarError, ValueError):
@@ -153,7 +152,7 @@ class ParameterClient:
         """Ask a node and return its response.
 
         It is asked again from time to time: DDS may lose a question, or the response, while the
-        two nodes are discovering each other.
+        two nodes are discovering each other. Raises RemoteParameterError without a response.
         """
         deadline = time.monotonic() + self._seconds
         asked: list[Future] = []

@@ -21,7 +21,10 @@ LATE_S = 60.0
 
 
 def make_endpoint(context: SourceContext) -> WaypointSource:
-    """Make the source that asks a language model, with a cache and, if set, a recording."""
+    """Make the source that asks a language model, with a cache and, if set, a recording.
+
+    Raises SettingsError, TemplateError, ExamplesError or OSError where a setting cannot be used.
+    """
     settings = context.settings
     prompt = make_prompt(settings)
     source: WaypointSource = EndpointSource(

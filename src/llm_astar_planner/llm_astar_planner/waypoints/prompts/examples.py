@@ -12,7 +12,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, load_barrier_map
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.resources import find_file
+from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.baselines import shortest_route
 from llm_astar_planner.waypoints.prompts.map_description import (
@@ -23,7 +23,6 @@ from llm_astar_planner.waypoints.prompts.map_description import (
 )
 from llm_astar_planner.waypoints.source import WaypointQuery
 
-SAMPLES_FILE = 'samples_1000.json'
 # Bounds on a file, so that a map is solved in a fraction of a second: a map that a prompt does
 # not describe exactly is no example either.
 MAX_CELLS = 250_000
@@ -81,7 +80,8 @@ class ExampleLibrary:
         endpoints = relative(query.start, query.goal, (width, height))
         away = np.linalg.norm((self._endpoints - endpoints).reshape(-1, 2, 2), axis=2).sum(axis=1)
         differs = (self._tiles != occupied_tiles(query.costmap.blocked)).mean(axis=1)
-        own = [is_same_map(item, query.grid_map.blocked()) for item in self._maps]
+        blocked = query.grid_map.blocked()
+        own = [is_same_map(item, blocked) for item in self._maps]
         for index in np.argsort(away + differs[self._map_of], kind='stable').tolist():
             solved = None if own[self._map_of[index]] else self.solve(index)
             if solved is not None:

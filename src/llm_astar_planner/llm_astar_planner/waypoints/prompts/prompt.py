@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 from llm_astar_planner.waypoints.prompts.examples import ExampleLibrary
 from llm_astar_planner.waypoints.prompts.map_description import CHARS_PER_TOKEN, Description
@@ -47,10 +48,10 @@ class Prompt:
             return None
         left = int(max_tokens * CHARS_PER_TOKEN) - sum(map(len, description.values().values()))
         found: list[Example] = []
-        for solved in self.library.nearest(query):
+        for solved in islice(self.library.nearest(query), self.retrieved):
             example = self.template.example(*solved)
             left -= sum(map(len, example))
-            if left < 0 or len(found) == self.retrieved:
+            if left < 0:
                 break
             found.append(example)
         return tuple(reversed(found))

@@ -152,18 +152,34 @@ def test_samples_that_were_recorded_live_are_found_by_their_cells(dataset, tmp_p
         tmp_path / 'a.jsonl', [(problem.to_grid().digest, f'{ends[0]}->{ends[1]}')]
     )
     specs = [SourceSpec(), SourceSpec(ReplaySource(transcript), 'replay')]
-    kept = keep_recorded(samples, specs, [1, 3])
+    kept = keep_recorded(samples, specs, [1, 3], 10, 0)
     assert kept.specs[0].samples == {SampleKey(2, 6, 3)}
     assert [item.key for item in kept.samples] == [(2, 6)]
     with pytest.raises(SelectionError):
-        keep_recorded(samples, specs, [1, 2])
+        keep_recorded(samples, specs, [1, 2], 10, 0)
+
+
+def test_at_larger_scales_only_what_the_run_draws_can_be_missing(dataset, tmp_path):
+    samples = load_samples(dataset)
+    transcript = record(tmp_path / 'a.jsonl', [sample.key for sample in samples])
+    specs = [SourceSpec(ReplaySource(transcript), 'replay')]
+    [coverage] = keep_recorded(samples, specs, [1, 2, 3], 4, 0).coverage
+    assert len(coverage.recorded) == len(samples) == 40
+    assert sorted(key.scale for key in coverage.missing) == [2] * 4 + [3] * 4
+
+
+def test_a_prompt_that_is_not_recorded_is_refused(dataset, tmp_path, capsys):
+    transcript = record(tmp_path / 'a.jsonl', [(0, 0)])
+    words = ('--transcript', transcript, '--prompt', 'cot')
+    assert bench(dataset, tmp_path / 'out', *words) == 2
+    assert 'prompt cot is not recorded; it holds: model parrot' in capsys.readouterr().err
 
 
 def test_without_a_replay_every_sample_is_kept(tmp_path):
     path = tmp_path / 'hall.json'
     save_barrier_maps([HALL], path)
     samples = load_samples(path)
-    assert keep_recorded(samples, [SourceSpec()], [1]) == (samples, [SourceSpec()], [])
+    assert keep_recorded(samples, [SourceSpec()], [1], 10, 0) == (samples, [SourceSpec()], [])
 
 
 def test_missing_samples_are_named_in_ranges():
