@@ -36,6 +36,7 @@ from llm_astar_planner.benchmark.runner.recorded import (
 from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, REPLAY, check_grid_options
 from llm_astar_planner.cli.dataset_options import add_dataset_choice, open_dataset
 from llm_astar_planner.cli.map_files import open_places
+from llm_astar_planner.cli.option_types import count, seed
 from llm_astar_planner.cli.run_options import (
     BAD_INPUT,
     INCOMPLETE,
@@ -46,12 +47,10 @@ from llm_astar_planner.cli.run_options import (
     check_thresholds,
     close_run,
     complain,
-    count,
     deciding_files,
     deciding_parameters,
     instruction_of,
     run_into,
-    seed,
     settle_variants,
     source_specs,
 )

@@ -23,7 +23,7 @@ from llm_astar_planner.benchmark.datasets.named import (
 from llm_astar_planner.benchmark.datasets.samples import SelectionError, load_maps
 from llm_astar_planner.cli.flags import warn_renamed
 from llm_astar_planner.cli.map_files import add_map_ids_option, add_map_option
-from llm_astar_planner.cli.run_options import count
+from llm_astar_planner.cli.option_types import count
 from llm_astar_planner.resources import find_file
 
 

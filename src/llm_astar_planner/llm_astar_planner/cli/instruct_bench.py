@@ -44,6 +44,7 @@ from llm_astar_planner.benchmark.instructions.thresholds import (
 from llm_astar_planner.benchmark.results import ResultsFolder, describe_run
 from llm_astar_planner.benchmark.row import ResultsError
 from llm_astar_planner.benchmark.runner.config import progress
+from llm_astar_planner.cli.option_types import names
 from llm_astar_planner.cli.parameter_flags import add_parameter_flags, given_values
 from llm_astar_planner.cli.pictures import picture_file
 from llm_astar_planner.cli.run_options import (
@@ -53,7 +54,6 @@ from llm_astar_planner.cli.run_options import (
     MISSED,
     OK,
     complain,
-    names,
 )
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.chain import make_interpreter

@@ -20,9 +20,7 @@ from tqdm import tqdm
 from llm_astar_planner.benchmark.analysis.columns import RowColumns
 from llm_astar_planner.benchmark.analysis.summary import summarise
 from llm_astar_planner.benchmark.analysis.thresholds import (
-    Threshold,
     missed_thresholds,
-    parse_threshold,
     unknown_variant,
 )
 from llm_astar_planner.benchmark.datasets.reference_lengths import (
@@ -32,7 +30,7 @@ from llm_astar_planner.benchmark.datasets.reference_lengths import (
 from llm_astar_planner.benchmark.datasets.samples import load_kept_maps
 from llm_astar_planner.benchmark.report.sentences import recorded_sentence
 from llm_astar_planner.benchmark.results import MAPS_FILE, ResultsFolder
-from llm_astar_planner.benchmark.row import METHOD_ALIASES, WAYPOINTS_ONLY, ResultsError
+from llm_astar_planner.benchmark.row import WAYPOINTS_ONLY, ResultsError
 from llm_astar_planner.benchmark.runner.cluster import connect
 from llm_astar_planner.benchmark.runner.config import (
     FORMATS,
@@ -57,6 +55,7 @@ from llm_astar_planner.benchmark.runner.sources import (
     make_source_specs,
 )
 from llm_astar_planner.cli.map_files import add_places_option
+from llm_astar_planner.cli.option_types import count, file_names, method_names, names, threshold
 from llm_astar_planner.cli.parameter_flags import (
     add_endpoint_arguments,
     add_parameter_flags,
@@ -393,57 +392,3 @@ def complain(args: argparse.Namespace, message: str, code: int) -> int:
     """Write a message with the command's name to stderr; return `code`."""
     sys.stderr.write(f'llm-astar {args.command}: {printable(message)}\n')
     return code
-
-
-def names(text: str) -> list[str]:
-    """Parse one or more names, separated by commas."""
-    found = [name for name in text.split(',') if name]
-    if not found:
-        raise argparse.ArgumentTypeError('names are expected, separated by commas')
-    return found
-
-
-def file_names(text: str) -> list[str]:
-    """Parse paths of files or names in maps/, separated by commas unless one has a comma."""
-    if Path(text).is_file():
-        return [text]
-    return [str(find_file(name, 'maps')) for name in names(text)]
-
-
-def method_names(text: str) -> list[str]:
-    """Parse names of methods; warn about an old name and return the new one."""
-    found = []
-    for name in names(text):
-        if name in METHOD_ALIASES:
-            sys.stderr.write(f'warning: method {name} is now called {METHOD_ALIASES[name]}\n')
-        found.append(METHOD_ALIASES.get(name, name))
-    return found
-
-
-def threshold(text: str) -> Threshold:
-    """Parse VARIANT:METRIC=LIMIT."""
-    try:
-        return parse_threshold(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def count(text: str) -> int:
-    """Parse a whole number, 1 or more."""
-    return whole_number(text, 1)
-
-
-def seed(text: str) -> int:
-    """Parse a whole number, 0 or more."""
-    return whole_number(text, 0)
-
-
-def whole_number(text: str, least: int) -> int:
-    """Parse a whole number of at least `least`."""
-    try:
-        number = int(text)
-    except ValueError:
-        number = least - 1
-    if number < least:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a whole number of at least {least}')
-    return number
