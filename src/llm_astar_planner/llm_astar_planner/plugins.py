@@ -150,14 +150,15 @@ class Plugins:
 
     `kind` is what they are called in messages, `group` that of the entry points of other
     packages, and `own` has the package's own as `module:name`. What a plug-in's name leads to
-    becomes `adapt(name, object)`. `loaded` has those that were used so far, `guards` what calls
-    the imports of plug-ins.
+    becomes `adapt(name, object)`. `reserved` are more names that no plug-in may take. `loaded` has
+    those that were used so far, `guards` what calls the imports of plug-ins.
     """
 
     kind: str
     group: str
     own: Mapping[str, str]
     adapt: Callable[[str, Any], Any]
+    reserved: frozenset[str] = frozenset()
     loaded: dict[str, Any] = field(default_factory=dict)
     guards: dict[str, Guard] = field(default_factory=dict)
 
@@ -169,6 +170,9 @@ class Plugins:
         found: dict[str, list[EntryPoint]] = {}
         try:
             for entry in entry_points(group=self.group):
+                if entry.name in self.reserved:
+                    _LOG.warning('%s %s: the name is taken', self.kind, entry.name)
+                    continue
                 same = found.setdefault(entry.name, [])
                 if entry.value not in [other.value for other in same]:
                     same.append(entry)

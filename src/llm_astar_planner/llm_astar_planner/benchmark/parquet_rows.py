@@ -47,7 +47,7 @@ class ParquetRows:
     @property
     def parts(self) -> list[Path]:
         """The files, in the order in which they were written."""
-        return sorted(self.path.glob('part-*.parquet'))
+        return sorted(self.path.glob(f'part-{6 * "[0-9]"}.parquet'))
 
     def add_part(self, rows: Sequence[Row]) -> None:
         """Write rows as a new part, which is there in full or not at all.

@@ -6,6 +6,7 @@ keeps every finished row. `--resume` continues after the last complete one.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import math
@@ -43,10 +44,17 @@ COMPARED_PARAMETERS = (
     'start_tolerance', 'paper_corners', 'requests', 'plan_window', 'topics', 'instruction',
     'instruction_policy', 'samples', 'examples_file',
 )  # fmt: skip
+# What runs that do not say it had.
+UNSTATED = {'examples_file': ''}
 # The maps of the rows, stored in the folder so that a report needs no dataset.
 MAPS_FILE = 'maps.json'
 # The places that instructions of the run name, if there were any.
 PLACES_FILE = 'places.geojson'
+
+# What a report consists of, besides its pictures.
+REPORT_FILES = ('summary.json', 'report.md', 'report.html')
+# The folders that this process has claimed, with the descriptors that hold the locks.
+CLAIMED: dict[Path, int] = {}
 
 # Rows of a Parquet part: so many wait in results.csv first, where a crash does not lose them.
 PART_ROWS = 16_384
@@ -88,6 +96,33 @@ class ResultsFolder:
         """Whether the rows go into Parquet parts, PART_ROWS at a time, by way of results.csv."""
         return self._parquet.path.is_dir()
 
+    def claim(self) -> None:
+        """Keep the runs of other processes out until this one ends. Raises ResultsError."""
+        with writing(self.path):
+            self.path.mkdir(parents=True, exist_ok=True)
+            key = self.path.resolve()
+            if key in CLAIMED:
+                return
+            number = os.open(key, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(number)
+            message = f'{self.path}: another run writes to it; wait for it, or name another --out'
+            raise ResultsError(message) from None
+        except OSError:
+            pass  # a file system without locks
+        CLAIMED[key] = number
+
+    def require_own(self) -> None:
+        """Raise ResultsError where files that a run would replace are not those of a run."""
+        if (self.path / 'metadata.json').exists():
+            return
+        for name in REPORT_FILES:
+            if (self.path / name).exists():
+                message = f'{self.path / name}: is there, but of no run; name another --out'
+                raise ResultsError(message)
+
     def require_new(self) -> None:
         """Raise ResultsError where the folder already has rows."""
         if self.has_rows:
@@ -98,12 +133,14 @@ class ResultsFolder:
             raise ResultsError(message)
 
     def discard_results(self) -> None:
-        """Remove the rows and reports of an earlier run; a transcript stays. Raises OSError."""
-        self._parquet.clear()
-        for name in ('results.csv', 'summary.json', 'report.md', 'report.html', PLACES_FILE):
-            (self.path / name).unlink(missing_ok=True)
-        for path in (self.path / 'tables').glob('*.*'):
-            path.unlink()
+        """Remove rows and reports of an earlier run; a transcript stays. Raises ResultsError."""
+        tables = [*self.path.glob('tables/*.tex'), *self.path.glob('tables/*.csv')]
+        with writing(self.path):
+            self._parquet.clear()
+            for name in ('results.csv', *REPORT_FILES, PLACES_FILE):
+                (self.path / name).unlink(missing_ok=True)
+            for path in filter(Path.is_file, tables):
+                path.unlink()
 
     def start(self, *, parquet: bool = False) -> None:
         """Create an empty results.csv, and for Parquet the folder of the parts.
@@ -226,6 +263,12 @@ class ResultsFolder:
         parameters = metadata['parameters']
         check_types(parameters, PARAMETER_TYPES, f'{path}: parameters')
         check_types(metadata['dataset'], DATASET_TYPES, f'{path}: dataset')
+        for name in ('bags', 'left_out', 'notes'):
+            for item in metadata.get(name) or ():
+                check_types({name: item}, {name: (str,)}, f'{path}: each of')
+        check_price(parameters.get('price'), f'{path}: parameters')
+        if parameters.get('seed', 0) < 0:
+            raise ResultsError(f'{path}: parameters: seed: 0 or more is expected')
         if rules := parameters.get('rules'):
             parameters['rules'] = OLD_RULES | {
                 RULE_ALIASES.get(name, name): value for name, value in rules.items()
@@ -259,6 +302,16 @@ def check_types(
         ):
             expected = ' or '.join('null' if kind is NoneType else kind.__name__ for kind in kinds)
             raise ResultsError(f'{where}: {name}: {expected} is expected, not {short_repr(value)}')
+
+
+def check_price(price: Sequence[Any] | None, where: str) -> None:
+    """Raise ResultsError for a price that is not two numbers, nor None."""
+    if price is None:
+        return
+    for item in price:
+        check_types({'price': item}, {'price': (int, float)}, where)
+    if len(price) != 2:
+        raise ResultsError(f'{where}: price: two numbers are expected, not {short_repr(price)}')
 
 
 def describe_run(
@@ -313,7 +366,7 @@ def run_differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[s
     return changed + [
         f'{name} ({old.get(name)} before)'
         for name in COMPARED_PARAMETERS
-        if old.get(name) != now['parameters'].get(name)
+        if old.get(name, UNSTATED.get(name)) != now['parameters'].get(name, UNSTATED.get(name))
     ]
 
 

@@ -19,6 +19,7 @@ from llm_astar_planner.benchmark.datasets.samples import (
     ProblemMap,
     draw,
     format_kept_maps,
+    load_kept_maps,
     parse_ranges,
     select_samples,
 )
@@ -131,6 +132,8 @@ def run(args: argparse.Namespace) -> int:
         )  # fmt: skip
         ids = {sample.barrier_map.id for sample in config.samples}
         kept = [item for item in maps if item.id in ids]
+        if args.resume and (folder.path / MAPS_FILE).exists():
+            kept += [i for i in load_kept_maps(folder.path / MAPS_FILE) if i.id not in ids]
         folder.write_text(MAPS_FILE, format_kept_maps(kept))
         if config.settings.instruction is not None:
             folder.write_places(config.settings.instruction.places)

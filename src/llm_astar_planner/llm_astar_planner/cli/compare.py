@@ -20,7 +20,7 @@ from llm_astar_planner.benchmark.report.comparison import Judgement, sample_tabl
 from llm_astar_planner.benchmark.report.formats import csv_table, write_tables
 from llm_astar_planner.benchmark.results import ResultsFolder, without_nan
 
-OK, REGRESSION = 0, 1
+OK, REGRESSION, UNJUDGED = 0, 1, 3
 # Percent by which a metric may grow where nothing else is asked for. Counts repeat exactly; the
 # times of equal runs on a machine with other work differed by up to 43 %.
 TOLERATED = {'seconds_search': 50.0}
@@ -39,7 +39,8 @@ A regression is a variant whose ratio to the base is above the threshold with it
 interval, or that lost valid paths. The runs must be of the same dataset; other versions, settings
 and machines are listed.
 
-exit codes: 0 no regression, 1 a regression, 2 bad usage or input, 130 interrupted
+exit codes: 0 no regression, 1 a regression, 2 bad usage or input, 3 no regression, but a variant
+of the base is missing or has too few samples to be judged, 130 interrupted
 """
 
 
@@ -84,7 +85,9 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(without_nan(judgement.as_json())))
     else:
         print(judgement.as_text())
-    return REGRESSION if judgement.regressions() else OK
+    if judgement.regressions():
+        return REGRESSION
+    return UNJUDGED if judgement.unjudged() else OK
 
 
 def write_comparison(folder: ResultsFolder, judgement: Judgement) -> None:

@@ -66,7 +66,10 @@ class Costmap:
 
     @cached_property
     def _inflated(self) -> tuple[NDArray[np.bool_], NDArray[np.int8]]:
-        return inflate(self.grid_map, self.config)
+        blocked, cost = inflate(self.grid_map, self.config)
+        # Sources and searches of others are given these.
+        blocked.flags.writeable = cost.flags.writeable = False
+        return blocked, cost
 
     @cached_property
     def blocked(self) -> NDArray[np.bool_]:

@@ -34,6 +34,7 @@ from llm_astar_planner.search.methods import (
     SEARCH_METHODS,
     uses_waypoints,
 )
+from llm_astar_planner.search.plugins import PluginMethod
 from llm_astar_planner.search.problem import SearchMethod, SearchProblem
 from llm_astar_planner.search.result import (
     BoundedResult,
@@ -164,7 +165,14 @@ class SegmentPlanner:
     ) -> PlanningFailure:
         """Return why there is no path after so many expansions; `start` and `goal` are names."""
         code, message = ResultCode.NO_VALID_PATH, 'every reachable cell was searched'
-        if self.result.status is SearchStatus.STOPPED:
+        if isinstance(self.method, PluginMethod):
+            # The cells are connected, so there is a path: what a plug-in claims is only its own.
+            message = f'{self.request.method} found no path'
+        is_over = self.stop[0] or time.monotonic() >= self.deadline
+        if isinstance(self.method, PluginMethod) and not is_over:
+            if self.result.status is SearchStatus.STOPPED:
+                code, message = ResultCode.UNKNOWN, f'{self.request.method} stopped by itself'
+        elif self.result.status is SearchStatus.STOPPED:
             done = describe_expansions(expansions)
             code, message = ResultCode.TIMEOUT, f'cancelled after {done}'
             if not self.stop[0]:

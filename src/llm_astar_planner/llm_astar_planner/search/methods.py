@@ -19,6 +19,8 @@ SEARCH_METHODS = Plugins(
         **{name: f'{HERE}.paper:{name}_method' for name in PAPER_NAMES},
     },
     make_plugin_method,
+    # What `bench` calls rows without a search, now and before.
+    frozenset({'waypoints_only', 'llm_only'}),
 )
 METHODS = tuple(SEARCH_METHODS.own)
 # Of these, the methods that use waypoints; the others never query a source.

@@ -51,12 +51,18 @@ class PluginMethod:
             answer = call(lambda: first_answer(self.function(given), problem))
             if isinstance(answer, SearchResult):
                 return answer
-            while (better := call(lambda: next_answer(answer, problem))) is not None:
-                best = better
-                yield best
-            if best is nothing:
+            goes_on = True
+            # Looked at here too: a generator of many short steps is never late in any of them.
+            while goes_on and time.monotonic() < problem.deadline and not problem.stop[0]:
+                better, goes_on = call(lambda: next_answer(answer, problem))
+                # A last result without a path, such as STOPPED, takes back none.
+                if better is not None and (len(better.path) or best is nothing):
+                    best = better
+                    if goes_on:
+                        yield best
+            if best is nothing and not goes_on:
                 raise PluginError('yielded no result')
-            return best
+            return replace(best, status=SearchStatus.STOPPED) if goes_on else best
         except TimeoutError as error:
             self.guard.log(error)
             return replace(best, status=SearchStatus.STOPPED)
@@ -91,11 +97,17 @@ def first_answer(answer: Any, problem: SearchProblem) -> Any:  # noqa: ANN401 - 
     return answer if isinstance(answer, Generator) else checked_result(answer, problem)
 
 
-def next_answer(answers: Iterator[Any], problem: SearchProblem) -> SearchResult | None:
-    """Return the next of a generator's results, None after the last. Raises PluginError."""
-    for answer in answers:
-        return checked_result(answer, problem)
-    return None
+def next_answer(
+    answers: Iterator[Any], problem: SearchProblem
+) -> tuple[SearchResult | None, bool]:
+    """Return the next of a generator's results, and whether others may follow.
+
+    After the last that is what it returns, None for nothing. Raises PluginError.
+    """
+    try:
+        return checked_result(next(answers), problem), True
+    except StopIteration as end:
+        return None if end.value is None else checked_result(end.value, problem), False
 
 
 def checked_result(answer: Any, problem: SearchProblem) -> SearchResult:  # noqa: ANN401

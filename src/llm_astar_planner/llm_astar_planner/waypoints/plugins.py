@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import islice
@@ -133,7 +133,7 @@ def checked_reply(name: str, reply: Any) -> WaypointReply:  # noqa: ANN401 - of 
 def checked_point(point: Any) -> Waypoint:  # noqa: ANN401 - of foreign code
     """Return a waypoint as two finite floats. Raises PluginError."""
     try:
-        x, y = map(float, point)
+        x, y = map(float, () if isinstance(point, str | bytes | Set | Mapping) else point)
     except (TypeError, ValueError):
         x = math.nan
     else:
@@ -168,4 +168,6 @@ SOURCES = Plugins(
         'reversed': f'{HERE}.baselines:make_reversed',
     },
     PluginFactory,
+    # What `bench` calls the embedded model's other rows.
+    frozenset({'embedded-best-of-8'}),
 )

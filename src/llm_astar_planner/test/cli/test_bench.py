@@ -210,6 +210,13 @@ def test_an_earlier_run_is_never_overwritten(undrawn, dataset, out, capsys):
     assert len((out / 'results.csv').read_text().splitlines()) == 3
 
 
+def test_a_run_resumed_with_other_maps_keeps_the_maps_of_its_rows(undrawn, dataset, out):
+    words = ('bench', '--dataset', dataset, '--out', out, '--methods', 'guided', '--limit', '2')
+    assert llm_astar(*words, '--map-ids', '0') == 0
+    assert llm_astar(*words, '--map-ids', '2', '--resume') == 0
+    assert [item['id'] for item in json.loads((out / 'maps.json').read_text())] == [2, 0]
+
+
 @pytest.mark.parametrize(
     ('words', 'part'),
     [

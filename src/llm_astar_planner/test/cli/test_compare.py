@@ -211,9 +211,22 @@ def test_what_only_one_run_has_is_listed(base, rows, tmp_path, capsys):
     more = [replace(found, method='guided') for found in some if found.variant == NONE]
     other = write_run(tmp_path / 'b', [*some, *more])
     code, out, _ = compare(capsys, base, other)
-    assert code == 0
+    assert code == 3
     assert 'not compared, because only one run has them: llm_astar/oracle, guided/none' in out
+    assert f'{other}: llm_astar/oracle: is missing' in out
+    assert out.endswith('1 variant cannot be judged.\n')
+    assert 'guided/none: is missing' not in out
     assert '20 samples of a variant left out: only the base has them' in out
+
+
+def test_one_sample_is_too_few_to_be_judged(base, rows, tmp_path, capsys):
+    one = [found for found in rows if (found.map, found.pair) == (0, 0)]
+    worse = [replace(found, operation=100 * found.operation) for found in one]
+    runs = [write_run(tmp_path / name, some) for name, some in (('a', one), ('b', worse))]
+    code, out, _ = compare(capsys, *runs)
+    assert code == 3
+    assert 'too few samples have operation in both runs' in out
+    assert 'No variant that can be judged is worse' in out
 
 
 def test_runs_of_different_datasets_are_refused(base, rows, tmp_path, capsys):

@@ -3,6 +3,7 @@
 import sys
 import threading
 import time
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from types import SimpleNamespace
 
@@ -181,6 +182,65 @@ def test_a_plug_in_that_hangs_is_left_behind_and_what_it_yielded_is_kept(plan):
     deadline = time.monotonic() + 10.0
     while PLANNER.plan(PlanRequest(START, GOAL, NAME)).code is not ResultCode.NONE:
         assert time.monotonic() < deadline
+
+
+def test_an_endless_generator_ends_with_the_time_of_the_plan_or_when_it_is_cancelled(plan):
+    def endless(problem):
+        while True:
+            yield exact_method(problem)
+
+    late = plan(endless, time_limit=0.3)
+    assert (late.code, late.expansions > 0) == (ResultCode.NONE, True)
+    method = SEARCH_METHODS.loaded[NAME]
+    problem = SearchProblem(PLANNER.costmap.grid_graph, START, GOAL)
+    results = method(problem)
+    next(results)
+    problem.stop[0] = 1
+    with pytest.raises(StopIteration) as ended:
+        next(results)
+    assert ended.value.value.status is SearchStatus.STOPPED
+    assert len(ended.value.value.path) > 0
+
+
+def test_a_last_result_without_a_path_takes_none_back_and_one_that_is_returned_counts(plan):
+    def stops(problem):
+        yield exact_method(problem)
+        yield found(status=SearchStatus.STOPPED)
+
+    def returns(problem):
+        return exact_method(problem)
+        yield
+
+    for search in (stops, returns):
+        assert plan(search).code is ResultCode.NONE
+
+
+def test_what_a_plug_in_claims_is_no_fact_about_the_map(plan):
+    given_up = plan(lambda problem: found(status=SearchStatus.EXHAUSTED))
+    assert given_up.code is ResultCode.NO_VALID_PATH
+    assert f'{NAME} found no path, from' in given_up.message
+    stopped = plan(lambda problem: found(status=SearchStatus.STOPPED))
+    assert stopped.code is ResultCode.UNKNOWN
+    assert f'{NAME} stopped by itself, from' in stopped.message
+
+
+def test_what_a_plug_in_is_given_is_read_only(plan):
+    def search(problem):
+        problem.grid.blocked[:] = False
+
+    assert 'read-only' in plan(search).message
+
+
+def test_names_of_the_benchmark_are_taken(monkeypatch, tmp_path):
+    metadata = tmp_path / 'taker-1.0.dist-info'
+    metadata.mkdir()
+    (metadata / 'METADATA').write_text('Name: taker\nVersion: 1.0\n')
+    (metadata / 'entry_points.txt').write_text(
+        f'[{SEARCH_METHODS.group}]\nwaypoints_only = os:getcwd\nother = os:getcwd\n'
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    fresh = replace(SEARCH_METHODS, loaded={}, guards={})
+    assert list(fresh.installed) == ['other']
 
 
 def test_the_cleanup_of_a_generator_that_has_not_ended_does_not_hold_the_plan(plan):

@@ -132,6 +132,7 @@ def test_a_factory_that_makes_no_source_is_named(module):
         (lambda query: WaypointReply(((float('nan'), 1),)), r'waypoints: \(nan, 1\) is not two'),
         (lambda query: WaypointReply((('1', None),)), 'is not two finite numbers'),
         (lambda query: WaypointReply(((1, 2, 3),)), 'is not two finite numbers'),
+        (lambda query: WaypointReply(('12', {1: 2, 3: 4})), "waypoints: '12' is not two finite"),
         (lambda query: WaypointReply(7), 'TypeError'),
         (lambda query: WaypointReply(status='FINE'), "'FINE' is not a valid SourceStatus"),
         (lambda query: WaypointReply(prompt_tokens=-1), 'prompt_tokens: -1 is not a whole'),

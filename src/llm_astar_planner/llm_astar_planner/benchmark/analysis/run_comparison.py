@@ -42,13 +42,15 @@ class Run(NamedTuple):
 class RunComparison:
     """A run compared with the base: what differs in how they were run, and in their results.
 
-    `unpaired` are the variants that only one of them has or that share no sample.
+    `unpaired` are the variants that only one of them has or that share no sample, `missing` those
+    of them that the base has.
     """
 
     path: Path
     differences: Sequence[str]
     changes: Sequence[VariantChange]
     unpaired: Sequence[Variant]
+    missing: Sequence[Variant]
     samples: Sequence[SampleChange]
 
 
@@ -86,6 +88,7 @@ def compare_runs(base: Run, other: Run, metric: str, name: str | None = None) ->
         list(differences(base.metadata, other.metadata)),
         changes,
         [variant for variant in chosen if variant not in compared],
+        [variant for variant in base.rows.values if variant in chosen and variant not in compared],
         sorted(samples, key=lambda sample: -sample.size),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -13,6 +14,7 @@ from llm_astar_planner.benchmark.analysis.run_comparison import Run, RunComparis
 from llm_astar_planner.benchmark.report.formats import markdown, text
 from llm_astar_planner.benchmark.report.sentences import counted, variant_label
 from llm_astar_planner.benchmark.report.table import Column, Table, percents, texts
+from llm_astar_planner.benchmark.row import WAYPOINTS_ONLY
 
 LABELS = {
     'operation': 'Operation', 'storage': 'Storage', 'length': 'Length',
@@ -49,13 +51,30 @@ class Judgement:
             if (problem := change.regression(self.metric, self.threshold)) is not None
         ]
 
+    def unjudged(self) -> list[str]:
+        """Return a line for each of the base's variants of which nothing can be said."""
+        lines = []
+        for comparison in self.comparisons:
+            names = [f'{variant}: is missing' for variant in comparison.missing]
+            names += [
+                f'{change.variant}: too few samples have {self.metric} in both runs'
+                for change in comparison.changes
+                if change.variant.method != WAYPOINTS_ONLY
+                and math.isnan(change.metrics[self.metric].mean.low)
+            ]
+            lines += [f'{comparison.path}: {name}' for name in names]
+        return lines
+
     def verdict(self) -> str:
-        """Say in one sentence whether there is a regression."""
-        found = len(self.regressions())
+        """Say whether there is a regression, and whether all could be judged."""
+        found, unjudged = len(self.regressions()), len(self.unjudged())
         allowed = f' by more than {100 * self.threshold:g} %' if self.threshold else ''
-        if not found:
-            return f'No variant is worse in {self.metric} than {self.base.path}{allowed}.'
-        return f'{counted(found, "regression")} against {self.base.path}.'
+        text = f'No variant is worse in {self.metric} than {self.base.path}{allowed}.'
+        if found:
+            text = f'{counted(found, "regression")} against {self.base.path}.'
+        elif unjudged:
+            text = f'No variant that can be judged is worse than {self.base.path}{allowed}.'
+        return f'{text} {counted(unjudged, "variant")} cannot be judged.' if unjudged else text
 
     def tables(self) -> list[Table]:
         """Return the tables of all runs: variants, and the samples that changed most."""
@@ -80,11 +99,13 @@ class Judgement:
             lines = [f'{comparison.path} against {self.base.path}', *remarks(comparison)]
             parts.append('\n  '.join(printable(line) for line in lines))
             parts += [f'{table.title}\n{text(table)}' for table in self.tables_of(comparison)]
-        return '\n\n'.join([*parts, '\n'.join([*self.regressions(), self.verdict()])])
+        lines = [*self.regressions(), *self.unjudged(), self.verdict()]
+        return '\n\n'.join([*parts, '\n'.join(lines)])
 
     def as_markdown(self, picture: str) -> str:
         """Return the comparison as a page that shows `picture`, a file beside it."""
-        parts = ['# Comparison of runs', self.verdict(), bullets(self.regressions())]
+        lines = [*self.regressions(), *self.unjudged()]
+        parts = ['# Comparison of runs', self.verdict(), bullets(lines)]
         for comparison in self.comparisons:
             parts += [
                 f'## {comparison.path} against {self.base.path}',
@@ -102,6 +123,7 @@ class Judgement:
             'metric': self.metric,
             'threshold_percent': 100.0 * self.threshold,
             'regressions': self.regressions(),
+            'unjudged': self.unjudged(),
             'comparisons': [self.comparison_json(item) for item in self.comparisons],
         }
 

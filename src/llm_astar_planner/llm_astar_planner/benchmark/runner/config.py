@@ -35,6 +35,8 @@ from llm_astar_planner.benchmark.runner.sources import SourceSpec
 # How rows are stored; a run of at least so many is large.
 FORMATS = CSV, PARQUET = 'csv', 'parquet'
 LARGE_RUN = 200_000
+# What the report says of a file that changed before a run was resumed.
+ANOTHER_INPUT = ': was another file when earlier rows were made'
 # Steps between two lines where the total is unknown.
 UNKNOWN_STRIDE = 100
 
@@ -138,6 +140,8 @@ def open_folder(
     A resumed folder keeps its format. Resuming drops the rows whose source never answered, so
     that it is asked again, and adds the seconds spent before to `metadata`. Raises ResultsError.
     """
+    folder.claim()
+    folder.require_own()
     if not (resume and folder.results.exists()):
         if overwrite:
             folder.discard_results()
@@ -151,9 +155,23 @@ def open_folder(
     if changed:
         message = f'{folder.path}: cannot be resumed, because these differ: {", ".join(changed)}'
         raise ResultsError(message)
+    changed = changed_inputs(before, metadata)
+    if changed:
+        metadata['notes'] = [*metadata.get('notes', []), *changed]
     finished = folder.keep_answered()
     metadata['seconds'] = float(before.get('seconds') or 0.0)
     return finished
+
+
+def changed_inputs(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Return a sentence for each input, such as a transcript, that earlier rows had another of."""
+    files, notes = before.get('files') or {}, before.get('notes') or []
+    changed = [
+        f'{name}{ANOTHER_INPUT}'
+        for name, digest in (now.get('files') or {}).items()
+        if files.get(name, digest) != digest
+    ]
+    return list(dict.fromkeys([*(note for note in notes if ANOTHER_INPUT in note), *changed]))
 
 
 def run_into_folder(

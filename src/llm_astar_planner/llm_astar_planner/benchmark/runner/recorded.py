@@ -58,7 +58,10 @@ class Coverage:
         """Say what is missing, so that the row is not taken for one over the whole dataset."""
         spec = self.spec
         name = ', '.join(part for part in (spec.model, spec.prompt) if part)
-        return f'{spec.transcript}: {name}: only recorded samples count; {self.missing_sentence()}'
+        text = f'{spec.transcript}: {name}: only recorded samples count; {self.missing_sentence()}'
+        if spec.foreign:
+            text += f'; {spec.foreign} exchanges of the file were recorded on another dataset'
+        return text
 
     def missing_sentence(self) -> str:
         """Say how many samples are recorded, and which are missing."""

@@ -16,6 +16,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import baseline_sources, visibility_problem
 from llm_astar_planner.waypoints.config import BASELINE_NAMES, SettingsError, SourceSettings
 from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.sample_resolver import dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource, name_problem
 from llm_astar_planner.waypoints.transcript import read_transcript
 
@@ -32,7 +33,8 @@ class SourceSpec:
     """A waypoint source with the name, prompt and model that its rows carry.
 
     `transcript` is the file name of a replay. `samples` are the samples to run it on, None for
-    all of a run.
+    all of a run. `foreign` counts the exchanges of its transcript that say that they were recorded
+    on another dataset.
     """
 
     source: WaypointSource | None = None
@@ -41,6 +43,7 @@ class SourceSpec:
     model: str = ''
     transcript: str = ''
     samples: frozenset[SampleKey] | None = None
+    foreign: int = 0
 
 
 def make_source_specs(
@@ -63,7 +66,8 @@ def make_source_specs(
     Raises ValueError for a source that cannot be made.
     """
     baselines = baseline_sources(seed)
-    named = [name for name in names if name != 'none']
+    named = [name for name in dict.fromkeys(names) if name != 'none']
+    prompts, models = list(dict.fromkeys(prompts)), list(dict.fromkeys(models))
     chosen = [name for name in named if name in baselines]
     if len(chosen) < len(named) or not names:
         chosen = list(baselines if default is None else default)
@@ -76,7 +80,13 @@ def make_source_specs(
         elif name not in baselines and name != EMBEDDED:
             chosen_settings = replace(settings, source=name)
             specs += model_sources(chosen_settings, prompts, models, dataset, seed)
-    return specs + [SourceSpec(baselines[name], name) for name in chosen]
+    specs += [SourceSpec(baselines[name], name) for name in chosen]
+    twice = Counter((spec.name, spec.model, spec.prompt) for spec in specs)
+    for (name, model, prompt), count in twice.items():
+        if count > 1:
+            row = ', '.join(filter(None, (name, model, prompt)))
+            raise SettingsError(f'source: {count} would have the same rows, {row}: rename a file')
+    return specs
 
 
 def embedded_sources(settings: SourceSettings) -> list[SourceSpec]:
@@ -100,10 +110,13 @@ def replay_sources(
     Where two transcripts hold the same model and prompt, their rows are told apart by file name:
     `replay:NAME`. Raises SettingsError where that is the same too.
     """
-    specs = []
+    specs, own = [], dataset_digest(dataset)
     for transcript in transcripts or ('',):
         of_file = replace(settings, source=REPLAY, transcript=transcript)
-        recorded = recorded_models(transcript) if transcript else []
+        exchanges = read_transcript(transcript) if transcript else []
+        recorded = dict.fromkeys((exchange.model, exchange.prompt) for exchange in exchanges)
+        digests = Counter(exchange.provenance.dataset_digest for exchange in exchanges)
+        foreign = digests.total() - digests[''] - digests[own] if own else 0
         chosen = [
             (model, prompt)
             for model, prompt in recorded
@@ -111,14 +124,9 @@ def replay_sources(
         ]
         for model, prompt in chosen or product(models or ('',), prompts or ('',)):
             source = make_source(replace(of_file, model=model, prompt=prompt), dataset)
-            specs.append(SourceSpec(source, REPLAY, prompt, model, Path(transcript).name))
+            name = Path(transcript).name
+            specs.append(SourceSpec(source, REPLAY, prompt, model, name, foreign=foreign))
     return told_apart(specs)
-
-
-def recorded_models(transcript: str) -> list[tuple[str, str]]:
-    """Return each model and prompt of a transcript. Raises TranscriptError."""
-    exchanges = read_transcript(transcript)
-    return list(dict.fromkeys((exchange.model, exchange.prompt) for exchange in exchanges))
 
 
 def told_apart(specs: Sequence[SourceSpec]) -> list[SourceSpec]:

@@ -3,6 +3,7 @@
 import csv
 import json
 from collections import defaultdict
+from dataclasses import replace
 
 import pytest
 from benchmark_samples import HALL
@@ -12,8 +13,9 @@ from llm_astar_planner.benchmark.datasets.samples import SelectionError, load_sa
 from llm_astar_planner.benchmark.runner.recorded import groups_of, keep_recorded, ranges
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.cli.main import main
+from llm_astar_planner.waypoints.prompts.template import template_path
 from llm_astar_planner.waypoints.replay import ReplaySource
-from llm_astar_planner.waypoints.source import SampleKey, SourceStatus
+from llm_astar_planner.waypoints.source import Provenance, SampleKey, SourceStatus
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter
 
 TEXT = 'Generated Path: [[25, 15]]'
@@ -102,6 +104,34 @@ def test_transcripts_of_the_same_model_are_told_apart_by_their_names(
     same = record(tmp_path / 'sub' / 'one.jsonl', [(0, 3)])
     assert bench(dataset, tmp_path / 'again', '--transcript', f'{one},{same}') == 2
     assert '2 files named one hold model parrot' in capsys.readouterr().err
+
+
+def test_exchanges_of_another_dataset_and_a_changed_transcript_are_told(
+    undrawn, dataset, tmp_path, capsys
+):
+    out, transcript = tmp_path / 'out', tmp_path / 'a.jsonl'
+    exchange = Exchange(0, 1, 1, 'parrot', 'few_shot', (), TEXT, 7, 5, 0.1, SourceStatus.OK)
+    foreign = replace(exchange, provenance=Provenance(dataset_digest='f' * 64))
+    TranscriptWriter(transcript).write(foreign)
+    assert bench(dataset, out, '--transcript', transcript) == 0
+    told = '1 exchanges of the file were recorded on another dataset'
+    assert told in capsys.readouterr().err
+    assert told in (out / 'report.md').read_text()
+    for pair in (2, 3):
+        record(transcript, [(0, pair)])
+        assert bench(dataset, out, '--transcript', transcript, '--resume') == 0
+        notes = json.loads((out / 'metadata.json').read_text())['notes']
+        assert notes.count('a.jsonl: was another file when earlier rows were made') == 1
+
+
+def test_prompts_of_the_same_name_are_refused(dataset, tmp_path, capsys):
+    for name in ('a', 'b'):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / 'mine.txt').write_text(template_path('few_shot').read_text())
+    prompts = ','.join(str(tmp_path / name / 'mine.txt') for name in ('a', 'b'))
+    words = ('--source', 'endpoint', '--model', 'm', '--prompt', prompts)
+    assert bench(dataset, tmp_path / 'out', *words) == 2
+    assert '2 would have the same rows, endpoint, m, mine' in capsys.readouterr().err
 
 
 def test_a_limit_is_drawn_of_the_recorded_samples(undrawn, dataset, tmp_path):
