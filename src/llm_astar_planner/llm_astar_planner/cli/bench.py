@@ -51,6 +51,7 @@ from llm_astar_planner.cli.run_options import (
     deciding_files,
     deciding_parameters,
     instruction_of,
+    make_executor,
     run_into,
     settle_variants,
     source_specs,
@@ -125,27 +126,28 @@ def run(args: argparse.Namespace) -> int:
         names = ', '.join(GRID_BASELINES)
         message = f'on a grid only the baselines {names} are run; name others with --source'
         complain(args, message, OK)
-    try:
-        tasks, metadata = start_run(
-            folder, config, run_parameters(args, maps), resume=args.resume,
-            overwrite=args.overwrite, file_format=args.format,
-        )  # fmt: skip
-        ids = {sample.barrier_map.id for sample in config.samples}
-        kept = [item for item in maps if item.id in ids]
-        if args.resume and (folder.path / MAPS_FILE).exists():
-            kept += [i for i in load_kept_maps(folder.path / MAPS_FILE) if i.id not in ids]
-        folder.write_text(MAPS_FILE, format_kept_maps(kept))
-        if config.settings.instruction is not None:
-            folder.write_places(config.settings.instruction.places)
-        if dataset.map_names:
-            grids = [item for item in kept if isinstance(item, GridProblem)]
-            metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
-    except ResultsError as error:
-        return complain(args, str(error), BAD_INPUT)
-    try:
-        code = run_into(args, folder, metadata, tasks, config.sources)
-    except ResultsError as error:
-        return complain(args, str(error), INCOMPLETE)
+    with make_executor(args, config.sources) as pool:
+        try:
+            tasks, metadata = start_run(
+                folder, config, run_parameters(args, maps), resume=args.resume,
+                overwrite=args.overwrite, file_format=args.format,
+            )  # fmt: skip
+            ids = {sample.barrier_map.id for sample in config.samples}
+            kept = [item for item in maps if item.id in ids]
+            if args.resume and (folder.path / MAPS_FILE).exists():
+                kept += [i for i in load_kept_maps(folder.path / MAPS_FILE) if i.id not in ids]
+            folder.write_text(MAPS_FILE, format_kept_maps(kept))
+            if config.settings.instruction is not None:
+                folder.write_places(config.settings.instruction.places)
+            if dataset.map_names:
+                grids = [item for item in kept if isinstance(item, GridProblem)]
+                metadata['map_costs'] = list(map_costs(grids, dataset.map_names))
+        except ResultsError as error:
+            return complain(args, str(error), BAD_INPUT)
+        try:
+            code = run_into(args, folder, metadata, tasks, pool)
+        except ResultsError as error:
+            return complain(args, str(error), INCOMPLETE)
     return close_run(args, folder, metadata, code)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -56,6 +56,7 @@ from llm_astar_planner.cli.run_options import (
     deciding_files,
     deciding_parameters,
     instruction_of,
+    make_executor,
     run_into,
     settle_variants,
     source_specs,
@@ -139,7 +140,7 @@ def run(args: argparse.Namespace) -> int:
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
     rules = in_file | given_values(args, RULES)
     results_bag = ResultsBag(args.results_bag) if args.results_bag else None
-    with open_bags(args.bags) as (bags, unopened):
+    with open_bags(args.bags) as (bags, unopened), ExitStack() as stack:
         if not bags:
             return complain(args, '; '.join(unopened.lines()), BAD_INPUT)
         try:
@@ -148,6 +149,7 @@ def run(args: argparse.Namespace) -> int:
                 args.transcript = [str(save_exchanges(args, bags, selection, folder))]
             config = make_config(args, bags, selection, listed, rules, folder=folder)
             check_thresholds(args, config.sources)
+            pool = stack.enter_context(make_executor(args, config.sources))
             files = [*args.bags, *([args.requests] if listed else [])]
             metadata = describe_run(files, run_parameters(args, config), deciding_files(args))
             metadata['bags'] = list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))
@@ -165,9 +167,7 @@ def run(args: argparse.Namespace) -> int:
         try:
             with results_bag or nullcontext():
                 left = tasks.tasks(done)
-                code = run_into(
-                    args, folder, metadata, left, config.sources, unit='request', keep=keep
-                )
+                code = run_into(args, folder, metadata, left, pool, unit='request', keep=keep)
         except (ResultsError, BagWriteError) as error:
             return complain(args, str(error), INCOMPLETE)
         problems = [unopened, *(bag.problems for bag in bags)]

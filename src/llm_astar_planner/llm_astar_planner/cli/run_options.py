@@ -301,18 +301,20 @@ def run_into(
     folder: ResultsFolder,
     metadata: dict[str, Any],
     tasks: TaskList | Iterator[Task],
-    sources: Sequence[SourceSpec],
+    pool: tuple[Executor, int],
     *,
     unit: str = 'sample',
     keep: Callable[[Task, list[Outcome]], object] | None = None,
 ) -> int:
     """Run tasks into a results folder, with `keep` after each; return the exit code.
 
+    `pool` is what `make_executor` yields: made before a folder is touched, as it may fail.
     Raises ResultsError where the folder cannot be written to, and what `keep` raises.
     """
     total = len(tasks) if isinstance(tasks, TaskList) else None
+    executor, at_once = pool
     try:
-        with make_executor(args, sources) as (executor, at_once), progress(total, unit) as step:
+        with progress(total, unit) as step:
 
             def finish(task: Task, outcomes: list[Outcome]) -> None:
                 if keep is not None:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barr
 from llm_astar_planner.benchmark.datasets.generate import generate
 from llm_astar_planner.benchmark.row import ResultsError, parse_points
 from llm_astar_planner.cli import bench as cli_bench
+from llm_astar_planner.cli import run_options
 from llm_astar_planner.cli.main import parse
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.source import SourceStatus
@@ -215,6 +217,17 @@ def test_a_run_resumed_with_other_maps_keeps_the_maps_of_its_rows(undrawn, datas
     assert llm_astar(*words, '--map-ids', '0') == 0
     assert llm_astar(*words, '--map-ids', '2', '--resume') == 0
     assert [item['id'] for item in json.loads((out / 'maps.json').read_text())] == [2, 0]
+
+
+def test_results_are_replaced_only_when_the_run_can_begin(undrawn, dataset, out, monkeypatch):
+    words = ('bench', '--dataset', dataset, '--out', out, '--methods', 'guided', '--limit', '1')
+    assert llm_astar(*words) == 0
+    before = (out / 'results.csv').read_bytes()
+    monkeypatch.setattr(run_options, 'connect', Mock(side_effect=ValueError('no scheduler')))
+    with pytest.raises(ValueError, match='no scheduler'):
+        llm_astar(*words, '--overwrite', '--dask', 'tcp://127.0.0.1:1')
+    assert (out / 'results.csv').read_bytes() == before
+    assert (out / 'report.html').is_file()
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
 from llm_astar_planner.benchmark.analysis.solved_pairs import Ratio
@@ -71,32 +72,30 @@ def missed_thresholds(
 ) -> list[str]:
     """Return a line for each threshold that was missed or whose variant was not run."""
     lines = []
-    by_name = {str(summary.variant): summary for summary in summaries}
+    by_name: dict[str, list[VariantSummary]] = defaultdict(list)
+    # Two variants may read alike: prompt a/b of model c, and prompt a of model b/c.
+    for summary in summaries:
+        by_name[str(summary.variant)].append(summary)
     for threshold in thresholds:
         if not threshold.variant:
-            lines += problems_of_all(by_name, threshold)
+            lines += problems_of_all(summaries, threshold)
             continue
         names = variants_of(threshold.variant, by_name)
         if not names:
             lines.append(f'{threshold.variant}: was not run; available are {", ".join(by_name)}')
         for known in names:
-            problem = threshold_problem(by_name[known], threshold)
-            if problem is not None:
-                lines.append(f'{known}: {problem}')
+            problems = (threshold_problem(summary, threshold) for summary in by_name[known])
+            lines += [f'{known}: {problem}' for problem in problems if problem is not None]
     return lines
 
 
-def problems_of_all(by_name: Mapping[str, VariantSummary], threshold: Threshold) -> list[str]:
+def problems_of_all(summaries: Sequence[VariantSummary], threshold: Threshold) -> list[str]:
     """Return a line for each variant that has a metric and misses its limit, or that none has."""
-    having = {
-        name: summary
-        for name, summary in by_name.items()
-        if not math.isnan(metric_value(summary, threshold.metric))
-    }
+    having = [item for item in summaries if not math.isnan(metric_value(item, threshold.metric))]
     if not having:
         return [f'{threshold.metric} is unknown, so the limit {threshold.limit:g} is not met']
-    problems = {name: threshold_problem(summary, threshold) for name, summary in having.items()}
-    return [f'{name}: {problem}' for name, problem in problems.items() if problem is not None]
+    problems = [(item.variant, threshold_problem(item, threshold)) for item in having]
+    return [f'{variant}: {problem}' for variant, problem in problems if problem is not None]
 
 
 def metric_value(summary: VariantSummary, metric: str) -> float:

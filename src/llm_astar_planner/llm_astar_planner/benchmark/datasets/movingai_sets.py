@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem, GridProblemError
@@ -41,6 +42,10 @@ def load_set(name: str, folder: Path) -> Iterator[tuple[str, GridProblem]]:
     )
     if not scenarios:
         raise GridProblemError(f'{folder}: has no scenarios of {name}, files x.map.scen')
+    names = [path.name for path in scenarios]
+    for first, second in pairwise(names):
+        if first == second:
+            raise GridProblemError(f'{folder}: has several files {first}; remove all but one')
     cells = 0
     for map_id, path in enumerate(scenarios):
         map_path = find_map_file(path, maps.get(path.name.removesuffix('.scen'), []), folder)
@@ -78,8 +83,13 @@ def set_of(path: Path) -> str | None:
 
 def walk(folder: Path) -> Iterator[Path]:
     """Yield the maps and scenarios below a folder. Raises GridProblemError if it is too large."""
-    entries = 0
-    for place, folders, names in os.walk(folder):
+    entries, seen = 0, set[str]()
+    for place, folders, names in os.walk(folder, followlinks=True):
+        real = os.path.realpath(place)
+        if real in seen:  # by a link, perhaps one that leads back
+            folders.clear()
+            continue
+        seen.add(real)
         entries += len(folders) + len(names)
         if entries > MAX_ENTRIES:
             raise GridProblemError(

@@ -28,6 +28,17 @@ def test_a_threshold_holds_for_all_variants_whose_names_begin_so():
     ]
 
 
+def test_variants_that_read_alike_are_both_held_to_a_threshold():
+    first, second = (
+        Variant('llm_astar', 'replay', *names) for names in (('a/b', 'c'), ('a', 'b/c'))
+    )
+    more = [row for row in rows_with(0.1, variant=second) if row.variant == second]
+    rows = [*rows_with(0.8, variant=first), *more]
+    limit = [parse_threshold('llm_astar/replay:operation=20')]
+    assert len(missed_thresholds(summarise(rows), limit)) == 1
+    assert len(missed_thresholds(summarise(rows[::-1]), limit)) == 1
+
+
 def test_a_threshold_without_a_variant_holds_for_all_that_have_the_metric():
     limit = [parse_threshold('instruction=60')]
     rows = rows_with(0.8)

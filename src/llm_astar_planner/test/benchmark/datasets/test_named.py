@@ -5,6 +5,7 @@ import json
 import shutil
 
 import pytest
+from llm_astar_msgs_adapter.maps.grid_dataset import GridProblemError
 from llm_astar_planner.benchmark.datasets import movingai_sets
 from llm_astar_planner.benchmark.datasets.named import (
     NAMES,
@@ -67,6 +68,25 @@ def test_a_folder_of_any_name_holds_the_set_that_is_asked_for(tmp_path):
     folder.rename(tmp_path / 'maze')
     with pytest.raises(ValueError, match='has no folder of dao, but of maze'):
         load_named(['movingai/dao'], tmp_path / 'maze', DrawRules())
+
+
+def test_links_to_folders_are_followed_once(tmp_path):
+    folder = make_set(tmp_path / 'real')
+    links = tmp_path / 'links'
+    links.mkdir()
+    for path in folder.iterdir():
+        (links / path.name).symlink_to(path)
+    (links / 'back').symlink_to(links)
+    assert len(load_named(['movingai/dao'], links, DrawRules()).maps) == 2
+
+
+def test_a_second_copy_of_a_scenario_is_refused(tmp_path):
+    folder = make_set(tmp_path / 'set')
+    scenario = next(folder.rglob('*.map.scen'))
+    (scenario.parent / 'old').mkdir()
+    (scenario.parent / 'old' / scenario.name).write_bytes(scenario.read_bytes())
+    with pytest.raises(GridProblemError, match=rf'has several files {scenario.name}; remove all'):
+        load_named(['movingai/dao'], folder, DrawRules())
 
 
 def test_many_maps_are_run_at_once_and_lengths_are_compared_on_each(tmp_path, capsys):
