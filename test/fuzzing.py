@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
 
-# What one reading may take: seconds, and bytes of memory besides those of the cells.
+# What one reading may take: seconds of CPU, and bytes of memory besides those of the cells.
 MOST_SECONDS = 10
 MOST_BYTES = 300 * 10**6
 # The failures of one reader that are told.
@@ -180,9 +180,10 @@ def in_fork(work: Callable[[], dict[str, Any]], most_bytes: int) -> dict[str, An
 
 def problem(reader: Reader, path: Path) -> str | None:
     """Say what is wrong with how a reader reads a file; None where it reads or refuses it."""
-    begin = time.monotonic()
-    # Ends the process in compiled code, too.
-    faulthandler.dump_traceback_later(MOST_SECONDS, exit=True)
+    # CPU time, since another process may hold the core; the alarm, which ends the process even in
+    # compiled code, is for a reader that waits.
+    begin = time.process_time()
+    faulthandler.dump_traceback_later(6 * MOST_SECONDS, exit=True)
     try:
         reader.read(path)
     except LlmAstarError as error:
@@ -196,7 +197,7 @@ def problem(reader: Reader, path: Path) -> str | None:
         return traceback.format_exc()
     finally:
         faulthandler.cancel_dump_traceback_later()
-    seconds = time.monotonic() - begin
+    seconds = time.process_time() - begin
     return None if seconds < MOST_SECONDS else f'took {seconds:.1f} s'
 
 
