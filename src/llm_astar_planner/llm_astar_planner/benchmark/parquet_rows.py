@@ -160,10 +160,9 @@ def open_part(path: Path) -> Iterator[ParquetFile]:
     """Open a part, its texts as numbers of distinct ones. Raises ResultsError."""
     pyarrow, parquet = import_pyarrow()
     try:
-        metadata = parquet.read_metadata(path)
-        names = metadata.schema.to_arrow_schema().names
+        names = parquet.read_schema(path).names
         texts = [name for name in names if COLUMNS.get(name) == 'str']
-        with parquet.ParquetFile(path, metadata=metadata, read_dictionary=texts) as file:
+        with parquet.ParquetFile(path, read_dictionary=texts) as file:
             yield file
     except (pyarrow.ArrowException, OSError, UnicodeDecodeError) as error:
         raise ResultsError(f'{path}: {first_line(error)}') from None
