@@ -10,16 +10,12 @@ import numpy as np
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMapError
 from llm_astar_msgs_adapter.messages.fields import yaws_of
+from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.nodes.common.callback_groups import LimitedCallbackGroup
-from llm_astar_planner.nodes.common.compact_path import (
-    CompactPath,
-    compact_path,
-    compact_service,
-)
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.planning.footprint import Footprint
@@ -101,15 +97,14 @@ class PathValidityService:
         newest = self._newest()
         if newest is None:
             raise ValidityError('no map has arrived yet')
-        path = compact_path(request.path)
-        if not len(path.values):
+        if not request.path.poses:
             raise ValidityError('the path is empty')
         if getattr(request, 'layer_name', ''):
             raise ValidityError(
                 f'layer {request.layer_name[:100]!r} is not known, only the costmap is'
             )
         costmap, checker = newest
-        poses = self.poses(path, costmap.grid_map.frame_id)
+        poses = self.poses(request.path, costmap.grid_map.frame_id)
         first = self.first_index(poses, costmap.grid_map.frame_id)
         last = last_index(poses, first, getattr(request, 'max_lookahead_distance', 0.0))
         ahead = poses[first:last]
@@ -128,14 +123,19 @@ class PathValidityService:
         indices = np.flatnonzero(invalid) + first
         return indices[:1] if getattr(request, 'stop_at_first_collision', False) else indices
 
-    def poses(self, path: CompactPath, frame_id: str) -> NDArray[np.float64]:
+    def poses(self, path: Path, frame_id: str) -> NDArray[np.float64]:
         """Return a path's poses (x, y, yaw) [n, 3] in metres and radians, in the map's frame.
 
         Each frame that they are in is transformed once, by the newest transform. Raises
         FrameError, GridMapError.
         """
-        names = [name or path.frame_id for name in path.frames]
-        poses = np.column_stack([path.values[:, :2], yaws_of(path.values[:, 3:])])
+        names = [pose.header.frame_id or path.header.frame_id for pose in path.poses]
+        values = [
+            (at.x, at.y, turn.x, turn.y, turn.z, turn.w)
+            for at, turn in ((one.pose.position, one.pose.orientation) for one in path.poses)
+        ]
+        array = np.array(values, dtype=np.float64)
+        poses = np.column_stack([array[:, :2], yaws_of(array[:, 2:])])
         for name in set(names):
             if name in ('', frame_id):
                 continue
@@ -197,5 +197,4 @@ def serve_path_validity(entities: Entities, validity: PathValidityService) -> No
     """Serve `is_path_valid` if nav2_msgs is installed."""
     if IsPathValid is not None:
         checks = LimitedCallbackGroup(MAX_CHECKS)
-        kind = compact_service(IsPathValid)
-        entities.service(kind, 'is_path_valid', validity.fill, checks)
+        entities.service(IsPathValid, 'is_path_valid', validity.fill, checks)

@@ -44,7 +44,6 @@ from llm_astar_planner.nodes.planner.publishers import PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import RequestConverter
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
-from llm_astar_planner.nodes.planner.shape_server import ShapeServer
 from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
 from llm_astar_planner.nodes.planner.zone_server import ZoneServer
 from llm_astar_planner.planning.kernel_compiler import KernelCompiler
@@ -268,7 +267,6 @@ class PlannerServer:
         """
         thread = SpinThread(node)
         self._entities.on_close(thread.close)
-        ShapeServer(node, self._node, self._zones)
         topic = self._settings['filter_info_topic']
         MaskSubscription(node, self._node, topic, self._zones.set_masks)
         MapSubscription(Entities(node), self._zones.take, self._node, self._maps.arrivals.note)
