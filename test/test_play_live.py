@@ -22,7 +22,7 @@ from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_m
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-from llm_astar_planner.nodes.tools import live_view
+from llm_astar_planner.nodes.tools import monitor
 from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.types import Plan, ResultCode
 from llm_astar_planner.play.errors import PlayError
@@ -134,9 +134,9 @@ def test_a_page_sees_the_graphs_map_plans_and_state_and_ctrl_c_ends_the_server(g
 
 
 def test_a_page_is_told_what_to_check_where_there_is_no_planner(graph, monkeypatch):
-    monkeypatch.setattr(live_view, 'SILENCE_S', 0.1)
+    monkeypatch.setattr(monitor, 'SILENCE_S', 0.1)
     feed, stopped = LiveFeed(), threading.Event()
-    view = live_view.LiveView(graph.node, 'nobody', 'no_client', feed)
+    view = monitor.LiveView(graph.node, 'nobody', 'no_client', feed)
     following = threading.Thread(target=view.follow, args=(stopped,))
     following.start()
 
@@ -164,7 +164,7 @@ def test_plans_a_nanosecond_apart_are_shown_with_their_own_paths(graph):
 
     plans, stopped, namespace = [], threading.Event(), f'{SPACE}/twins'
     with calling(namespace, 'publishes_twins') as caller:
-        view = live_view.LiveView(caller.node, 'planner', 'no_client', Viewer())
+        view = monitor.LiveView(caller.node, 'planner', 'no_client', Viewer())
         paths = caller.node.create_publisher(Path, 'plan', RELIABLE)
         reports = caller.node.create_publisher(DiagnosticArray, 'planner/report', REPORTS)
         for publisher in (paths, reports):

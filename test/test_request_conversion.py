@@ -17,16 +17,17 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.writing import path_to_message, pose_to_message, quaternion_of
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.nodes.common.tf import PATIENCE, POLL_PERIOD_S, FrameError, Frames
-from llm_astar_planner.nodes.planner import nav2_server
+from llm_astar_planner.nodes.planner import goals
 from llm_astar_planner.nodes.planner.goals import (
     CancellationToken,
+    PathAction,
     PlanGoal,
     PlanResponse,
     PreemptingGoalSlot,
+    fill_result,
+    plan_goal,
 )
-from llm_astar_planner.nodes.planner.map_arrivals import MapArrivals
-from llm_astar_planner.nodes.planner.map_manager import PlanningMap
-from llm_astar_planner.nodes.planner.nav2_server import PathAction, fill_result, plan_goal
+from llm_astar_planner.nodes.planner.map_manager import MapArrivals, PlanningMap
 from llm_astar_planner.nodes.planner.publishers import PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import RequestConverter, RequestError
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
@@ -478,7 +479,7 @@ class LateAnswerer:
 
 
 def test_a_goal_canceled_before_it_is_taken_up_ends_as_canceled_and_has_no_path(monkeypatch):
-    monkeypatch.setattr(nav2_server, 'ActionServer', Mock())
+    monkeypatch.setattr(goals, 'ActionServer', Mock())
     goal = Goal()
     kind = SimpleNamespace(Result=ToPose, Feedback=object)
     goal.action = PathAction(Mock(), kind, 'plan', LateAnswerer(goal))

@@ -15,8 +15,8 @@ from llm_astar_planner.cli.pictures import add_picture_option
 from llm_astar_planner.parameter import ParameterError
 
 if TYPE_CHECKING:
-    from llm_astar_planner.nodes.tools.call import CalledPlan, PlannerCaller
     from llm_astar_planner.nodes.tools.plan_view import PlanView
+    from llm_astar_planner.nodes.tools.planner_client import CalledPlan, PlannerCaller
 
 EPILOG = """\
 examples:
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.interpret is None and (arguments.start is None or not has_goal):
         raise ParameterError('--start and one of --goal and --to, or --interpret, are expected')
     check_time_limit(arguments.time_limit)
-    from llm_astar_planner.nodes.tools.call import calling  # noqa: PLC0415
+    from llm_astar_planner.nodes.tools.planner_client import calling  # noqa: PLC0415
     from llm_astar_planner.planning.report import report_lines  # noqa: PLC0415
 
     with calling(arguments.namespace, arguments.node, arguments.time_limit) as caller:

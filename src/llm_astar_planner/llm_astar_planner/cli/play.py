@@ -113,7 +113,7 @@ def shown_graph(arguments: argparse.Namespace, feed: LiveFeed | None) -> Iterato
         yield
         return
     # ROS is needed for this alone.
-    from llm_astar_planner.nodes.tools.live_view import live_view  # noqa: PLC0415
+    from llm_astar_planner.nodes.tools.monitor import live_view  # noqa: PLC0415
 
     with live_view(arguments.namespace, arguments.node, arguments.client, feed):
         yield

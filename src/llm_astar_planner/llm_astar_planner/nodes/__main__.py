@@ -30,7 +30,7 @@ def start(name: str, argv: Sequence[str]) -> int:
     from importlib import import_module  # noqa: PLC0415
 
     from llm_astar_planner.nodes import MODULES  # noqa: PLC0415
-    from llm_astar_planner.nodes.common.child import follow_parent  # noqa: PLC0415
+    from llm_astar_planner.nodes.common.process import follow_parent  # noqa: PLC0415
 
     if name not in MODULES:
         sys.stderr.write(f'error: {name!r} is no node; there are {", ".join(MODULES)}\n')

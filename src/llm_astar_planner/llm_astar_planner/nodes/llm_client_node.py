@@ -28,13 +28,12 @@ from rclpy.node import Node
 
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.chain import make_interpreter
-from llm_astar_planner.nodes.common.callback_groups import LimitedCallbackGroup
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import Entities, LimitedCallbackGroup
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.questions import InterpretationServer
 from llm_astar_planner.nodes.common.spin import run_node
-from llm_astar_planner.nodes.interpretation_server import InterpretationServer
 from llm_astar_planner.planning.compile import compile_map_kernels
 from llm_astar_planner.planning.kernel_compiler import CompileReport, compile_and_report
 from llm_astar_planner.planning.parameters import (

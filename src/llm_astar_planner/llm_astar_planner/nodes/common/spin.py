@@ -18,13 +18,20 @@ import rclpy
 from llm_astar_msgs_adapter.errors import LlmAstarError, printable
 from rclpy._rclpy_pybind11 import InvalidHandle, RCLError, UnknownROSArgsError
 from rclpy.context import Context
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.exceptions import (
+    InvalidNamespaceException,
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    InvalidTopicNameException,
+)
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
+from rclpy.validate_namespace import validate_namespace
+from rclpy.validate_topic_name import validate_topic_name
 
-from llm_astar_planner.nodes.common.memory import limit_heaps
+from llm_astar_planner.nodes.common.process import limit_heaps
 
 # What a user can correct at start: printed as one line, never as a traceback.
 USER_ERRORS = (LlmAstarError, InvalidParameterTypeException, InvalidParameterValueException)
@@ -251,3 +258,19 @@ def reduce_latency() -> None:
     # Objects of imported modules are never freed. Scanning them in each full collection would
     # stop every thread for 0.1 to 0.2 s.
     gc.freeze()
+
+
+class NodeNameError(LlmAstarError, ValueError):
+    """A namespace or a node name that ROS does not allow."""
+
+
+def check_names(namespace: str, *nodes: str) -> str:
+    """Return a namespace with its leading slash. Raises NodeNameError for a name ROS forbids."""
+    namespace = f'/{namespace.strip("/")}'
+    try:
+        validate_namespace(namespace)
+        for name in nodes:
+            validate_topic_name(name)
+    except (InvalidNamespaceException, InvalidTopicNameException) as error:
+        raise NodeNameError(' '.join(str(error).split())) from None
+    return namespace

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.nodes.common.callback_groups import LimitedCallbackGroup
-from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.entities import Entities, LimitedCallbackGroup
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.footprint_checker import FootprintChecker

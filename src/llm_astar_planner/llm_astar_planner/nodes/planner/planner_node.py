@@ -19,8 +19,13 @@ from rclpy.node import Node
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.spin import run_node
-from llm_astar_planner.nodes.planner.goal_server import CALLERS, GoalServer
-from llm_astar_planner.nodes.planner.goals import CancellationToken, PlanGoal, PlanResponse
+from llm_astar_planner.nodes.planner.goals import (
+    CALLERS,
+    CancellationToken,
+    GoalServer,
+    PlanGoal,
+    PlanResponse,
+)
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.types import Plan, ResultCode
 

@@ -24,7 +24,6 @@ from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.nodes.common.tf import HAS_TF2, Frames, TransformListener
-from llm_astar_planner.nodes.planner.diagnostics import DiagnosticsPublisher
 from llm_astar_planner.nodes.planner.goals import (
     CancellationToken,
     PlanGoal,
@@ -40,7 +39,7 @@ from llm_astar_planner.nodes.planner.path_validity import (
     serve_path_validity,
 )
 from llm_astar_planner.nodes.planner.places_server import PlacesParameter, PlacesServer
-from llm_astar_planner.nodes.planner.publishers import PlanPublisher
+from llm_astar_planner.nodes.planner.publishers import DiagnosticsPublisher, PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import RequestConverter
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint

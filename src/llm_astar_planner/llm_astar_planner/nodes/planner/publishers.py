@@ -1,4 +1,4 @@
-"""Publishes paths, reports and markers."""
+"""Publishes paths, reports, markers, and the state of the planner."""
 
 from __future__ import annotations
 
@@ -12,22 +12,26 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.markers import expanded_to_message, waypoints_to_markers
-from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_message
+from llm_astar_msgs_adapter.messages.writing import (
+    path_to_message,
+    report_to_message,
+    status_to_message,
+)
 from nav_msgs.msg import GridCells, Path
 from numpy.typing import ArrayLike, NDArray
+from rclpy._rclpy_pybind11 import RCLError
 from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
-from llm_astar_planner.nodes.planner.diagnostics import PlanStatistics
 from llm_astar_planner.planning.footprint_search import FootprintSearch
 from llm_astar_planner.planning.path_ends import Ends, cell_of, ends_that_fit, with_exact_ends
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.report import plan_report
-from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode, finite_or_none
 from llm_astar_planner.search.any_angle import interpolate, turning_points
 
 # Reports that wait to be written, at most: a flood of goals waits for the oldest of them.
@@ -36,6 +40,8 @@ LONGEST_WAIT = 1.0
 # Seconds to write a pose, publish it and send it as the answer.
 POSE_SECONDS = 20e-6
 LEAST_SECONDS = 0.001
+
+PERIOD_S = 1.0
 
 
 class PathWriter:
@@ -250,3 +256,78 @@ class PlanPublisher:
         except Exception:  # noqa: BLE001 - a failure on this thread must not go unnoticed
             if self._node.context.ok():
                 self._node.get_logger().error(traceback.format_exc())
+
+
+class PlanStatistics:
+    """Counts what became of the requests, and keeps the last plan's figures."""
+
+    def __init__(self) -> None:
+        """Start at zero."""
+        self._lock = threading.Lock()
+        self._last: Plan | None = None
+        self._asked = self._made = self._certified = 0
+
+    def count(self, plan: Plan) -> None:
+        """Count a plan; it is certified if a bound on its cost is proven."""
+        is_made = plan.code is ResultCode.NONE
+        with self._lock:
+            self._last = plan
+            self._asked += 1
+            self._made += is_made
+            self._certified += is_made and finite_or_none(plan.suboptimality_bound) is not None
+
+    def values(self) -> dict[str, Any]:
+        """Return the figures by name; `certified_ratio` is of the plans made, None without any."""
+        with self._lock:
+            last = self._last.to_dict() if self._last else {}
+            return {
+                'plans_asked': self._asked,
+                'plans_made': self._made,
+                'certified_ratio': self._certified / self._made if self._made else None,
+                'last_code': last.get('code_name'),
+                'last_guided_by': last.get('guided_by'),
+                'last_ratio': last.get('ratio'),
+                'last_source_status': last.get('source_status'),
+                'last_source_detail': last.get('source_detail'),
+            }
+
+
+class DiagnosticsPublisher:
+    """Publishes the state at 1 Hz, and on request.
+
+    It has a thread of its own: a monitor must see the node also while every other thread plans.
+    """
+
+    def __init__(
+        self, entities: Entities, state: Callable[[], tuple[bool, str, dict[str, Any]]]
+    ) -> None:
+        """Start; `state` returns whether all is well, a sentence, and values by name."""
+        self._node = entities.node
+        self._state = state
+        self._publisher = entities.publisher(DiagnosticArray, '/diagnostics', RELIABLE)
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self.run, name='diagnostics', daemon=True)
+        self._thread.start()
+        entities.on_close(self.close)
+
+    def run(self) -> None:
+        """Publish the state once a second until `close`, or until the context is shut down."""
+        try:
+            while not self._closed.wait(PERIOD_S):
+                self.publish()
+        except RCLError:
+            if self._node.context.ok():
+                raise
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closed.set()
+        self._thread.join()
+
+    def publish(self) -> None:
+        """Publish the state now."""
+        is_well, message, values = self._state()
+        level = DiagnosticStatus.OK if is_well else DiagnosticStatus.WARN
+        name = f'{self._node.get_fully_qualified_name()[1:]}: planner'
+        stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(status_to_message(name, level, message, values, stamp))

@@ -1,31 +1,53 @@
-"""A client of a running planner_node, such as another stack would write."""
+"""Calls a running planner_node: for a plan, for its state, for what a text means to it."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
-from collections.abc import Callable
+import uuid
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from cachetools import FIFOCache
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.messages.fields import stamp_of, status_values
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
+from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of, status_values
 from llm_astar_msgs_adapter.messages.report import PlanReport, report_from_message
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.client import Client
 from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from std_msgs.msg import String
 
+from llm_astar_planner.instructions.interpretation import (
+    Interpretation,
+    Understanding,
+    not_understood,
+)
+from llm_astar_planner.instructions.messages import (
+    Question,
+    QuestionError,
+    interpretation_from_json,
+    parse_object,
+)
+from llm_astar_planner.instructions.place_names import PlaceGoalError, find_place
 from llm_astar_planner.nodes.common.asking import ASK_AGAIN_S, ask
-from llm_astar_planner.nodes.common.qos import CALLS, RELIABLE, REPORTS_OF_CALLS
-from llm_astar_planner.nodes.common.spin import SpinThread
+from llm_astar_planner.nodes.common.entities import Entities
+from llm_astar_planner.nodes.common.map_subscription import MapSubscription
+from llm_astar_planner.nodes.common.qos import CALLS, LATCHED, RELIABLE, REPORTS, REPORTS_OF_CALLS
+from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
 
 # Seconds after which a planner that may not have discovered the caller is asked again: longer than
 # the default of max_planning_time, so that few plans are made twice.
@@ -183,3 +205,157 @@ class PlannerClient:
 
     def _on_health(self, message: DiagnosticArray) -> None:
         self._health.update((status.name, status_values(status)) for status in message.status)
+
+
+@dataclass(frozen=True)
+class CalledPlan:
+    """A planner's answer: its path, the points of it in metres, report, round trip in seconds."""
+
+    path: Path
+    points: list[list[float]]
+    report: PlanReport
+    seconds: float
+
+
+class PlannerCaller:
+    """Calls one planner; every wait is at most `seconds` long and raises PlannerClientError."""
+
+    def __init__(self, client: PlannerClient, planner: str, seconds: float) -> None:
+        """Take the client of the node `planner`."""
+        self.client = client
+        self.planner = planner
+        self.seconds = seconds
+        self._answers: dict[str, list[dict[str, Any]]] = {}
+        self._places: list[dict[str, Any]] = []
+        self._questions = client.node.create_publisher(String, f'{planner}/interpret', RELIABLE)
+        client.listen(String, f'{planner}/interpretation', self.on_answer, REPORTS)
+        client.listen(String, f'{planner}/places_geojson', self.on_places, LATCHED)
+
+    def on_answer(self, message: String) -> None:
+        """Keep an answer to a question of this caller."""
+        with contextlib.suppress(QuestionError):
+            answer = parse_object(message.data)
+            if answer.get('id') in self._answers:
+                self._answers[answer['id']].append(answer)
+
+    def on_places(self, message: String) -> None:
+        """Keep the newest places."""
+        with contextlib.suppress(QuestionError):
+            self._places = [parse_object(message.data)]
+
+    def wait_for_planner(self) -> None:
+        """Wait until the planner is there and has a map."""
+        self.client.wait_until_ready(seconds=self.seconds)
+
+    def interpret(self, text: str) -> Iterator[dict[str, Any]]:
+        """Yield what the planner understands of a text: now, and again if a model is asked."""
+        id_ = uuid.uuid4().hex
+        self.client.wait_for_subscriber(self._questions, self.seconds)
+        answers = self._answers[id_] = []
+        self._questions.publish(String(data=Question(text, id_).to_text()))
+        what = f'the interpretation by {self.planner}'
+        self.client.wait_for(lambda: len(answers) > 0, what, self.seconds)
+        yield answers[0]
+        if answers[0].get('status') == Understanding.PENDING.value:
+            self.client.wait_for(lambda: len(answers) > 1, what, self.seconds)
+            yield answers[1]
+
+    def set_instruction(self, text: str) -> None:
+        """Set the planner's instruction."""
+        service = self.client.node.create_client(SetParameters, f'{self.planner}/set_parameters')
+        value = Parameter('instruction', value=text).to_parameter_msg()
+        response = self.client.ask(
+            service, SetParameters.Request(parameters=[value]), self.seconds
+        )
+        if not response.results[0].successful:
+            raise PlannerClientError(response.results[0].reason)
+
+    def place(self, name: str) -> Pose2D:
+        """Return the goal of a place. Raises PlaceGoalError with the names to choose from."""
+        place, collection = find_place(name, self.places()), self._places[-1]
+        if place.name not in collection['goals']:
+            raise PlaceGoalError(f'no cell of {place.name!r} is free on the map')
+        return Pose2D(*collection['goals'][place.name])
+
+    def places(self) -> Places:
+        """Return the planner's places."""
+        what = f'the places of {self.planner}'
+        self.client.wait_for(self.has_places, what, self.seconds)
+        return places_from_geojson(self._places[-1], what)
+
+    def has_places(self) -> bool:
+        """Tell whether the places have arrived, with their goals if there are any."""
+        newest = self._places[-1] if self._places else None
+        return newest is not None and ('goals' in newest or not newest.get('features'))
+
+    def plan(self, start: Pose2D, goal: Pose2D, frame_id: str) -> CalledPlan:
+        """Ask for a plan."""
+        path, report, seconds = self.client.call(start, goal, frame_id, self.seconds)
+        return CalledPlan(path, path_from_message(path).tolist(), report, seconds)
+
+
+@contextlib.contextmanager
+def calling(namespace: str, planner: str, seconds: float) -> Iterator[PlannerCaller]:
+    """Join the graph in `namespace` to call `planner`. Raises NodeNameError."""
+    with joined('llm_astar_call', check_names(namespace, planner)) as node:
+        client = PlannerClient(node, planner)
+        caller = PlannerCaller(client, planner, seconds)
+        with client:
+            caller.wait_for_planner()
+            yield caller
+
+
+class PlannerState:
+    """The state of one planner, read when asked for; it changes nothing in the graph.
+
+    It is an Interpreter too: what the graph understands of a text.
+    """
+
+    name = 'graph'
+
+    def __init__(self, caller: PlannerCaller) -> None:
+        """Take a caller of the planner."""
+        self._caller = caller
+        self._maps: list[GridMap] = []
+        node = caller.client.node
+        self._parameters = node.create_client(GetParameters, f'{caller.planner}/get_parameters')
+        self._subscription = MapSubscription(Entities(node), self.on_map)
+
+    def on_map(self, grid_map: GridMap) -> None:
+        """Keep the newest map."""
+        self._maps = [grid_map]
+
+    def grid_map(self) -> GridMap:
+        """Return the newest map. Raises PlannerClientError."""
+        self._caller.client.wait_for(lambda: bool(self._maps), 'a map', self._caller.seconds)
+        return self._maps[-1]
+
+    def places(self) -> Places:
+        """Return the planner's places. Raises PlannerClientError."""
+        return self._caller.places()
+
+    def values(self, names: Sequence[str]) -> dict[str, Any]:
+        """Return the planner's parameters of these names. Raises PlannerClientError."""
+        request = GetParameters.Request(names=list(names))
+        found = self._caller.client.ask(self._parameters, request, self._caller.seconds).values
+        if len(found) != len(names):
+            raise PlannerClientError(f'{self._caller.planner} lacks some of {", ".join(names)}')
+        return {name: parameter_value_to_python(value) for name, value in zip(names, found)}
+
+    def interpret(self, text: str, places: Places, time_limit: float) -> Interpretation:
+        """Return what the graph understands of a text; its own places and limits hold."""
+        del places, time_limit
+        try:
+            *_, answer = self._caller.interpret(text)
+            if answer.get('error'):
+                return not_understood(text, str(answer['error']))
+            return interpretation_from_json(answer)
+        except LlmAstarError as error:
+            return not_understood(text, str(error))
+
+
+@contextlib.contextmanager
+def planner_state(namespace: str, planner: str, seconds: float) -> Iterator[PlannerState]:
+    """Join the graph in `namespace` to read the state of `planner`. Raises NodeNameError."""
+    with calling(namespace, planner, seconds) as caller:
+        yield PlannerState(caller)
