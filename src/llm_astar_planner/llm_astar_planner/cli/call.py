@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.interpret is not None:
             return print_interpretation(caller, arguments.interpret, as_json=arguments.json)
         if arguments.instruction:
-            for _ in caller.interpret(arguments.instruction):
+            for _ in caller.interpretations(arguments.instruction):
                 pass  # the last answer is the one that plans are made with
         goal = caller.place(arguments.to) if arguments.to else Pose2D(*arguments.goal)
         start = Pose2D(*arguments.start)
@@ -99,7 +99,7 @@ def plan_view(caller: PlannerCaller, map_topic: str) -> PlanView:
     # Importing matplotlib takes most of a second.
     from llm_astar_planner.nodes.tools.plan_view import PlanView  # noqa: PLC0415
 
-    view = PlanView(caller.client, caller.planner, map_topic)
+    view = PlanView(caller, caller.planner, map_topic)
     time.sleep(DISCOVERY_SECONDS)
     return view
 
@@ -133,7 +133,7 @@ def print_interpretation(caller: PlannerCaller, text: str, *, as_json: bool) -> 
     from llm_astar_planner.planning.report import interpretation_line  # noqa: PLC0415
 
     answer: dict[str, Any] = {}
-    for answer in caller.interpret(text):
+    for answer in caller.interpretations(text):
         text = f'refused: {answer["error"]}' if answer.get('error') else ''
         print(json.dumps(answer) if as_json else text or interpretation_line(answer), flush=True)
     return 2 if answer.get('error') else 0

@@ -75,19 +75,16 @@ def spin_once(executor: Executor, context: Context) -> None:
 
 
 class SpinThread:
-    """Spins a node in a thread of its own, from `start` to `close`."""
+    """Spins a node in a thread of its own, until `close`."""
 
     def __init__(self, node: Node) -> None:
-        """Take a node that nobody else spins."""
+        """Start to spin a node that nobody else spins."""
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         self._stopped = threading.Event()
         self._thread = threading.Thread(
             target=spin, args=(self._executor, node.context, self._stopped), daemon=True
         )
-
-    def start(self) -> None:
-        """Start to spin."""
         self._thread.start()
 
     def close(self) -> None:

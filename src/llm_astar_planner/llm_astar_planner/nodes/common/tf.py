@@ -135,7 +135,6 @@ class TransformListener:
         self.buffer = tf2_ros.Buffer(node=self._node)
         self._listener = tf2_ros.TransformListener(self.buffer, self._node)
         self._thread = SpinThread(self._node)
-        self._thread.start()
 
     def close(self) -> None:
         """Leave the graph."""

@@ -264,12 +264,10 @@ class PlannerServer:
 
         Requests that came later must not overtake them.
         """
-        thread = SpinThread(node)
-        self._entities.on_close(thread.close)
         topic = self._settings['filter_info_topic']
         MaskSubscription(node, self._node, topic, self._zones.set_masks)
         MapSubscription(Entities(node), self._zones.take, self._node, self._maps.arrivals.note)
-        thread.start()
+        self._entities.on_close(SpinThread(node).close)
 
     def state(self) -> tuple[bool, str, dict[str, Any]]:
         """Return what /diagnostics says."""

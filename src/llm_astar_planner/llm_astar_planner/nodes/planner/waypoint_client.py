@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any
 
 from builtin_interfaces.msg import Time
 from cachetools import LRUCache
@@ -19,11 +18,10 @@ from nav_msgs.srv import GetPlan
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_parameter_events
 
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.nodes.common.asking import ask
+from llm_astar_planner.nodes.common.asking import ask, setting
 from llm_astar_planner.nodes.common.qos import CALLS, REPORTS
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER
@@ -80,13 +78,12 @@ class WaypointClient:
         self._free = threading.BoundedSemaphore(MAX_PENDING)
         self._node.create_subscription(DiagnosticArray, exchange, self.on_exchange, REPORTS)
         self._full_name = parent.resolve_service_name(client)
-        self._parameters = RemoteParameters(self._node, self._full_name)
+        self._rules = RemoteRules(self._node, self._full_name)
         self._on_change = on_change
         self._node.create_subscription(
             ParameterEvent, '/parameter_events', self.on_event, qos_profile_parameter_events
         )
         self._thread = SpinThread(self._node)
-        self._thread.start()
 
     @property
     def ready(self) -> bool:
@@ -102,7 +99,7 @@ class WaypointClient:
         """Query the client; every failure is a status, within the query's time limit."""
         deadline = time.monotonic() + query.time_limit
         if self.ready:
-            self._parameters.put(query.costmap.config, deadline)
+            self._rules.put(query.costmap.config, deadline)
         begin = time.monotonic()
         exchange = None
         try:
@@ -176,7 +173,7 @@ class WaypointClient:
         # What the planner sets itself belongs to the query.
         if event.node == self._full_name and not changed <= set(SET_BY_PLANNER):
             if event.new_parameters:
-                self._parameters.reset()
+                self._rules.reset()
             self._on_change()
 
 
@@ -211,8 +208,8 @@ def make_reply(
     )
 
 
-class RemoteParameters:
-    """Sets a client's costmap rules before it is asked. Thread-safe.
+class RemoteRules:
+    """Sets the costmap's rules on a client, as GetPlan has no fields for them. Thread-safe.
 
     What the client has is known from what was set. A client that was never set is assumed to have
     the default rules.
@@ -220,7 +217,6 @@ class RemoteParameters:
 
     def __init__(self, node: Node, client: str) -> None:
         """Set the parameters of node `client` by `node`, which somebody else spins."""
-        self._client_name = client
         self._client = node.create_client(SetParameters, f'{client}/set_parameters')
         self._lock = threading.Lock()
         self._config = CostmapConfig()
@@ -237,19 +233,9 @@ class RemoteParameters:
         any.
         """
         with self._lock:
-            if config != self._config:
-                self.set(asdict(config), deadline)
-                self._config = config  # once: a client without these parameters has no use of them
-
-    def set(self, values: Mapping[str, Any], deadline: float) -> str | None:
-        """Set parameters; return None, or why that failed."""
-        patience = min(DISCOVERY_SECONDS, max(0.0, deadline - time.monotonic()))
-        if not self._client.wait_for_service(patience):
-            return f'{self._client_name} takes no parameters'
-        parameters = [Parameter(name, value=value) for name, value in values.items()]
-        request = SetParameters.Request(parameters=[one.to_parameter_msg() for one in parameters])
-        response = ask(self._client, request, deadline - time.monotonic())
-        if response is None:
-            return f'{self._client_name} did not take it in time'
-        refused = [result.reason for result in response.results if not result.successful]
-        return f'{self._client_name} refused it: {refused[0]}' if refused else None
+            if config == self._config:
+                return
+            patience = min(DISCOVERY_SECONDS, max(0.0, deadline - time.monotonic()))
+            if self._client.wait_for_service(patience):
+                ask(self._client, setting(asdict(config)), deadline - time.monotonic())
+            self._config = config  # once: a client without these parameters has no use of them

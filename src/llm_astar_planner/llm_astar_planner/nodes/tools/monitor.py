@@ -153,12 +153,8 @@ def monitoring(namespace: str, planner: str, client: str) -> Iterator[Monitor]:
     """Join the graph in `namespace` and monitor it. Raises NodeNameError."""
     with joined('llm_astar_watch', check_names(namespace, planner, client)) as node:
         monitor = Monitor(node, planner, client)
-        thread = SpinThread(node)
-        thread.start()
-        try:
+        with contextlib.closing(SpinThread(node)):
             yield monitor
-        finally:
-            thread.close()
 
 
 class Viewer(Protocol):
@@ -239,13 +235,12 @@ def live_view(namespace: str, planner: str, client: str, viewer: Viewer) -> Iter
     """Join the graph in `namespace` and show a planner to a viewer. Raises NodeNameError."""
     with joined('llm_astar_play', check_names(namespace, planner, client)) as node:
         view = LiveView(node, planner, client, viewer)
-        spinning, stopped = SpinThread(node), threading.Event()
+        stopped = threading.Event()
         following = threading.Thread(target=view.follow, args=(stopped,), name='live view')
-        spinning.start()
-        following.start()
-        try:
-            yield
-        finally:
-            stopped.set()
-            following.join()
-            spinning.close()
+        with contextlib.closing(SpinThread(node)):
+            following.start()
+            try:
+                yield
+            finally:
+                stopped.set()
+                following.join()

@@ -172,6 +172,5 @@ def parameter_client(
 ) -> Iterator[ParameterClient]:
     """Join the graph to ask for parameters. Raises NodeNameError for an impossible name."""
     namespace = check_names(namespace, *names)
-    with joined('llm_astar_param') as node, contextlib.closing(SpinThread(node)) as thread:
-        thread.start()
+    with joined('llm_astar_param') as node, contextlib.closing(SpinThread(node)):
         yield ParameterClient(node, namespace, seconds)

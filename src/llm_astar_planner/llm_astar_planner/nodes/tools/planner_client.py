@@ -26,7 +26,7 @@ from nav_msgs.srv import GetPlan
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.client import Client
 from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import parameter_value_to_python
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String
@@ -43,7 +43,7 @@ from llm_astar_planner.instructions.messages import (
     parse_object,
 )
 from llm_astar_planner.instructions.place_names import PlaceGoalError, find_place
-from llm_astar_planner.nodes.common.asking import ASK_AGAIN_S, ask
+from llm_astar_planner.nodes.common.asking import ASK_AGAIN_S, ask, setting
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.qos import CALLS, LATCHED, RELIABLE, REPORTS, REPORTS_OF_CALLS
@@ -83,10 +83,9 @@ class PlannerClient:
         self._is_discovered = False
         self.listen(DiagnosticArray, f'{planner}/report', self._on_report, REPORTS_OF_CALLS)
         self.listen(DiagnosticArray, '/diagnostics', self._on_health, RELIABLE)
-        self._thread = SpinThread(node)
 
     def __enter__(self) -> PlannerClient:
-        self._thread.start()
+        self._thread = SpinThread(self.node)
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -217,80 +216,71 @@ class CalledPlan:
     seconds: float
 
 
-class PlannerCaller:
+class PlannerCaller(PlannerClient):
     """Calls one planner; every wait is at most `seconds` long and raises PlannerClientError."""
 
-    def __init__(self, client: PlannerClient, planner: str, seconds: float) -> None:
-        """Take the client of the node `planner`."""
-        self.client = client
+    def __init__(self, node: Node, planner: str, seconds: float) -> None:
+        """Call the node `planner` from a node that nobody else spins."""
+        super().__init__(node, planner)
         self.planner = planner
         self.seconds = seconds
         self._answers: dict[str, list[dict[str, Any]]] = {}
-        self._places: list[dict[str, Any]] = []
-        self._questions = client.node.create_publisher(String, f'{planner}/interpret', RELIABLE)
-        client.listen(String, f'{planner}/interpretation', self.on_answer, REPORTS)
-        client.listen(String, f'{planner}/places_geojson', self.on_places, LATCHED)
+        self._places: dict[str, Any] = {}
+        self._questions = node.create_publisher(String, f'{planner}/interpret', RELIABLE)
+        self.listen(String, f'{planner}/interpretation', self._on_answer, REPORTS)
+        self.listen(String, f'{planner}/places_geojson', self._on_places, LATCHED)
 
-    def on_answer(self, message: String) -> None:
+    def _on_answer(self, message: String) -> None:
         """Keep an answer to a question of this caller."""
         with contextlib.suppress(QuestionError):
             answer = parse_object(message.data)
-            if answer.get('id') in self._answers:
-                self._answers[answer['id']].append(answer)
+            self._answers.get(answer.get('id', ''), []).append(answer)
 
-    def on_places(self, message: String) -> None:
+    def _on_places(self, message: String) -> None:
         """Keep the newest places."""
         with contextlib.suppress(QuestionError):
-            self._places = [parse_object(message.data)]
+            self._places = parse_object(message.data)
 
-    def wait_for_planner(self) -> None:
-        """Wait until the planner is there and has a map."""
-        self.client.wait_until_ready(seconds=self.seconds)
-
-    def interpret(self, text: str) -> Iterator[dict[str, Any]]:
+    def interpretations(self, text: str) -> Iterator[dict[str, Any]]:
         """Yield what the planner understands of a text: now, and again if a model is asked."""
         id_ = uuid.uuid4().hex
-        self.client.wait_for_subscriber(self._questions, self.seconds)
+        self.wait_for_subscriber(self._questions, self.seconds)
         answers = self._answers[id_] = []
         self._questions.publish(String(data=Question(text, id_).to_text()))
-        what = f'the interpretation by {self.planner}'
-        self.client.wait_for(lambda: len(answers) > 0, what, self.seconds)
-        yield answers[0]
-        if answers[0].get('status') == Understanding.PENDING.value:
-            self.client.wait_for(lambda: len(answers) > 1, what, self.seconds)
-            yield answers[1]
+        for number in range(2):
+            what = f'the interpretation by {self.planner}'
+            self.wait_for(lambda: len(answers) > number, what, self.seconds)  # noqa: B023
+            yield answers[number]
+            if answers[number].get('status') != Understanding.PENDING.value:
+                return
 
     def set_instruction(self, text: str) -> None:
         """Set the planner's instruction."""
-        service = self.client.node.create_client(SetParameters, f'{self.planner}/set_parameters')
-        value = Parameter('instruction', value=text).to_parameter_msg()
-        response = self.client.ask(
-            service, SetParameters.Request(parameters=[value]), self.seconds
-        )
-        if not response.results[0].successful:
-            raise PlannerClientError(response.results[0].reason)
+        service = self.node.create_client(SetParameters, f'{self.planner}/set_parameters')
+        result = self.ask(service, setting({'instruction': text}), self.seconds).results[0]
+        if not result.successful:
+            raise PlannerClientError(result.reason)
 
     def place(self, name: str) -> Pose2D:
         """Return the goal of a place. Raises PlaceGoalError with the names to choose from."""
-        place, collection = find_place(name, self.places()), self._places[-1]
-        if place.name not in collection['goals']:
+        place = find_place(name, self.places())
+        if place.name not in self._places['goals']:
             raise PlaceGoalError(f'no cell of {place.name!r} is free on the map')
-        return Pose2D(*collection['goals'][place.name])
+        return Pose2D(*self._places['goals'][place.name])
 
     def places(self) -> Places:
-        """Return the planner's places."""
+        """Return the planner's places, which come with their goals if there are any."""
         what = f'the places of {self.planner}'
-        self.client.wait_for(self.has_places, what, self.seconds)
-        return places_from_geojson(self._places[-1], what)
-
-    def has_places(self) -> bool:
-        """Tell whether the places have arrived, with their goals if there are any."""
-        newest = self._places[-1] if self._places else None
-        return newest is not None and ('goals' in newest or not newest.get('features'))
+        self.wait_for(
+            lambda: 'goals' in self._places or self._places.get('features') == [],
+            what,
+            self.seconds,
+        )
+        return places_from_geojson(self._places, what)
 
     def plan(self, start: Pose2D, goal: Pose2D, frame_id: str) -> CalledPlan:
         """Ask for a plan."""
-        path, report, seconds = self.client.call(start, goal, frame_id, self.seconds)
+        path, report, seconds = self.call(start, goal, frame_id, self.seconds)
         return CalledPlan(path, path_from_message(path).tolist(), report, seconds)
 
 
@@ -298,10 +288,9 @@ class PlannerCaller:
 def calling(namespace: str, planner: str, seconds: float) -> Iterator[PlannerCaller]:
     """Join the graph in `namespace` to call `planner`. Raises NodeNameError."""
     with joined('llm_astar_call', check_names(namespace, planner)) as node:
-        client = PlannerClient(node, planner)
-        caller = PlannerCaller(client, planner, seconds)
-        with client:
-            caller.wait_for_planner()
+        caller = PlannerCaller(node, planner, seconds)
+        with caller:
+            caller.wait_until_ready(seconds=seconds)
             yield caller
 
 
@@ -317,17 +306,17 @@ class PlannerState:
         """Take a caller of the planner."""
         self._caller = caller
         self._maps: list[GridMap] = []
-        node = caller.client.node
+        node = caller.node
         self._parameters = node.create_client(GetParameters, f'{caller.planner}/get_parameters')
-        self._subscription = MapSubscription(Entities(node), self.on_map)
+        MapSubscription(Entities(node), self._on_map)
 
-    def on_map(self, grid_map: GridMap) -> None:
+    def _on_map(self, grid_map: GridMap) -> None:
         """Keep the newest map."""
         self._maps = [grid_map]
 
     def grid_map(self) -> GridMap:
         """Return the newest map. Raises PlannerClientError."""
-        self._caller.client.wait_for(lambda: bool(self._maps), 'a map', self._caller.seconds)
+        self._caller.wait_for(lambda: bool(self._maps), 'a map', self._caller.seconds)
         return self._maps[-1]
 
     def places(self) -> Places:
@@ -337,7 +326,7 @@ class PlannerState:
     def values(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the planner's parameters of these names. Raises PlannerClientError."""
         request = GetParameters.Request(names=list(names))
-        found = self._caller.client.ask(self._parameters, request, self._caller.seconds).values
+        found = self._caller.ask(self._parameters, request, self._caller.seconds).values
         if len(found) != len(names):
             raise PlannerClientError(f'{self._caller.planner} lacks some of {", ".join(names)}')
         return {name: parameter_value_to_python(value) for name, value in zip(names, found)}
@@ -346,7 +335,7 @@ class PlannerState:
         """Return what the graph understands of a text; its own places and limits hold."""
         del places, time_limit
         try:
-            *_, answer = self._caller.interpret(text)
+            *_, answer = self._caller.interpretations(text)
             if answer.get('error'):
                 return not_understood(text, str(answer['error']))
             return interpretation_from_json(answer)
