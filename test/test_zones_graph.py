@@ -413,7 +413,7 @@ def speed_mask(topic='slow', kind=FilterKind.SPEED_ABSOLUTE, frame_id='map'):
 def test_a_mask_that_cannot_be_used_yet_is_tried_again_with_the_next_map(server):
     server.take(grid())
     server._frames.locate.side_effect = FrameError('no transform')
-    server.set_masks([speed_mask(frame_id='odom')])
+    server.use(masks=[speed_mask(frame_id='odom')])
     server.take(grid())
     cells = server._on_map.call_args[0][0].cells
     assert (cells == grid().cells).all(), 'the speed of the robot is not known'

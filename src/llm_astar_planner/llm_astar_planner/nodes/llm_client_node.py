@@ -163,7 +163,7 @@ class LlmClientNode(Node):
         if self._interpretations is not None:
             self._interpretations.adopt(self._new_interpreter)
 
-    def on_map(self, grid_map: GridMap) -> None:
+    def on_map(self, grid_map: GridMap, _: float) -> None:
         """Keep a new map."""
         self._grid_map = grid_map
         self.publish_health()

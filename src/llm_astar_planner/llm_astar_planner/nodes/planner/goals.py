@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from builtin_interfaces.msg import Duration
@@ -26,6 +25,7 @@ from llm_astar_planner.planning.types import ResultCode
 
 # The services are there before what plans is imported: see planner_node.
 if TYPE_CHECKING:
+    from llm_astar_planner.nodes.planner.planner_node import PlannerNode
     from llm_astar_planner.planning.planner import Planner
     from llm_astar_planner.planning.types import Plan, PlanRequest
 
@@ -40,9 +40,12 @@ INTROSPECTION_STATES = {
 try:
     from nav2_msgs.action import ComputePathThroughPoses, ComputePathToPose
 except ImportError:
-    HAS_NAV2 = False
+    ACTIONS: dict[str, Any] = {}
 else:
-    HAS_NAV2 = True
+    ACTIONS = {
+        'compute_path_to_pose': ComputePathToPose,
+        'compute_path_through_poses': ComputePathThroughPoses,
+    }
 
 # Seconds that a result is kept, as long as Nav2's planner_server keeps it: it may be large.
 RESULT_SECONDS = 10
@@ -124,42 +127,26 @@ class PlanResponse:
     map_age: float | None = None
 
 
-class GoalAnswerer(Protocol):
-    """Answers goals, as the planner node does."""
+def serve_goals(entities: Entities, node: PlannerNode, introspection: str) -> None:
+    """Serve `~/get_plan` and Nav2's path actions, whose goals `node` answers.
 
-    @property
-    def is_active(self) -> bool:
-        """Whether goals are answered."""
+    `introspection` is one of INTROSPECTION_STATES, for `~/get_plan`. Nothing that takes long to
+    import is needed.
+    """
 
-    def answer_goal(
-        self,
-        goal: PlanGoal,
-        token: CancellationToken | None = None,
-        on_better: Callable[[], None] | None = None,
-    ) -> PlanResponse:
-        """Plan and publish; never raises."""
-
-
-class GoalServer:
-    """The services and actions that take goals. They need nothing that takes long to import."""
-
-    def __init__(self, entities: Entities, answerer: GoalAnswerer, introspection: str) -> None:
-        """Serve; `introspection` is one of INTROSPECTION_STATES, for `~/get_plan`."""
-        self._answerer = answerer
-        callers = LimitedCallbackGroup(CALLERS)
-        service = entities.service(GetPlan, '~/get_plan', self.on_get_plan, callers)
-        state = INTROSPECTION_STATES[introspection]
-        service.configure_introspection(entities.node.get_clock(), RELIABLE, state)
-        served = 'with' if serve_nav2(entities, answerer) else 'without nav2_msgs, so without'
-        entities.node.get_logger().info(f"{served} Nav2's planner actions")
-
-    def on_get_plan(
-        self, request: GetPlan.Request, response: GetPlan.Response
-    ) -> GetPlan.Response:
-        """Answer `~/get_plan`."""
+    def on_get_plan(request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
         goal = PlanGoal((request.goal,), request.start, float(request.tolerance))
-        response.plan = self._answerer.answer_goal(goal).path
+        response.plan = node.answer_goal(goal).path
         return response
+
+    callers = LimitedCallbackGroup(CALLERS)
+    service = entities.service(GetPlan, '~/get_plan', on_get_plan, callers)
+    state = INTROSPECTION_STATES[introspection]
+    service.configure_introspection(node.get_clock(), RELIABLE, state)
+    for name, kind in ACTIONS.items():
+        PathAction(entities, kind, name, node)
+    served = 'with' if ACTIONS else 'without nav2_msgs, so without'
+    node.get_logger().info(f"{served} Nav2's planner actions")
 
 
 def plan_goal(goal: Any) -> PlanGoal:  # noqa: ANN401 - a goal of either action
@@ -217,16 +204,10 @@ def error_name(response: PlanResponse, reason: str) -> str:
 class PathAction:
     """One action server; a new goal preempts the previous one."""
 
-    def __init__(
-        self,
-        entities: Entities,
-        kind: Any,  # noqa: ANN401 - an action type
-        name: str,
-        answerer: GoalAnswerer,
-    ) -> None:
-        """Serve the action."""
+    def __init__(self, entities: Entities, kind: Any, name: str, node: PlannerNode) -> None:  # noqa: ANN401 - an action type
+        """Serve the action, whose goals `node` answers."""
         self._kind = kind
-        self._answerer = answerer
+        self._node = node
         self._slot = PreemptingGoalSlot()
         self._tokens: dict[bytes, CancellationToken] = {}
         server = ActionServer(
@@ -247,7 +228,7 @@ class PathAction:
 
     def on_goal(self, _: Any) -> GoalResponse:  # noqa: ANN401 - any goal
         """Accept a goal if the node is active."""
-        return GoalResponse.ACCEPT if self._answerer.is_active else GoalResponse.REJECT
+        return GoalResponse.ACCEPT if self._node.is_active else GoalResponse.REJECT
 
     def on_accepted(self, handle: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Cancel the previous goal and execute this one."""
@@ -267,9 +248,7 @@ class PathAction:
         """Plan for a goal and finish it."""
         goal, token = plan_goal(handle.request), self.token_of(handle)
         feedback = self._kind.Feedback()
-        response = self._answerer.answer_goal(
-            goal, token, lambda: handle.publish_feedback(feedback)
-        )
+        response = self._node.answer_goal(goal, token, lambda: handle.publish_feedback(feedback))
         if token.reason == CANCELED:
             wait_for_cancel(handle)
         if handle.is_cancel_requested:
@@ -285,15 +264,6 @@ class PathAction:
         # Not before the end, after which no cancel can come.
         del self._tokens[bytes(handle.goal_id.uuid)]
         return fill_result(self._kind.Result(), response, token.reason)
-
-
-def serve_nav2(entities: Entities, answerer: GoalAnswerer) -> bool:
-    """Serve Nav2's path actions; tell whether nav2_msgs is there to do so."""
-    if not HAS_NAV2:
-        return False
-    PathAction(entities, ComputePathToPose, 'compute_path_to_pose', answerer)
-    PathAction(entities, ComputePathThroughPoses, 'compute_path_through_poses', answerer)
-    return True
 
 
 def wait_for_cancel(handle: Any) -> None:  # noqa: ANN401 - rclpy's own

@@ -5,12 +5,13 @@ from __future__ import annotations
 import threading
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from threading import Thread
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from nav_msgs.msg import Path
@@ -37,7 +38,6 @@ from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.questions import QuestionServer
-from llm_astar_planner.nodes.planner.request_conversion import GoalPoses
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 
@@ -134,14 +134,16 @@ class InstructionServer:
         else:
             logger.info('no instruction any more')
 
-    def add_to(self, request: PlanRequest, planner: Planner, poses: GoalPoses) -> PlanRequest:
+    def add_to(
+        self, request: PlanRequest, planner: Planner, start: Pose2D, goals: Sequence[Pose2D]
+    ) -> PlanRequest:
         """Return a request with the instruction that is set, if there is one."""
         instruction = self.current.instruction
         if instruction is None:
             return request
         route = Route(planner.costmap, request.start, request.goal, instruction.places)
-        position, goals = poses.start[:2], [goal[:2] for goal in poses.goals]
-        visited = self._progress.at(position, goals, instruction.interpretation, route)
+        places = [goal[:2] for goal in goals]
+        visited = self._progress.at(start[:2], places, instruction.interpretation, route)
         policy = self._settings['instruction_policy']
         return replace(request, instruction=replace(instruction, policy=policy, visited=visited))
 

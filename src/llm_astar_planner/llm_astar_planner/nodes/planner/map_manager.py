@@ -25,6 +25,8 @@ from llm_astar_planner.search.landmarks import LandmarkManager
 LONGEST_PREPARATION = 120.0
 # Seconds between two looks at whether a plan may still wait for its map.
 POLL_SECONDS = 0.01
+# A costmap changes every second: that it is planned on is logged once in so many seconds.
+QUIET_SECONDS = 10.0
 
 # How many of the last intervals are kept; from how many on another message is expected, and from
 # how many on one that does not come is worth a warning.
@@ -47,7 +49,7 @@ class MapManager:
 
     Maps are prepared on a thread of their own, only the newest one: maps, updates and changes of
     rules that arrive meanwhile are prepared together in the next round. A map that is refused
-    changes nothing. Who receives the messages notes them in `arrivals`.
+    changes nothing. `arrivals` notes when they came.
     """
 
     def __init__(
@@ -114,14 +116,16 @@ class MapManager:
         """Return what the landmarks cost and how often plans had them, for /diagnostics."""
         return self._landmarks.statistics()
 
-    def take(self, grid_map: GridMap) -> None:
+    def take(self, grid_map: GridMap, transit: float | None = 0.0) -> None:
         """Plan on this map as soon as it is ready.
 
-        It is as old as the last message noted in `arrivals`, and new if none was.
+        It was sent `transit` seconds ago; None for the last one with other zones, which is as old
+        as that.
         """
-        noted = self.arrivals.last
+        if transit is not None:
+            self.arrivals.note(transit)
         with self._changed:
-            self._arrived = noted if math.isfinite(noted) else time.monotonic()
+            self._arrived = self.arrivals.last
             self._grid_map = grid_map
             self._requested += 1
             self.is_preparing = True
@@ -199,6 +203,8 @@ class MapManager:
             self.is_preparing = self._requested > number
             self._changed.notify_all()
         if planner is not None and planner is not before:
+            message = f'planning on {self.name}'
+            self._logger.info(message, throttle_duration_sec=QUIET_SECONDS)
             self._on_planner(planner)
 
     def make_planner(self, grid_map: GridMap | None, before: Planner | None) -> Planner | None:

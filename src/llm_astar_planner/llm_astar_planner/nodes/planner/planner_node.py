@@ -22,9 +22,9 @@ from llm_astar_planner.nodes.common.spin import run_node
 from llm_astar_planner.nodes.planner.goals import (
     CALLERS,
     CancellationToken,
-    GoalServer,
     PlanGoal,
     PlanResponse,
+    serve_goals,
 )
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.types import Plan, ResultCode
@@ -78,7 +78,9 @@ class PlannerNode(LifecycleNodeMixin, Node):
     @property
     def is_active(self) -> bool:
         """Whether goals are taken: by an active node, and by one that is about to be."""
-        return not self._started.is_set() or (self._server is not None and self._server.is_active)
+        return not self._started.is_set() or (
+            self._server is not None and self._server.handler.is_active
+        )
 
     def answer_goal(
         self,
@@ -89,11 +91,13 @@ class PlannerNode(LifecycleNodeMixin, Node):
         """Plan, publish and watch the path; never raises. See RequestHandler.answer."""
         self._started.wait()
         server = self._server
-        if server is not None:
-            return server.answer_goal(goal, token, on_better)
-        not_drawn = np.zeros((0, 0), dtype=np.bool_)
-        plan = Plan(ResultCode.UNKNOWN, NOT_CONFIGURED, '', (0, 0), (0, 0), not_drawn)
-        return PlanResponse(goal, plan, Path())
+        if server is None:
+            not_drawn = np.zeros((0, 0), dtype=np.bool_)
+            plan = Plan(ResultCode.UNKNOWN, NOT_CONFIGURED, '', (0, 0), (0, 0), not_drawn)
+            return PlanResponse(goal, plan, Path())
+        response = server.handler.answer(goal, token, on_better)
+        server.monitor.watch(response)
+        return response
 
     def start(self) -> None:
         """Configure and activate. Raises ParameterError if that fails."""
@@ -132,7 +136,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
         """Join the graph: at first what clients wait for, then what takes long to import."""
         with self._lock:
             self._goals = Entities(self)
-            GoalServer(self._goals, self, self._settings['introspection_mode'])
+            serve_goals(self._goals, self, self._settings['introspection_mode'])
         from llm_astar_planner.nodes.planner.planner_server import (  # noqa: PLC0415
             PlannerServer,
         )

@@ -71,7 +71,17 @@ class Job:
     def may_wait(self) -> bool:
         """Tell whether there is time left. Raises RequestError if the goal was cancelled."""
         self.raise_if_cancelled()
-        return time.monotonic() < self.begin + self.limit
+        return time.monotonic() < self.deadline
+
+    @property
+    def deadline(self) -> float:
+        """When its time is up, in monotonic seconds."""
+        return self.begin + self.limit
+
+    def search_seconds(self) -> float:
+        """Return the seconds that are left, but for those to check and write the path."""
+        finish = min(FINISH_SECONDS, FINISH_SHARE * self.limit)
+        return max(LEAST_SECONDS, self.deadline - finish - time.monotonic())
 
 
 class RequestHandler:
@@ -192,35 +202,31 @@ class RequestHandler:
         if newest is None:
             raise RequestError(ResultCode.TIMEOUT, waited.warnings[0])
         planner, map_age = newest.planner, time.monotonic() - newest.arrived
-        poses = self._converter.poses(job.goal, planner.grid_map, job.may_wait)
-        deadline = job.begin + job.limit
-        finish = min(FINISH_SECONDS, FINISH_SHARE * job.limit)
-        request = self._converter.to_request(
+        request, start, goals = self._converter.to_request(
             job.goal,
-            poses,
             planner.grid_map,
-            max(LEAST_SECONDS, deadline - finish - time.monotonic()),
+            job.search_seconds,
+            job.may_wait,
             want_expanded=self._publisher.wants_expanded,
         )
         jumps = self._compiler.compiled >= Compiled.UNIFORM
         request = request if jumps else without_jump_points(request)
         keeps_heading = self._settings.current['use_final_approach_orientation']
-        ends = poses.start, poses.goals[-1]
         writer = PathWriter(
-            planner, job.stamp, *ends, keeps_heading=keeps_heading, request=request
+            planner, job.stamp, start, goals[-1], keeps_heading=keeps_heading, request=request
         )
         if self._instructions.current.instruction is not None:
-            request = self._instructions.add_to(request, planner, poses)
+            request = self._instructions.add_to(request, planner, start, goals)
         for plan in planner.plans(request, job.token.stop):
             if not plan.is_final:
                 # Half of the time left is for the search and the final path.
-                path, _ = writer.write_plan(plan, (time.monotonic() + deadline) / 2.0)
+                path, _ = writer.write_plan(plan, (time.monotonic() + job.deadline) / 2.0)
                 if not job.token.reason:
                     self.publish(path, replan_reason)
                     if on_better is not None:
                         on_better()
         job.raise_if_cancelled()
-        path, left_out = writer.write_plan(plan, deadline)
+        path, left_out = writer.write_plan(plan, job.deadline)
         # Writing a long path takes time; a path that was cancelled meanwhile is not published.
         job.raise_if_cancelled()
         if plan.code is ResultCode.NONE:

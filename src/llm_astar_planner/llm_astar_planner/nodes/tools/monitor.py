@@ -184,7 +184,7 @@ class LiveView:
         self._paths: FIFOCache[int, NDArray[np.float64]] = FIFOCache(KEPT_PATHS)
         self._report: MonitorEvent | None = None
         self._report_came = 0.0
-        MapSubscription(Entities(node), viewer.show_map)
+        MapSubscription(Entities(node), lambda grid_map, _: viewer.show_map(grid_map))
         node.create_subscription(Path, 'plan', self._on_path, RELIABLE)
         node.create_subscription(String, f'{planner}/places_geojson', self._on_places, LATCHED)
 

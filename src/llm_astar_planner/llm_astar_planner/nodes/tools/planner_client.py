@@ -310,7 +310,7 @@ class PlannerState:
         self._parameters = node.create_client(GetParameters, f'{caller.planner}/get_parameters')
         MapSubscription(Entities(node), self._on_map)
 
-    def _on_map(self, grid_map: GridMap) -> None:
+    def _on_map(self, grid_map: GridMap, _: float) -> None:
         """Keep the newest map."""
         self._maps = [grid_map]
 
