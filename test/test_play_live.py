@@ -17,16 +17,16 @@ import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from graph_tools import GOAL, START, calling, spinning, wait_for
+from llm_astar_lab.nodes import live_view
+from llm_astar_lab.play.errors import PlayError
+from llm_astar_lab.play.live import LiveFeed
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.writing import path_to_message, report_to_message
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-from llm_astar_planner.nodes.tools import monitor
 from llm_astar_planner.planning.report import plan_report
 from llm_astar_planner.planning.types import Plan, ResultCode
-from llm_astar_planner.play.errors import PlayError
-from llm_astar_planner.play.live import LiveFeed
 from nav_msgs.msg import Path
 from rclpy.parameter import Parameter
 
@@ -134,9 +134,9 @@ def test_a_page_sees_the_graphs_map_plans_and_state_and_ctrl_c_ends_the_server(g
 
 
 def test_a_page_is_told_what_to_check_where_there_is_no_planner(graph, monkeypatch):
-    monkeypatch.setattr(monitor, 'SILENCE_S', 0.1)
+    monkeypatch.setattr(live_view, 'SILENCE_S', 0.1)
     feed, stopped = LiveFeed(), threading.Event()
-    view = monitor.LiveView(graph.node, 'nobody', 'no_client', feed)
+    view = live_view.LiveView(graph.node, 'nobody', 'no_client', feed)
     following = threading.Thread(target=view.follow, args=(stopped,))
     following.start()
 
@@ -164,7 +164,7 @@ def test_plans_a_nanosecond_apart_are_shown_with_their_own_paths(graph):
 
     plans, stopped, namespace = [], threading.Event(), f'{SPACE}/twins'
     with calling(namespace, 'publishes_twins') as caller:
-        view = monitor.LiveView(caller.node, 'planner', 'no_client', Viewer())
+        view = live_view.LiveView(caller.node, 'planner', 'no_client', Viewer())
         paths = caller.node.create_publisher(Path, 'plan', RELIABLE)
         reports = caller.node.create_publisher(DiagnosticArray, 'planner/report', REPORTS)
         for publisher in (paths, reports):
