@@ -143,9 +143,9 @@ def test_the_log_has_what_a_plan_warns_of_and_no_cancel_as_a_warning():
     publisher = PlanPublisher(Mock(node=node))
     for is_cancelled in (True, False):
         plan = Plan(ResultCode.TIMEOUT, 'canceled: why', '', (0, 0), (0, 0), NOTHING)
-        publisher.publish_report(plan, None, None, STAMP, is_cancelled=is_cancelled)
+        publisher.publish_report(PlanResponse(None, plan, None), STAMP, is_cancelled=is_cancelled)
     moved = replace(plan, code=ResultCode.NONE, message='a path', warnings=('0.20 m off',))
-    publisher.publish_report(moved, None, None, STAMP)
+    publisher.publish_report(PlanResponse(None, moved, None), STAMP, is_cancelled=False)
     publisher._thread.shutdown()
     why = 'canceled: why [TIMEOUT 207]'
     said = 'path found: a path; 0.20 m off'

@@ -72,6 +72,11 @@ MOST_THREADS = 128
 REPLACED_TOO_OFTEN = (
     'the parameters were changed too often: earlier queries still wait; try again in a minute'
 )
+# What an exchange message has of a reply as it is.
+REPORTED = (
+    *('label', 'detail', 'model', 'prompt', 'unit', 'prompt_tokens', 'completion_tokens'),
+    *('seconds', 'waypoints'),
+)
 # Characters of a text in an exchange message; a transcript holds the whole text.
 MAX_TEXT = 16000
 
@@ -163,7 +168,7 @@ class LlmClientNode(Node):
         if self._interpretations is not None:
             self._interpretations.adopt(self._new_interpreter)
 
-    def on_map(self, grid_map: GridMap, _: float) -> None:
+    def on_map(self, grid_map: GridMap, _: float = 0.0) -> None:
         """Keep a new map."""
         self._grid_map = grid_map
         self.publish_health()
@@ -270,18 +275,10 @@ def cell_of(pose: PoseStamped, name: str, grid_map: GridMap) -> Cell:
 def exchange_report(reply: WaypointReply, key: SampleKey) -> ExchangeReport:
     """Return what `~/exchange` publishes of a reply; `key` identifies map, start and goal."""
     return ExchangeReport(
-        label=reply.label,
+        **{name: getattr(reply, name) for name in REPORTED},
         status=reply.status.value,
-        detail=reply.detail,
-        model=reply.model,
-        prompt=reply.prompt,
         text=reply.text[:MAX_TEXT],
         messages=tuple((message.role, message.content[:MAX_TEXT]) for message in reply.messages),
-        unit=reply.unit,
-        prompt_tokens=reply.prompt_tokens,
-        completion_tokens=reply.completion_tokens,
-        seconds=reply.seconds,
-        waypoints=reply.waypoints,
         map_digest=str(key.map),
         pair=str(key.pair),
     )

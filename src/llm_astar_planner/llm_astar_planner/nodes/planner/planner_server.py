@@ -35,7 +35,7 @@ from llm_astar_planner.nodes.planner.path_validity import (
     PathValidityService,
     serve_path_validity,
 )
-from llm_astar_planner.nodes.planner.places_server import PlacesParameter, PlacesServer
+from llm_astar_planner.nodes.planner.places_server import PlacesServer
 from llm_astar_planner.nodes.planner.publishers import DiagnosticsPublisher, PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import RequestConverter
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
@@ -68,7 +68,7 @@ class PlannerServer:
         self._bond: Bond | None = None
         self._initial_pose: PoseStamped | None = None
         self._cache: CachedWaypointSource | None = None
-        self._places = PlacesServer(entities, PlacesParameter(entities, settings))
+        self._places = PlacesServer(entities, settings)
         self._instructions = InstructionServer(
             entities, settings, lambda: self._places.places, self.on_understood
         )

@@ -7,7 +7,6 @@ import time
 import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.planner.goals import PlanResponse
 from llm_astar_planner.planning.footprint_search import FootprintSearch
 from llm_astar_planner.planning.path_ends import Ends, cell_of, ends_that_fit, with_exact_ends
 from llm_astar_planner.planning.planner import Planner
@@ -170,37 +170,21 @@ class PlanPublisher:
         if is_new:
             self._plan.publish(path)
 
-    def publish_report(
-        self,
-        plan: Plan,
-        planner: Planner | None,
-        map_age: float | None,
-        stamp: Time,
-        *,
-        is_cancelled: bool = False,
-    ) -> None:
-        """Count, publish and log a plan made on a map of this age, in seconds.
+    def publish_report(self, response: PlanResponse, stamp: Time, *, is_cancelled: bool) -> None:
+        """Count, publish and log the plan of a response.
 
-        `planner` is None if it never came to planning. A failure that was somebody's wish is
-        logged at debug level: on a map that changes at 5 Hz, each replan may preempt the last.
+        A failure that was somebody's wish is logged at debug level: on a map that changes at
+        5 Hz, each replan may preempt the last.
         """
         self._free.acquire(timeout=LONGEST_WAIT)
-        write = partial(self.write_report, is_cancelled=is_cancelled)
-        self._thread.submit(self.logged, write, plan, planner, map_age, stamp)
+        self._thread.submit(self.logged, self.write_report, response, stamp, is_cancelled)
 
-    def write_report(
-        self,
-        plan: Plan,
-        planner: Planner | None,
-        map_age: float | None,
-        stamp: Time,
-        *,
-        is_cancelled: bool,
-    ) -> None:
-        """Count, publish and log a plan now."""
+    def write_report(self, response: PlanResponse, stamp: Time, is_cancelled: bool) -> None:
+        """Count, publish and log the plan of a response now."""
         self._free.release()
+        plan, planner = response.plan, response.planner
         self.statistics.count(plan)
-        report = plan_report(plan, planner.grid_map if planner else None, map_age)
+        report = plan_report(plan, planner.grid_map if planner else None, response.map_age)
         self._report.publish(report_to_message(report, self._node.get_name(), stamp))
         logger = self._node.get_logger()
         if report.code and is_cancelled:

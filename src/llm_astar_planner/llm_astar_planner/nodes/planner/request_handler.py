@@ -166,10 +166,7 @@ class RequestHandler:
             if replan_reason:
                 message = f'{replan_reason}; {response.plan.message}'
                 response = replace(response, plan=replace(response.plan, message=message))
-            is_cancelled = bool(job.token.reason)
-            self._publisher.publish_report(
-                response.plan, response.planner, response.map_age, stamp, is_cancelled=is_cancelled
-            )
+            self._publisher.publish_report(response, stamp, is_cancelled=bool(job.token.reason))
         return replace(response, seconds=time.monotonic() - job.begin)
 
     def next_stamp(self) -> Time:

@@ -35,6 +35,8 @@ POLL_SECONDS = 0.05
 TRANSPORT_SECONDS = 0.1
 MAX_SECONDS = 3600.0
 KEPT_EXCHANGES = 64
+# What a reply has of the client's exchange as it is.
+SAID = ('label', 'detail', 'text', 'model', 'prompt', 'prompt_tokens', 'completion_tokens')
 # Queries at a time; more than the node has threads only if the client hangs.
 MAX_PENDING = 32
 
@@ -194,18 +196,9 @@ def make_reply(
         status = SourceStatus.OK if waypoints else SourceStatus.NO_WAYPOINTS
         return WaypointReply(waypoints, LABEL, status, seconds=seconds)
     known = exchange.status in SourceStatus.__members__
-    return WaypointReply(
-        waypoints,
-        exchange.label,
-        SourceStatus(exchange.status) if known else SourceStatus.ERROR,
-        exchange.detail,
-        exchange.text,
-        exchange.model,
-        exchange.prompt,
-        exchange.prompt_tokens,
-        exchange.completion_tokens,
-        seconds,
-    )
+    status = SourceStatus(exchange.status) if known else SourceStatus.ERROR
+    said = {name: getattr(exchange, name) for name in SAID}
+    return WaypointReply(waypoints, status=status, seconds=seconds, **said)
 
 
 class RemoteRules:
