@@ -30,7 +30,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.nodes.common.entities import Entities, LimitedCallbackGroup
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
-from llm_astar_planner.nodes.common.parameters import Parameters
+from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.questions import InterpretationServer
 from llm_astar_planner.nodes.common.spin import run_node
@@ -93,7 +93,7 @@ class LlmClientNode(Node):
 
     def __init__(self, **node_options: Any) -> None:  # noqa: ANN401 - rclpy's own
         """Make the source. Raises ParameterError where its parameters do not fit together."""
-        super().__init__('llm_client_node', **node_options)
+        super().__init__('llm_client_node', **OVERRIDES, **node_options)
         # Before anything that may raise: since Kilted rclpy destroys a node that was half made.
         self._entities = Entities(self)
         self._grid_map: GridMap | None = None

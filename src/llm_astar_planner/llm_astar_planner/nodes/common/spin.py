@@ -16,15 +16,16 @@ from typing import Any
 
 import rclpy
 from llm_astar_msgs_adapter.errors import LlmAstarError, printable
-from rclpy._rclpy_pybind11 import InvalidHandle, RCLError, UnknownROSArgsError
 from rclpy.context import Context
 from rclpy.exceptions import (
+    InvalidHandle,
     InvalidNamespaceException,
     InvalidParameterTypeException,
     InvalidParameterValueException,
     InvalidTopicNameException,
 )
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
@@ -33,6 +34,8 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from llm_astar_planner.nodes.common.process import limit_heaps
 
+RCLError = rclpy_implementation.RCLError
+UnknownROSArgsError = rclpy_implementation.UnknownROSArgsError
 # What a user can correct at start: printed as one line, never as a traceback.
 USER_ERRORS = (LlmAstarError, InvalidParameterTypeException, InvalidParameterValueException)
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from lifecycle_msgs.srv import ChangeState
 from nav_msgs.msg import Path
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
@@ -17,8 +16,8 @@ from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallba
 from rclpy.node import Node
 
 from llm_astar_planner.nodes.common.entities import Entities
-from llm_astar_planner.nodes.common.parameters import Parameters
-from llm_astar_planner.nodes.common.spin import run_node
+from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
+from llm_astar_planner.nodes.common.spin import RCLError, run_node
 from llm_astar_planner.nodes.planner.goals import (
     CALLERS,
     CancellationToken,
@@ -54,14 +53,14 @@ class PlannerNode(LifecycleNodeMixin, Node):
         self._lock = threading.RLock()
         self._is_leaving = False
         self._started = threading.Event()
-        Node.__init__(self, NAME, **node_options)
+        Node.__init__(self, NAME, **OVERRIDES, **node_options)
         if hasattr(self.context, 'untrack_node'):
             # Kilted's contexts destroy their nodes, holding a lock that this node's threads need.
             self.context.untrack_node(self)
         # Setting a parameter may take as long as a large map does; a manager waits two seconds.
         LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
-        self._change_state = self._service_change_state.callback
-        self._service_change_state.callback = self.on_change_state
+        (service,) = (one for one in self.services if one.srv_type is ChangeState)
+        self._change_state, service.callback = service.callback, self.on_change_state
         self._settings = Parameters(self, NAME)
         if not self._settings['autostart']:
             self._started.set()

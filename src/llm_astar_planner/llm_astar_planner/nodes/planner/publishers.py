@@ -21,11 +21,11 @@ from llm_astar_msgs_adapter.messages.writing import (
 )
 from nav_msgs.msg import GridCells, Path
 from numpy.typing import ArrayLike, NDArray
-from rclpy._rclpy_pybind11 import RCLError
 from visualization_msgs.msg import MarkerArray
 
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
+from llm_astar_planner.nodes.common.spin import RCLError
 from llm_astar_planner.nodes.planner.goals import PlanResponse
 from llm_astar_planner.planning.footprint_search import FootprintSearch
 from llm_astar_planner.planning.path_ends import Ends, cell_of, ends_that_fit, with_exact_ends
