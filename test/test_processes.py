@@ -14,7 +14,8 @@ from graph_tools import wait_for
 from llm_astar_lab.pictures import style
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.cli.node_processes import ended_by_signals
-from llm_astar_planner.nodes.__main__ import PARAMETER_NODES, start
+from llm_astar_planner.nodes import MODULES
+from llm_astar_planner.nodes.__main__ import start
 from llm_astar_planner.nodes.common.spin import ArgumentError, check_arguments
 from llm_astar_planner.planning.parameters import NODES, SET_BY_PLANNER
 from PIL import Image, ImageColor
@@ -25,7 +26,7 @@ import sys; sys.argv[1:] = {words!r}
 from llm_astar_planner.cli.__main__ import main as run
 """
 PROGRAMS = {
-    **{name: NODE.format(name=name) for name in (*PARAMETER_NODES, 'benchmark_node')},
+    **{name: NODE.format(name=name) for name in (*MODULES, 'benchmark_node')},
     'plan': COMMAND.format(words=['plan']),
     'call': COMMAND.format(words=['call', '--start', '1', '1', '--goal', '2', '2']),
 }
@@ -49,7 +50,7 @@ def llm_astar(*words):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize('name', PARAMETER_NODES)
+@pytest.mark.parametrize('name', MODULES)
 def test_the_help_of_a_node_lists_its_parameters_and_starts_nothing(name, capsys):
     assert start(name, ['--help']) == 0
     said = capsys.readouterr().out
@@ -86,7 +87,7 @@ def test_nodes_without_rclpy_say_so_in_one_line():
     without = 'import sys; sys.modules["rclpy"] = None\n'
     nodes = {
         name: python(f'{without}{PROGRAMS[name]}\nsys.exit(run())')
-        for name in (*PARAMETER_NODES, 'benchmark_node')
+        for name in (*MODULES, 'benchmark_node')
     }
     for name, node in nodes.items():
         said, _ = node.communicate(timeout=PATIENCE)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from rclpy.callback_groups import CallbackGroup, ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
@@ -14,6 +14,8 @@ from rclpy.qos import QoSProfile
 from rclpy.service import Service
 
 from llm_astar_planner.nodes.common.qos import CALLS
+
+_T = TypeVar('_T')
 
 
 class Entities:
@@ -26,9 +28,7 @@ class Entities:
 
     def publisher(self, kind: type, name: str, qos: QoSProfile) -> Publisher:
         """Create a publisher."""
-        made = self.node.create_publisher(kind, name, qos)
-        self._undo.append(lambda: self.node.destroy_publisher(made))
-        return made
+        return self._keep(self.node.create_publisher(kind, name, qos), self.node.destroy_publisher)
 
     def subscription(
         self,
@@ -40,7 +40,7 @@ class Entities:
     ) -> None:
         """Create a subscription."""
         made = self.node.create_subscription(kind, name, callback, qos, callback_group=group)
-        self._undo.append(lambda: self.node.destroy_subscription(made))
+        self._keep(made, self.node.destroy_subscription)
 
     def service(
         self, kind: type, name: str, callback: Callable[[Any, Any], Any], group: CallbackGroup
@@ -49,8 +49,7 @@ class Entities:
         made = self.node.create_service(
             kind, name, callback, qos_profile=CALLS, callback_group=group
         )
-        self._undo.append(lambda: self.node.destroy_service(made))
-        return made
+        return self._keep(made, self.node.destroy_service)
 
     def timer(self, seconds: float, callback: Callable[[], None], group: CallbackGroup) -> None:
         """Create a timer of a steady clock.
@@ -59,7 +58,11 @@ class Entities:
         """
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         made = self.node.create_timer(seconds, callback, callback_group=group, clock=steady)
-        self._undo.append(lambda: self.node.destroy_timer(made))
+        self._keep(made, self.node.destroy_timer)
+
+    def _keep(self, made: _T, destroy: Callable[[_T], Any]) -> _T:
+        self._undo.append(lambda: destroy(made))
+        return made
 
     def on_close(self, undo: Callable[[], Any]) -> None:
         """Call `undo` in `close`, in its turn."""

@@ -36,13 +36,13 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
     elif parameter.zero:
         descriptor.additional_constraints = f'{parameter.limits}: {parameter.zero}'
     elif parameter.between is not None:
-        least, most = parameter.between
         if isinstance(parameter.default, float):
-            bounds = FloatingPointRange(from_value=float(least), to_value=float(most))
+            least, most = map(float, parameter.between)
+            bounds = FloatingPointRange(from_value=least, to_value=most)
             descriptor.floating_point_range = [bounds]
         else:
-            limits = IntegerRange(from_value=int(least), to_value=int(most))
-            descriptor.integer_range = [limits]
+            lowest, highest = map(int, parameter.between)
+            descriptor.integer_range = [IntegerRange(from_value=lowest, to_value=highest)]
     return descriptor
 
 

@@ -98,7 +98,7 @@ class SpinThread:
         self._executor.shutdown()
 
 
-def side_node(parent: Node, name: str) -> Node:
+def side_node(parent: Node, name: str, **options: Any) -> Node:  # noqa: ANN401 - create_node's
     """Make a hidden node beside `parent`, for a SpinThread: what `parent` does cannot delay it.
 
     Names are remapped by the parent: a `__node` remap given here would rename both alike.
@@ -110,6 +110,7 @@ def side_node(parent: Node, name: str) -> Node:
         start_parameter_services=False,
         enable_rosout=False,
         use_global_arguments=False,
+        **options,
     )
 
 
@@ -205,7 +206,8 @@ def run_node(
         message = user_message(error)
         if message is None:
             raise
-        return fail(message)
+        sys.stderr.write(f'error: {printable(message)}\n')
+        return 2
     finally:
         # A second Ctrl-C must not interrupt the exit that the first one started.
         for number in ENDING:
@@ -244,12 +246,6 @@ def end_threads(executor: Executor | None) -> None:
     pool = getattr(executor, '_executor', None)  # rclpy's own, which it never shuts down
     if pool is not None:
         pool.shutdown(wait=False, cancel_futures=True)
-
-
-def fail(message: str) -> int:
-    """Print why a node cannot start; return its exit code."""
-    sys.stderr.write(f'error: {printable(message)}\n')
-    return 2
 
 
 def reduce_latency() -> None:

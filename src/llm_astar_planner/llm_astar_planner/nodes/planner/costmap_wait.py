@@ -105,10 +105,10 @@ class CostmapWait:
         so; another one that maps have stopped coming. Raises what `may_wait` raises.
         """
         maps, timeout = self._maps, self._timeout()
-        waited = NOT_WAITED
+        waited, is_due = NOT_WAITED, timeout > 0.0 and maps.arrivals.is_due(timeout)
         if maps.newest is None:
             waited = self.wait_for(FIRST, begin, timeout, may_wait, newer_than=-math.inf)
-        elif is_retry and self.is_worthwhile(timeout) and self._waiting.acquire(blocking=False):
+        elif is_retry and is_due and self._waiting.acquire(blocking=False):
             # Not once none is expected any more.
             limit = min(timeout, maps.arrivals.latest - self._clock())
             try:
@@ -119,10 +119,6 @@ class CostmapWait:
             limit = min(timeout, MAP_SHARE * planning_time)
             waited = self.wait_for(NEWEST, begin, limit, may_wait)._replace(extra=0.0)
         return waited._replace(warnings=(*waited.warnings, *maps.arrivals.warnings()))
-
-    def is_worthwhile(self, timeout: float) -> bool:
-        """Tell whether a newer map can be expected within so many seconds."""
-        return timeout > 0.0 and self._maps.arrivals.is_due(timeout)
 
     def wait_for(
         self,

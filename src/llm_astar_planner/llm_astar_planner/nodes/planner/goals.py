@@ -21,13 +21,12 @@ from rclpy.service_introspection import ServiceIntrospectionState
 
 from llm_astar_planner.nodes.common.entities import Entities, LimitedCallbackGroup
 from llm_astar_planner.nodes.common.qos import RELIABLE
-from llm_astar_planner.planning.types import ResultCode
+from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
 
 # The services are there before what plans is imported: see planner_node.
 if TYPE_CHECKING:
     from llm_astar_planner.nodes.planner.planner_node import PlannerNode
     from llm_astar_planner.planning.planner import Planner
-    from llm_astar_planner.planning.types import Plan, PlanRequest
 
 # Callers served at a time; more wait their turn. Waiting for waypoints takes a thread, no core.
 CALLERS = 16
@@ -125,6 +124,11 @@ class PlanResponse:
     planner: Planner | None = None
     request: PlanRequest | None = None
     map_age: float | None = None
+
+
+def refusal(code: ResultCode, message: str) -> Plan:
+    """Return the plan of a goal that never came to planning."""
+    return Plan(code, message, '', (0, 0), (0, 0), np.zeros((0, 0), dtype=np.bool_))
 
 
 def serve_goals(entities: Entities, node: PlannerNode, introspection: str) -> None:

@@ -127,9 +127,7 @@ class MapManager:
         with self._changed:
             self._arrived = self.arrivals.last
             self._grid_map = grid_map
-            self._requested += 1
-            self.is_preparing = True
-            self._changed.notify_all()
+            self._request()
 
     def wait(
         self, seconds: float, may_wait: Callable[[], bool], newer_than: float | None = None
@@ -158,13 +156,16 @@ class MapManager:
     def refresh(self) -> None:
         """Have the planner follow changed rules; return when it does."""
         with self._changed:
-            self._requested += 1
-            self.is_preparing = True
-            number = self._requested
-            self._changed.notify_all()
+            number = self._request()
             self._changed.wait_for(
                 lambda: self._closing or self._prepared >= number, LONGEST_PREPARATION
             )
+
+    def _request(self) -> int:
+        self._requested += 1
+        self.is_preparing = True
+        self._changed.notify_all()
+        return self._requested
 
     def close(self) -> None:
         """Stop, the measuring of landmarks too."""

@@ -6,7 +6,6 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from lifecycle_msgs.srv import ChangeState
 from nav_msgs.msg import Path
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
@@ -23,10 +22,11 @@ from llm_astar_planner.nodes.planner.goals import (
     CancellationToken,
     PlanGoal,
     PlanResponse,
+    refusal,
     serve_goals,
 )
 from llm_astar_planner.parameter import ParameterError
-from llm_astar_planner.planning.types import Plan, ResultCode
+from llm_astar_planner.planning.types import ResultCode
 
 if TYPE_CHECKING:
     from llm_astar_planner.nodes.planner.planner_server import PlannerServer
@@ -91,9 +91,7 @@ class PlannerNode(LifecycleNodeMixin, Node):
         self._started.wait()
         server = self._server
         if server is None:
-            not_drawn = np.zeros((0, 0), dtype=np.bool_)
-            plan = Plan(ResultCode.UNKNOWN, NOT_CONFIGURED, '', (0, 0), (0, 0), not_drawn)
-            return PlanResponse(goal, plan, Path())
+            return PlanResponse(goal, refusal(ResultCode.UNKNOWN, NOT_CONFIGURED), Path())
         response = server.handler.answer(goal, token, on_better)
         server.monitor.watch(response)
         return response

@@ -33,7 +33,6 @@ from llm_astar_planner.nodes.planner.mask_subscription import MaskSubscription
 from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
 from llm_astar_planner.nodes.planner.path_validity import (
     PathValidityService,
-    serve_path_validity,
 )
 from llm_astar_planner.nodes.planner.places_server import PlacesServer
 from llm_astar_planner.nodes.planner.publishers import DiagnosticsPublisher, PlanPublisher
@@ -111,14 +110,8 @@ class PlannerServer:
         # Last of all: the executor may call back at once.
         self._instructions.start()
         self.subscribe()
-        validity = PathValidityService(
-            frames,
-            lambda: str(settings['robot_base_frame']),
-            self._maps.newest_arrived,
-            node.get_logger(),
-            lambda: self._footprint.current,
-        )
-        serve_path_validity(entities, validity)
+        newest = self._maps.newest_arrived
+        PathValidityService(entities, settings, frames, newest, self._footprint)
         self._footprint.subscribe()
         self.subscribe_to_maps(side)
 
@@ -179,17 +172,14 @@ class PlannerServer:
         self._places.on_planner(planner)
         self.monitor.check(planner)
 
-    def on_understood(self) -> None:
-        """Replan the last path if new maps do, as something else is asked of it now."""
-        planner = self._maps.planner
-        if planner is not None and self._settings['replan_on_map']:
-            self.monitor.check(planner, 'the instruction has changed')
-
     def on_footprint(self) -> None:
         """Check the last path with another footprint."""
-        planner = self._maps.planner
-        if planner is not None:
-            self.monitor.check(planner, 'the footprint has changed')
+        self.monitor.check_again('the footprint has changed')
+
+    def on_understood(self) -> None:
+        """Replan the last path if new maps do, as something else is asked of it now."""
+        if self._settings['replan_on_map']:
+            self.monitor.check_again('the instruction has changed')
 
     def make_compiler(self) -> KernelCompiler:
         """Return what compiles the searches, at first those under the present settings."""

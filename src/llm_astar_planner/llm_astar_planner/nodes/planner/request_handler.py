@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from cachetools import LRUCache
 from llm_astar_msgs_adapter.messages.writing import path_to_message
@@ -23,6 +22,7 @@ from llm_astar_planner.nodes.planner.goals import (
     PlanGoal,
     PlanResponse,
     PreemptingGoalSlot,
+    refusal,
 )
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
@@ -33,7 +33,7 @@ from llm_astar_planner.nodes.planner.request_conversion import (
     RequestError,
 )
 from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler
-from llm_astar_planner.planning.types import Plan, PlanningFailure, PlanRequest, ResultCode
+from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
 from llm_astar_planner.search.guided import FAR
 from llm_astar_planner.search.methods import EXACT, GUIDED
 
@@ -58,20 +58,15 @@ class Job:
     begin: float
     limit: float
 
-    def raise_if_cancelled(self) -> None:
-        """Raise RequestError if the goal was cancelled."""
-        if self.token.reason:
-            raise RequestError(ResultCode.TIMEOUT, f'canceled: {self.token.reason}')
-
     def goes_on(self) -> bool:
         """Return True. Raises RequestError if the goal was cancelled."""
-        self.raise_if_cancelled()
+        if self.token.reason:
+            raise RequestError(ResultCode.TIMEOUT, f'canceled: {self.token.reason}')
         return True
 
     def may_wait(self) -> bool:
         """Tell whether there is time left. Raises RequestError if the goal was cancelled."""
-        self.raise_if_cancelled()
-        return time.monotonic() < self.deadline
+        return self.goes_on() and time.monotonic() < self.deadline
 
     @property
     def deadline(self) -> float:
@@ -85,7 +80,7 @@ class Job:
 
 
 class RequestHandler:
-    """Answers any number of goals at a time, from any thread."""
+    """Answers any number of goals at a time, from any thread, while it `is_active`."""
 
     def __init__(
         self,
@@ -104,7 +99,7 @@ class RequestHandler:
         `replans` is the slot of replans: publishing a path that a client has just requested
         preempts them.
         """
-        self._is_active = False
+        self.is_active = False
         self._running: set[CancellationToken] = set()
         self._ended = threading.Condition()
         # How many plans began at each of the last times of the clock.
@@ -119,18 +114,13 @@ class RequestHandler:
         self._replans = replans
         self._instructions = instructions
 
-    @property
-    def is_active(self) -> bool:
-        """Whether goals are answered."""
-        return self._is_active
-
     def activate(self) -> None:
         """Answer goals from now on."""
-        self._is_active = True
+        self.is_active = True
 
     def deactivate(self, reason: str) -> None:
         """Refuse goals from now on, cancel those being answered and wait until they ended."""
-        self._is_active = False
+        self.is_active = False
         with self._ended:
             for token in self._running:
                 token.cancel(reason)
@@ -154,7 +144,7 @@ class RequestHandler:
         job = Job(goal, token or CancellationToken(), stamp, time.monotonic(), limit)
         with self.running(job.token):
             try:
-                if self._is_active and self._compiler.compiled < Compiled.EVERYTHING:
+                if self.is_active and self._compiler.compiled < Compiled.EVERYTHING:
                     job = self.wait_for_searches(job)
                 response = self.plan(job, on_better, replan_reason)
             except PlanningFailure as failure:
@@ -186,7 +176,7 @@ class RequestHandler:
         self, job: Job, on_better: Callable[[], None] | None, replan_reason: str
     ) -> PlanResponse:
         """Plan for a goal and publish its paths. Raises PlanningFailure."""
-        if not self._is_active:
+        if not self.is_active:
             raise RequestError(ResultCode.UNKNOWN, INACTIVE)
         waited, maps = NOT_WAITED, self._maps
         is_late = time.monotonic() > maps.arrivals.overdue_at
@@ -222,10 +212,10 @@ class RequestHandler:
                     self.publish(path, replan_reason)
                     if on_better is not None:
                         on_better()
-        job.raise_if_cancelled()
+        job.goes_on()
         path, left_out = writer.write_plan(plan, job.deadline)
         # Writing a long path takes time; a path that was cancelled meanwhile is not published.
-        job.raise_if_cancelled()
+        job.goes_on()
         if plan.code is ResultCode.NONE:
             self.publish(path, replan_reason)
             if request.instruction is not None:
@@ -252,7 +242,7 @@ class RequestHandler:
         self._compiler.wait(
             needed, lambda: not (job.token.reason or self._compiler.has_substitute_for(needed))
         )
-        job.raise_if_cancelled()
+        job.goes_on()
         return replace(job, begin=time.monotonic())
 
     def publish(self, path: Path, replan_reason: str) -> None:
@@ -265,9 +255,8 @@ class RequestHandler:
         """Return the response to a goal that never came to planning, with an empty path."""
         newest = self._maps.newest
         frame_id = newest.planner.grid_map.frame_id if newest else ''
-        not_drawn = np.zeros((0, 0), dtype=np.bool_)
-        plan = Plan(code, message, '', (0, 0), (0, 0), not_drawn)
-        return PlanResponse(job.goal, plan, path_to_message([], frame_id, job.stamp), job.begin)
+        path = path_to_message([], frame_id, job.stamp)
+        return PlanResponse(job.goal, refusal(code, message), path, job.begin)
 
     @contextmanager
     def running(self, token: CancellationToken) -> Iterator[None]:

@@ -135,20 +135,25 @@ class WaypointClient:
             future = self._client.call_async(to_message(query, time_left))
             future.add_done_callback(lambda _: done.set())
             while not done.wait(max(0.0, min(POLL_SECONDS, deadline - time.monotonic()))):
-                gone = not self.ready
-                dropped = query.stop is not None and bool(query.stop[0])
-                if gone or dropped or time.monotonic() >= deadline:
+                failure = self.failure(query, deadline)
+                if failure is not None:
                     self._client.remove_pending_request(future)
-                    if dropped:
-                        raise ClientFailure(SourceStatus.LATE, 'nobody waits for it any more')
-                    if gone:
-                        detail = f'{self._client_name} went away during the query'
-                        raise ClientFailure(SourceStatus.UNREACHABLE, detail)
-                    detail = f'{self._client_name} was silent for {query.time_limit:.2f} s'
-                    raise ClientFailure(SourceStatus.TIMEOUT, detail)
+                    raise failure
             return future.result()
         finally:
             self._free.release()
+
+    def failure(self, query: WaypointQuery, deadline: float) -> ClientFailure | None:
+        """Return why a query is not waited for any longer, None while it is."""
+        if query.stop is not None and query.stop[0]:
+            return ClientFailure(SourceStatus.LATE, 'nobody waits for it any more')
+        if not self.ready:
+            detail = f'{self._client_name} went away during the query'
+            return ClientFailure(SourceStatus.UNREACHABLE, detail)
+        if time.monotonic() >= deadline:
+            detail = f'{self._client_name} was silent for {query.time_limit:.2f} s'
+            return ClientFailure(SourceStatus.TIMEOUT, detail)
+        return None
 
     def exchange_of(self, stamp: Time) -> ExchangeReport | None:
         """Return the exchange that belongs to the answer with this stamp, if it comes in time."""

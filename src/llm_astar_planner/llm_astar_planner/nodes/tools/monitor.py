@@ -7,6 +7,7 @@ import queue
 from collections.abc import Iterator
 from dataclasses import asdict
 from enum import Enum
+from functools import partial
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -64,9 +65,11 @@ class Monitor:
         )
         self._states: dict[str, object] = {}
         self._heard = False
+        on_report = partial(self._on_report, EventKind.PLAN, PlanReport, self.planner)
+        on_exchange = partial(self._on_report, EventKind.EXCHANGE, ExchangeReport, self._client)
         for topic, on_message, qos in (
-            (f'{planner}/report', self._on_report, REPORTS),
-            (f'{client}/exchange', self._on_exchange, REPORTS),
+            (f'{planner}/report', on_report, REPORTS),
+            (f'{client}/exchange', on_exchange, REPORTS),
             ('/diagnostics', self._on_diagnostics, RELIABLE),
         ):
             node.create_subscription(DiagnosticArray, topic, on_message, qos)
@@ -89,16 +92,10 @@ class Monitor:
         except queue.Empty:
             return None
 
-    def _on_report(self, message: DiagnosticArray) -> None:
-        self._heard = True
-        self._add_report(EventKind.PLAN, message, PlanReport, self.planner)
-
-    def _on_exchange(self, message: DiagnosticArray) -> None:
-        self._add_report(EventKind.EXCHANGE, message, ExchangeReport, self._client)
-
-    def _add_report(
-        self, kind: EventKind, message: DiagnosticArray, report: type[Report], node: str
+    def _on_report(
+        self, kind: EventKind, report: type[Report], node: str, message: DiagnosticArray
     ) -> None:
+        self._heard = self._heard or node == self.planner
         try:
             values = asdict(report_from_message(message, report))
         except ReportError as error:

@@ -139,17 +139,15 @@ class PlannerClient:
         """
         self.wait_for_planner(seconds)
 
-        def has_map(name: str) -> bool:
-            digest = self._health.get(name, {}).get('map_digest')
-            return bool(digest) and map_digest in (None, digest)
+        names = [f'{self._planner}: planner']
+        if client:
+            names.append(f'{self.node.resolve_service_name(client)[1:]}: waypoints')
 
         def is_ready() -> bool:
-            planner = f'{self._planner}: planner'
-            if not client:
-                return has_map(planner)
-            sees_client = self._health.get(planner, {}).get('llm_client_ready')
-            waypoints = f'{self.node.resolve_service_name(client)[1:]}: waypoints'
-            return has_map(planner) and has_map(waypoints) and bool(sees_client)
+            planner, *others = (self._health.get(name, {}) for name in names)
+            digests = [node.get('map_digest') for node in (planner, *others)]
+            sees_client = not client or bool(planner.get('llm_client_ready'))
+            return sees_client and all(one and map_digest in (None, one) for one in digests)
 
         self.wait_for(is_ready, f'{self._planner} ready with its map', seconds)
 
@@ -341,10 +339,3 @@ class PlannerState:
             return interpretation_from_json(answer)
         except LlmAstarError as error:
             return not_understood(text, str(error))
-
-
-@contextlib.contextmanager
-def planner_state(namespace: str, planner: str, seconds: float) -> Iterator[PlannerState]:
-    """Join the graph in `namespace` to read the state of `planner`. Raises NodeNameError."""
-    with calling(namespace, planner, seconds) as caller:
-        yield PlannerState(caller)
