@@ -9,10 +9,9 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from llm_astar_planner.waypoints.llm.credentials import Endpoint
+from llm_astar_planner.waypoints.llm.credentials import Endpoint, redact
 from llm_astar_planner.waypoints.llm.http import post_json
 from llm_astar_planner.waypoints.llm.protocol import Completion, Dialect, read_completion
-from llm_astar_planner.waypoints.llm.redaction import redact
 from llm_astar_planner.waypoints.llm.resilience import (
     CallBudget,
     CircuitBreaker,
