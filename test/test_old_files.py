@@ -23,8 +23,7 @@ from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import NODES, defaults
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.source import WaypointQuery
 from llm_astar_planner.waypoints.transcript import TranscriptWriter, read_transcript
 

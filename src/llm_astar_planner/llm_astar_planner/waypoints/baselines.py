@@ -7,7 +7,9 @@ of its own. Every source gives the same answer to the same query.
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -18,11 +20,15 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from numpy.typing import NDArray
 
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.search.coarse import EVERY_NODE, compile_kernels
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.visibility import LineOfSightChecker
-from llm_astar_planner.waypoints.config import BASELINE_NAMES, SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.plugins import SourceContext
+from llm_astar_planner.waypoints.config import (
+    BASELINE_NAMES,
+    SourceContext,
+    SourceSettings,
+    make_source,
+)
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     Waypoint,
@@ -39,6 +45,8 @@ RANDOM_POINTS = 4
 MAX_CORNERS = 2000
 GRAPHS_KEPT = 32
 ROUTES_KEPT = 4096
+# How many nodes of the coarse map are surely expanded in a second.
+NODES_A_SECOND = 500_000
 
 
 class TooManyCornersError(LlmAstarError, RuntimeError):
@@ -95,6 +103,39 @@ def make_reversed(context: SourceContext) -> BaselineSource:
     """Make the source of the corners in reverse order."""
     del context
     return BaselineSource('reversed', reversed_points)
+
+
+def make_coarse(context: SourceContext) -> CoarseSource:
+    """Make the source; compiles its searches, so that no query has to."""
+    del context
+    compile_kernels()
+    return CoarseSource()
+
+
+@dataclass(frozen=True)
+class CoarseSource:
+    """Answers with the cells at which a cheapest route over the costmap's tiles turns.
+
+    The first query on a map prepares its graph: about as long as an exact search takes. Equal
+    queries get equal answers. Thread-safe.
+    """
+
+    name: str = 'coarse'
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return free cells connected to the start; none where the way is straight or missing."""
+        begin = time.monotonic()
+        graph = query.costmap.coarse_graph
+        left = query.time_limit - (time.monotonic() - begin)
+        most = EVERY_NODE if left == math.inf else max(0, int(left * NODES_A_SECOND))
+        try:
+            turns = graph.turns(query.start, query.goal, most)
+        except TimeoutError as error:
+            return WaypointReply(label=self.name, status=SourceStatus.TIMEOUT, detail=str(error))
+        points = () if turns is None else tuple((float(x), float(y)) for x, y in turns)
+        status = SourceStatus.OK if points else SourceStatus.NO_WAYPOINTS
+        detail = 'no cells connect start and goal' if turns is None else ''
+        return WaypointReply(points, label=self.name, status=status, detail=detail)
 
 
 def straight_points(query: WaypointQuery) -> list[Waypoint]:

@@ -15,7 +15,7 @@ from llm_astar_planner.instructions.specification import Disc, Specification, Vi
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.waypoints.coarse import CoarseSource
+from llm_astar_planner.waypoints.baselines import CoarseSource
 
 # Surcharges are stored in 1/256, so a cost may be off by this share.
 ROUNDING = 1.0 / 256.0

@@ -24,7 +24,7 @@ from llm_astar_planner.search.paper import PAPER_METHODS, SearchOptions
 from llm_astar_planner.search.plugins import make_plugin_method
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import SearchResult, SearchStatus
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.replay import FixedReply
 
 CELLS = np.zeros((20, 20), dtype=np.int8)
 CELLS[4:, 10] = 100

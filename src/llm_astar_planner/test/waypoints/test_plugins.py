@@ -12,8 +12,12 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.plugins import MAX_LATE, PluginError, Plugins
 from llm_astar_planner.waypoints.async_query import query_source
-from llm_astar_planner.waypoints.config import SOURCE_NAMES, SettingsError, SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import (
+    SOURCE_NAMES,
+    SettingsError,
+    SourceSettings,
+    make_source,
+)
 from llm_astar_planner.waypoints.plugins import SOURCES, PluginFactory, PluginSource
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 

@@ -15,7 +15,7 @@ from llm_astar_planner.benchmark.datasets.samples import BenchmarkSample, Proble
 from llm_astar_planner.benchmark.runner.recorded import Coverage, cover, groups_of
 from llm_astar_planner.benchmark.runner.sources import SourceSpec
 from llm_astar_planner.instructions import transcript as instructions
-from llm_astar_planner.waypoints.answer import read_answer
+from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.replay import ReplaySource
 from llm_astar_planner.waypoints.sample_resolver import dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus

@@ -11,7 +11,7 @@ from llm_astar_msgs_adapter.bags.reading import Bag
 from llm_astar_msgs_adapter.messages.fields import values_of_report
 
 from llm_astar_planner.benchmark.bags.topics import TopicSelection, topic_roles
-from llm_astar_planner.waypoints.answer import read_answer
+from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.source import Message, SourceStatus
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter
 

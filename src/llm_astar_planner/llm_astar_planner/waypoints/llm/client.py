@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
+from llm_astar_planner.waypoints.config import SourceSettings
 from llm_astar_planner.waypoints.llm.credentials import Endpoint, redact
 from llm_astar_planner.waypoints.llm.http import post_json
 from llm_astar_planner.waypoints.llm.protocol import Completion, Dialect, read_completion
@@ -18,6 +19,7 @@ from llm_astar_planner.waypoints.llm.resilience import (
     EndpointFailure,
     retry_delay,
 )
+from llm_astar_planner.waypoints.prompts.template import COMPLETION
 from llm_astar_planner.waypoints.source import Message, SourceStatus
 
 # Average characters of a token, for servers that do not count them.
@@ -133,3 +135,24 @@ def count_tokens(completion: Completion, body: dict[str, Any]) -> int:
     asked = len(body.get('prompt', ''))
     asked += sum(len(message['content']) for message in body.get('messages', ()))
     return counted or (asked + len(completion.text)) // CHARS_PER_TOKEN
+
+
+def make_client(settings: SourceSettings, stop: str = '') -> ChatClient:
+    """Make the client of the endpoint that settings name. Raises EndpointError.
+
+    A text completion ends where the model writes `stop`.
+    """
+    return ChatClient(
+        Endpoint(settings.base_url, settings.api_key_env, settings.api_key_names),
+        settings.model,
+        Dialect(
+            settings.max_output_tokens,
+            settings.temperature,
+            settings.response_format,
+            is_completion=settings.prompt_form == COMPLETION,
+            stop=stop,
+        ),
+        settings.max_retries,
+        CallBudget(settings.max_calls_per_hour, settings.max_tokens_per_day),
+        max_concurrent=settings.max_concurrent,
+    )

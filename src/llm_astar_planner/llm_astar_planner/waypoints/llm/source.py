@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
-from llm_astar_planner.waypoints.answer import Answer, read_answer
-from llm_astar_planner.waypoints.llm.client import ChatClient
+from llm_astar_planner.waypoints.async_query import CachedSource
+from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceContext, SourceSettings
+from llm_astar_planner.waypoints.llm.client import ChatClient, make_client
 from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_long
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.llm.route_feedback import (
@@ -20,14 +21,20 @@ from llm_astar_planner.waypoints.llm.route_feedback import (
     find_faults,
     follow_up,
 )
+from llm_astar_planner.waypoints.prompts.examples import Prompt, load_example_library
 from llm_astar_planner.waypoints.prompts.map_description import (
     Description,
     Lattice,
     describe,
     describe_coarser,
 )
-from llm_astar_planner.waypoints.prompts.prompt import Prompt
-from llm_astar_planner.waypoints.prompts.template import Example, ask_for_json, path_schema
+from llm_astar_planner.waypoints.prompts.reply_parser import Answer, read_answer
+from llm_astar_planner.waypoints.prompts.template import (
+    Example,
+    ask_for_json,
+    load_template,
+    path_schema,
+)
 from llm_astar_planner.waypoints.sample_resolver import SampleResolver
 from llm_astar_planner.waypoints.source import (
     MAX_NAME,
@@ -38,8 +45,12 @@ from llm_astar_planner.waypoints.source import (
     Waypoint,
     WaypointQuery,
     WaypointReply,
+    WaypointSource,
 )
+from llm_astar_planner.waypoints.transcript import RecordingSource, TranscriptWriter
 
+# How many seconds a request that missed its deadline may go on, to answer the next query.
+LATE_S = 60.0
 # How much of an answer is quoted to the model when it is asked to correct it.
 MAX_QUOTED_CHARS = 4000
 
@@ -234,3 +245,46 @@ class Conversation:
             temperature=self.source.client.dialect.temperature,
         )
         self.turn = Turn(messages, completion.text, answer, provenance, waypoints)
+
+
+def make_endpoint(context: SourceContext) -> WaypointSource:
+    """Make the source that asks a language model, with a cache and, if set, a recording.
+
+    Raises SettingsError, TemplateError, ExamplesError or OSError where a setting cannot be used.
+    """
+    settings = context.settings
+    prompt = make_prompt(settings)
+    source: WaypointSource = EndpointSource(
+        make_client(settings, prompt.template.stop),
+        prompt,
+        timeout_s=settings.timeout_s,
+        max_prompt_tokens=settings.max_prompt_tokens,
+        repair_rounds=settings.repair_rounds,
+        late_s=LATE_S,
+        dataset=context.dataset,
+    )
+    if settings.record:
+        source = RecordingSource(source, TranscriptWriter(settings.record), context.dataset)
+    return CachedSource(
+        source,
+        model=settings.model,
+        prompt=prompt.name,
+        size=settings.cache_size,
+        timeout_s=settings.timeout_s,
+    )
+
+
+def make_prompt(settings: SourceSettings) -> Prompt:
+    """Make the prompt that settings name. Raises TemplateError or ExamplesError for its files."""
+    template = load_template(settings.prompt or DEFAULT_PROMPT)
+    count = settings.retrieved_examples
+    library = load_example_library(settings.examples_file, count) if count else None
+    return Prompt(template, settings.prompt_form, library, count)
+
+
+def client_of(source: WaypointSource) -> ChatClient | None:
+    """Return the endpoint's client inside a source, for its state and counts, or None."""
+    inner: object = source
+    while isinstance(inner, (CachedSource, RecordingSource)):
+        inner = inner.inner
+    return inner.client if isinstance(inner, EndpointSource) else None

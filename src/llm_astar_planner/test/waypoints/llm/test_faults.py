@@ -13,11 +13,9 @@ import pytest
 import zstandard
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.llm.factory import client_of
-from llm_astar_planner.waypoints.llm.source import MAX_QUOTED_CHARS, EndpointSource
-from llm_astar_planner.waypoints.prompts.prompt import Prompt
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
+from llm_astar_planner.waypoints.llm.source import MAX_QUOTED_CHARS, EndpointSource, client_of
+from llm_astar_planner.waypoints.prompts.examples import Prompt
 from llm_astar_planner.waypoints.prompts.reply_parser import MAX_REPLY_CHARS
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery

@@ -6,9 +6,8 @@ from dataclasses import replace
 import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.llm.factory import client_of
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
+from llm_astar_planner.waypoints.llm.source import client_of
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 from local_llm import LocalLlm, needs_llm
 

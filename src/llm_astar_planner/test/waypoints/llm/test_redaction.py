@@ -17,10 +17,9 @@ from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.places import NO_PLACES
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.instructions.chain import make_interpreter
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.llm.factory import client_of
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.llm.credentials import LEAK, WITHHELD, redact
+from llm_astar_planner.waypoints.llm.source import client_of
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 
 MAP = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 25), Barrier(15, 30, 50)))
