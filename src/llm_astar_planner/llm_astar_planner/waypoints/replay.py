@@ -19,7 +19,7 @@ from llm_astar_planner.waypoints.source import (
     WaypointQuery,
     WaypointReply,
 )
-from llm_astar_planner.waypoints.transcript import Exchange, read_transcript
+from llm_astar_planner.waypoints.transcript import SHARED, Exchange, read_transcript
 
 
 class NoSource:
@@ -78,8 +78,7 @@ def make_replay(context: SourceContext) -> ReplaySource:
 class ReplaySource:
     """Waypoints from a transcript, found by map, pair, scale, model and prompt.
 
-    Of several exchanges with one key, the last that has an answer counts. Exchanges whose prompt
-    held an instruction, in files of version 0.1, are passed over.
+    Of several exchanges with one key, the last that has an answer counts.
     """
 
     name = 'replay'
@@ -107,16 +106,12 @@ class ReplaySource:
         for exchange in held:
             if (exchange.model, exchange.prompt) != (self.model, self.prompt):
                 continue
-            if exchange.instruction:
-                continue
             if exchange.is_answered or exchange.sample not in self._exchanges:
                 self._exchanges[exchange.sample] = exchange
-        # The samples whose query failed, by a timeout for example, and those that the model
-        # answered, usefully or not.
-        self.unanswered = frozenset(
-            key for key, exchange in self._exchanges.items() if not exchange.is_answered
-        )
-        self.answered = self._exchanges.keys() - self.unanswered
+        # The samples that the model answered, usefully or not, and those whose query failed, by a
+        # timeout for example.
+        self.answered = {key for key, item in self._exchanges.items() if item.is_answered}
+        self.unanswered = self._exchanges.keys() - self.answered
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the recorded answer in grid coordinates; MISSING where there is none."""
@@ -140,11 +135,9 @@ class ReplaySource:
         """Return the reply of an exchange whose points are in the coordinates of `lattice`."""
         answer = read_answer(exchange.response)
         if not exchange.response:
+            status = answer.status if exchange.status is SourceStatus.OK else exchange.status
             detail = f'recorded without an answer: {exchange.status.value}'
-            failed = exchange.status is not SourceStatus.OK
-            answer = answer._replace(
-                status=exchange.status if failed else answer.status, detail=detail
-            )
+            answer = answer._replace(status=status, detail=detail)
         return WaypointReply(
             waypoints=lattice.coarsened(exchange.unit).to_cells(
                 answer.waypoints, query.costmap, (query.start, query.goal)
@@ -153,24 +146,14 @@ class ReplaySource:
             status=answer.status,
             detail=answer.detail,
             text=exchange.response,
-            model=self.model,
-            prompt=self.prompt,
-            prompt_tokens=exchange.prompt_tokens,
-            completion_tokens=exchange.completion_tokens,
-            seconds=exchange.seconds,
-            messages=exchange.messages,
-            unit=exchange.unit,
             provenance=exchange.provenance,
+            **{name: getattr(exchange, name) for name in SHARED},
         )
 
     def _choose(self, exchanges: list[Exchange], model: str, prompt: str) -> tuple[str, str]:
         """Return the only (model, prompt) of the transcript that fits the given ones."""
         held = sorted({(exchange.model, exchange.prompt) for exchange in exchanges})
-        fitting = [
-            (held_model, held_prompt)
-            for held_model, held_prompt in held
-            if model in ('', held_model) and prompt in ('', held_prompt)
-        ]
+        fitting = [pair for pair in held if model in ('', pair[0]) and prompt in ('', pair[1])]
         if len(fitting) == 1:
             return fitting[0]
         listing = '; '.join(f'model {name}, prompt {text}' for name, text in held) or 'nothing'

@@ -3,8 +3,7 @@
 A line holds `map, pair, scale, model, prompt, messages, response, prompt_tokens,
 completion_tokens, seconds, status`, and what is known of the fields of `Provenance`. Coordinates
 in it are the map's lattice coordinates. Where a big map was described on a coarser lattice, `unit`
-is its step in cells. Version 0.1 also put instructions into prompts; `instruction` is the text of
-such a one.
+is its step in cells.
 """
 
 from __future__ import annotations
@@ -12,11 +11,12 @@ from __future__ import annotations
 import errno
 import json
 import logging
+import math
 import mmap
 import os
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, Protocol, TypeGuard
@@ -47,6 +47,8 @@ MAX_LINES = 100_000
 MAX_NUMBER = 1e15
 # The first field of a line: one about waypoints, and one about an instruction.
 FIRST_FIELDS = (b'"map"', b'"text"')
+# What an exchange takes from a reply as it is, and a replay from an exchange.
+SHARED = ('model', 'prompt', 'messages', 'prompt_tokens', 'completion_tokens', 'seconds', 'unit')
 # Replies with these statuses come from no model, so there is nothing to record.
 _NOT_ASKED = (SourceStatus.NONE, SourceStatus.NOT_CONFIGURED, SourceStatus.MISSING)
 
@@ -75,7 +77,6 @@ class Exchange:
     seconds: float
     status: SourceStatus
     unit: int = 1
-    instruction: str = ''
     provenance: Provenance = UNKNOWN_PROVENANCE
 
     @property
@@ -90,39 +91,32 @@ class Exchange:
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON object of a transcript line."""
-        record = {name: getattr(self, name) for name in _FIELDS}
+        record = vars(self) | self.provenance._asdict()
+        del record['provenance']
         record['messages'] = [message._asdict() for message in self.messages]
         record['status'] = self.status.value
-        record |= self.provenance._asdict()
         return {name: value for name, value in record.items() if value != _DEFAULTS.get(name)}
 
 
-_FIELDS: dict[str, tuple[type, ...]] = {
-    'map': (int, str),
-    'pair': (int, str),
-    'scale': (int,),
-    'model': (str,),
-    'prompt': (str,),
+# The fields of a line, and the types of those that are no texts.
+_FIELDS = tuple(field.name for field in fields(Exchange) if field.name != 'provenance')
+_TYPES: dict[str, tuple[type, ...]] = {
+    **dict.fromkeys(('map', 'pair'), (int, str)),
+    **dict.fromkeys(('scale', 'unit', 'prompt_tokens', 'completion_tokens', 'seed'), (int,)),
+    **dict.fromkeys(('seconds', 'temperature'), (int, float)),
     'messages': (list,),
-    'response': (str,),
-    'prompt_tokens': (int,),
-    'completion_tokens': (int,),
-    'seconds': (int, float),
-    'status': (str,),
-    'unit': (int,),
-    'instruction': (str,),
 }
-_PROVENANCE_FIELDS: dict[str, tuple[type, ...]] = {
-    'finish_reason': (str,),
-    'model_digest': (str,),
-    'prompt_digest': (str,),
-    'dataset_digest': (str,),
-    'temperature': (int, float),
-    'seed': (int,),
-    'time': (str,),
+# The least and the greatest value of a number, and what it is then.
+_LIMITS = {
+    **dict.fromkeys(('scale', 'unit'), (1, math.inf, '1 or more')),
+    **dict.fromkeys(
+        ('prompt_tokens', 'completion_tokens', 'seconds'), (0, MAX_NUMBER, f'0 to {MAX_NUMBER:g}')
+    ),
+    **dict.fromkeys(('seed', 'temperature'), (-MAX_NUMBER, MAX_NUMBER, 'a usual number')),
 }
-# The fields that a line may leave out.
-_DEFAULTS: dict[str, Any] = {'unit': 1, 'instruction': '', **UNKNOWN_PROVENANCE._asdict()}
+# The fields that stand in logs and tables, and those that a line may leave out.
+_NAMES = {'model', 'prompt', *Provenance._fields}
+_DEFAULTS: dict[str, Any] = {'unit': 1, **UNKNOWN_PROVENANCE._asdict()}
 
 
 def read_transcript(path: str | Path) -> list[Exchange]:
@@ -176,50 +170,37 @@ def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
     """Validate one record. Raises TranscriptError that begins with `where` and names the field."""
     if not isinstance(record, dict):
         raise TranscriptError(f'{where}: an object is expected, not {str(record)[:60]!r}')
-    values: dict[str, Any] = _DEFAULTS | record
-    for name, types in _FIELDS.items():
+    known = {name: record[name] for name in Provenance._fields if record.get(name) is not None}
+    values = _DEFAULTS | record | known
+    for name in (*_FIELDS, *known):
         if name not in values:
             raise TranscriptError(f'{where}: {name}: is missing')
-        check_type(values[name], types, f'{where}: {name}')
-    check_names(values, where, 'model', 'prompt')
-    for name in ('scale', 'unit'):
-        if values[name] < 1:
-            raise TranscriptError(f'{where}: {name}: {values[name]} is not 1 or more')
-    for name in ('prompt_tokens', 'completion_tokens', 'seconds'):
-        if not 0 <= values[name] <= MAX_NUMBER:
-            shown = short_repr(values[name])
-            raise TranscriptError(f'{where}: {name}: {shown} is not 0 to {MAX_NUMBER:g}')
+        check_field(name, values[name], where)
     values['messages'] = tuple(
         parse_message(message, f'{where}: messages[{index}]')
         for index, message in enumerate(values['messages'])
     )
-    try:
-        values['status'] = SourceStatus(values['status'])
-    except ValueError:
-        known = ', '.join(status.value for status in SourceStatus)
-        shown = short_repr(values['status'])
-        message = f'{where}: status: {shown} is none of {known}'
-        raise TranscriptError(message) from None
-    fields = {name: values[name] for name in _FIELDS}
-    return Exchange(**fields, provenance=parse_provenance(record, where))
+    values['status'] = SourceStatus(values['status'])
+    return Exchange(*map(values.__getitem__, _FIELDS), provenance=Provenance(**known))
 
 
-def parse_provenance(record: Mapping[str, Any], where: str) -> Provenance:
-    """Read what a line says of where its reply is from. Raises TranscriptError as above."""
-    known = {name: record[name] for name in _PROVENANCE_FIELDS if record.get(name) is not None}
-    for name, value in known.items():
-        check_type(value, _PROVENANCE_FIELDS[name], f'{where}: {name}')
-        if isinstance(value, str):
-            check_names(known, where, name)
-        elif not -MAX_NUMBER <= value <= MAX_NUMBER:
-            raise TranscriptError(f'{where}: {name}: {short_repr(value)} is not a usual number')
-    if when := known.get('time'):
+def check_field(name: str, value: Any, where: str) -> None:  # noqa: ANN401 - any JSON value
+    """Raise TranscriptError where a field of an exchange cannot have a value."""
+    check_type(value, _TYPES.get(name, (str,)), f'{where}: {name}')
+    least, most, words = _LIMITS.get(name, (value, value, ''))
+    if not least <= value <= most:
+        raise TranscriptError(f'{where}: {name}: {short_repr(value)} is not {words}')
+    if name in _NAMES and isinstance(value, str):
+        check_names({name: value}, where, name)
+    if name == 'status' and value not in SourceStatus.__members__:
+        known = ', '.join(SourceStatus.__members__)
+        raise TranscriptError(f'{where}: status: {short_repr(value)} is none of {known}')
+    if name == 'time':
         try:
-            parse_time(when)
+            parse_time(value)
         except ValueError:
-            problem = f'{short_repr(when)} is no time such as 2026-01-31T12:00:00+00:00'
+            problem = f'{short_repr(value)} is no time such as 2026-01-31T12:00:00+00:00'
             raise TranscriptError(f'{where}: time: {problem}') from None
-    return Provenance(**known)
 
 
 def parse_time(text: str) -> datetime:
@@ -367,14 +348,8 @@ class RecordingSource:
         )
         return Exchange(
             *sample,
-            model=reply.model,
-            prompt=reply.prompt,
-            messages=reply.messages,
             response=reply.text,
-            prompt_tokens=reply.prompt_tokens,
-            completion_tokens=reply.completion_tokens,
-            seconds=reply.seconds,
             status=reply.status,
-            unit=reply.unit,
             provenance=provenance,
+            **{name: getattr(reply, name) for name in SHARED},
         )

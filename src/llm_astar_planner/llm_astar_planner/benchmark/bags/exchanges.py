@@ -51,7 +51,6 @@ def exchange_from_values(values: Mapping[str, Any]) -> Exchange | None:
             seconds=float(values['seconds']),
             status=SourceStatus(values['status']),
             unit=unit,
-            instruction=str(values.get('instruction', '')),
         )
     except (KeyError, TypeError, ValueError, OverflowError):
         return None
