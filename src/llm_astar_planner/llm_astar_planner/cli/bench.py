@@ -57,7 +57,7 @@ from llm_astar_planner.cli.run_options import (
     source_specs,
 )
 from llm_astar_planner.search.methods import uses_waypoints
-from llm_astar_planner.waypoints.config import BASELINE_NAMES
+from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
 
 USAGE = """\
 llm-astar bench [--map FILE] [--methods NAMES] [--source NAMES] [--limit N] [--out DIR]

@@ -17,7 +17,7 @@ from llm_astar_planner.planning.parameters import PLANNER, defaults
 from llm_astar_planner.play.errors import PlayError
 from llm_astar_planner.play.maps import Maps, PlayMap
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.config import BASELINE_NAMES
+from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
 
 # The sources that need neither a network nor a key nor a file, and the text of a model's answer.
 REPLY = 'reply'

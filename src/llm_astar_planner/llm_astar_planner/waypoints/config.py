@@ -15,7 +15,6 @@ from llm_astar_planner.waypoints.prompts.template import FORMS, MESSAGE, load_te
 from llm_astar_planner.waypoints.source import WaypointSource, name_problem
 
 DEFAULT_PROMPT = 'few_shot'
-BASELINE_NAMES = ('coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 SOURCE_NAMES = tuple(SOURCES.own)
 
 

@@ -135,6 +135,7 @@ def checked_seconds(value: Any) -> float:  # noqa: ANN401 - of foreign code
 # The package's own by name, in the order in which they are listed; each is a function of a
 # SourceContext.
 HERE = 'llm_astar_planner.waypoints'
+BASELINE_NAMES = ('coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 SOURCES = Plugins(
     'source',
     GROUP,
@@ -143,12 +144,7 @@ SOURCES = Plugins(
         'embedded': f'{HERE}.learned.source:make_embedded',
         'replay': f'{HERE}.replay:make_replay',
         'endpoint': f'{HERE}.llm.source:make_endpoint',
-        'coarse': f'{HERE}.baselines:make_coarse',
-        'straight': f'{HERE}.baselines:make_straight',
-        'oracle': f'{HERE}.baselines:make_oracle',
-        'noisy': f'{HERE}.baselines:make_noisy',
-        'random': f'{HERE}.baselines:make_random',
-        'reversed': f'{HERE}.baselines:make_reversed',
+        **dict.fromkeys(BASELINE_NAMES, f'{HERE}.baselines:make_baseline'),
     },
     PluginFactory,
     # What `bench` calls the embedded model's other rows.

@@ -15,6 +15,7 @@ from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.config import (
     SOURCE_NAMES,
     SettingsError,
+    SourceContext,
     SourceSettings,
     make_source,
 )
@@ -206,7 +207,8 @@ def test_a_plug_in_sees_when_nobody_waits_any_more():
 def test_every_source_of_the_package_comes_from_the_same_table():
     assert tuple(SOURCES.own) == SOURCE_NAMES
     assert 'straight' in SOURCE_NAMES
-    assert make_source(SourceSettings(source='straight')) == SOURCES.load('straight')(None)
+    settings = SourceSettings(source='straight')
+    assert make_source(settings) == SOURCES.load('straight')(SourceContext(settings))
     broken = Plugins('source', 'no.such.group', {'mine': 'no_such:thing'}, PluginFactory)
     assert broken.problem('mine') is None, 'nothing is imported to check a name'
     with pytest.raises(ModuleNotFoundError):

@@ -249,12 +249,12 @@ def test_refused_connections_and_tls_errors_open_the_breaker(chat_server):
             reply = source.waypoints(QUERY)
             assert reply.status is SourceStatus.UNREACHABLE
             assert '127.0.0.1 is unreachable' in reply.detail
-        calls = client_of(source).budget.total_calls
+        calls = client_of(source).budget.calls.total
         assert calls == 9
         reply = source.waypoints(QUERY)
         assert reply.status is SourceStatus.UNREACHABLE
         assert 'not asked for another' in reply.detail
-        assert client_of(source).budget.total_calls == calls
+        assert client_of(source).budget.calls.total == calls
         assert 'UNREACHABLE' in client_of(source).problem()
 
 
@@ -368,7 +368,7 @@ def test_without_its_own_key_nothing_is_asked(
     assert word in reply.detail
     assert 'planted' not in reply.detail
     assert chat_server.requests == []
-    assert client_of(source).budget.total_calls == 0
+    assert client_of(source).budget.calls.total == 0
 
 
 def test_fields_that_an_endpoint_rejects_are_remembered(chat_server):

@@ -134,5 +134,5 @@ def test_the_budget_counts_the_last_hour_and_the_last_day():
     unlimited.spend(10**9)
     for _ in range(1000):
         unlimited.admit()
-    assert unlimited.total_calls == 1000
+    assert unlimited.calls.total == 1000
     assert (unlimited.values()['calls_left'], unlimited.values()['tokens_left']) == (None, None)

@@ -216,5 +216,5 @@ def test_the_client_reports_its_problem_and_counts(chat_server):
     source.waypoints(QUERY)
     client = client_of(source)
     assert client.problem() is None
-    assert (client.budget.total_calls, client.budget.total_tokens) == (1, 120)
+    assert (client.budget.calls.total, client.budget.tokens.total) == (1, 120)
     assert client_of(make_source(SourceSettings(source='none'))) is None
