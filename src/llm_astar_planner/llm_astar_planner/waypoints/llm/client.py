@@ -58,16 +58,27 @@ class ChatClient:
         running at the deadline may go on for `late_s` seconds; no new one is made.
         Raises EndpointFailure; its text holds no key.
         """
-        self.breaker.check()
-        if time.monotonic() >= deadline:
-            raise EndpointFailure(SourceStatus.TIMEOUT, 'no time is left', is_ours=True)
-        try:
-            completion = self._complete_with_retries(messages, deadline, schema, late_s)
-        except EndpointFailure as failure:
-            self.breaker.record_failure(failure)
-            raise
-        self.breaker.record_success()
-        return self.dialect.ended(completion)
+        with self.breaker.watched():
+            if time.monotonic() >= deadline:
+                raise EndpointFailure(SourceStatus.TIMEOUT, 'no time is left', is_ours=True)
+            dialect, attempt = self.dialect, 0
+            while True:
+                body = dialect.body(self.model, messages, schema)
+                try:
+                    completion = self._request(body, deadline + late_s)
+                    break
+                except EndpointFailure as failure:
+                    adapted = dialect.adapted_to(failure)
+                    if adapted is not None and time.monotonic() < deadline:
+                        dialect = adapted
+                        continue
+                    attempt += 1
+                    delay = retry_delay(failure, attempt, self.max_retries)
+                    if delay is None or time.monotonic() + delay >= deadline:
+                        raise
+                time.sleep(delay)
+            self.dialect = dialect
+        return dialect.ended(completion)
 
     def problem(self) -> str | None:
         """Return why the endpoint is not asked at present, None where it is."""
@@ -76,33 +87,6 @@ class ChatClient:
         except EndpointFailure as failure:
             return f'{failure.status.value}: {failure}'
         return None
-
-    def _complete_with_retries(
-        self,
-        messages: Sequence[Message],
-        deadline: float,
-        schema: dict[str, Any],
-        late_s: float,
-    ) -> Completion:
-        attempt = 0
-        dialect = self.dialect
-        while True:
-            body = dialect.body(self.model, messages, schema)
-            try:
-                completion = self._request(body, deadline + late_s)
-            except EndpointFailure as failure:
-                adapted = dialect.adapted_to(failure)
-                if adapted is not None and time.monotonic() < deadline:
-                    dialect = adapted
-                    continue
-                attempt += 1
-                delay = retry_delay(failure, attempt, self.max_retries)
-                if delay is None or time.monotonic() + delay >= deadline:
-                    raise
-            else:
-                self.dialect = dialect
-                return completion
-            time.sleep(delay)
 
     def _request(self, body: dict[str, Any], deadline: float) -> Completion:
         """Make one request, when a slot is free and the limits allow it."""

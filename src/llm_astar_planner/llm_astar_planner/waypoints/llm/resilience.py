@@ -7,7 +7,8 @@ import random
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass
 from email.utils import parsedate_to_datetime
 
@@ -113,8 +114,15 @@ class CircuitBreaker:
         wait = 'until the parameters change' if math.isinf(left) else f'for another {left:.0f} s'
         raise EndpointFailure(last.status, f'not asked {wait}, after: {last.detail}')
 
-    def record_success(self) -> None:
-        """Reset the count of failures in a row."""
+    @contextmanager
+    def watched(self) -> Iterator[None]:
+        """Let a request through, or raise as `check` does, and count how it ends."""
+        self.check()
+        try:
+            yield
+        except EndpointFailure as failure:
+            self.record_failure(failure)
+            raise
         with self._lock:
             self._failures = 0
 

@@ -71,7 +71,8 @@ def test_the_breaker_opens_after_failures_in_a_row_and_closes_again():
     breaker = CircuitBreaker(clock)
     for _ in range(THRESHOLD - 1):
         breaker.record_failure(failure())
-    breaker.record_success()
+    with breaker.watched():
+        pass  # a success
     for _ in range(THRESHOLD - 1):
         breaker.record_failure(failure())
     assert not is_open(breaker)
