@@ -26,7 +26,7 @@ from llm_astar_planner.waypoints.prompts.map_description import (
     describe,
 )
 from llm_astar_planner.waypoints.prompts.template import MESSAGE, Example, Template, prompt_name
-from llm_astar_planner.waypoints.source import Message, WaypointQuery
+from llm_astar_planner.waypoints.source import WaypointQuery
 
 # Bounds on a file, so that a map is solved in a fraction of a second: a map that a prompt does
 # not describe exactly is no example either.
@@ -242,9 +242,3 @@ class Prompt:
                 break
             found.append(example)
         return tuple(reversed(found))
-
-    def messages(
-        self, description: Description, examples: Sequence[Example] | None = None
-    ) -> tuple[Message, ...]:
-        """Return the messages that ask for a path; `examples` replace the template's own."""
-        return self.template.render(description, self.form, examples)

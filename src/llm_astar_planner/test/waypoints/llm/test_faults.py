@@ -218,7 +218,9 @@ def test_no_server_outlives_the_deadline(chat_server, name, limited_by):
     else:
         # Without a cache around it the request itself ends in time.
         client = client_of(source_for(chat_server))
-        bare = EndpointSource(client, Prompt(load_template('few_shot')), timeout_s=0.5)
+        bare = EndpointSource(
+            client, Prompt(load_template('few_shot')), SourceSettings(timeout_s=0.5)
+        )
         reply = bare.waypoints(QUERY)
     assert time.monotonic() - started < 0.5 + GENEROUS
     assert reply.status is SourceStatus.TIMEOUT
