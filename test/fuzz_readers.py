@@ -37,7 +37,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
     save_barrier_maps,
 )
 from llm_astar_msgs_adapter.maps.map_server import load_map
-from llm_astar_msgs_adapter.maps.places_file import load_places, places_from_geojson
+from llm_astar_msgs_adapter.maps.places import load_places, places_from_geojson
 from llm_astar_planner.benchmark.analysis.summary import compare_with_none, growth, summarise
 from llm_astar_planner.benchmark.analysis.transcript_check import check_transcript
 from llm_astar_planner.benchmark.bags.requests import RequestReader, load_requests
