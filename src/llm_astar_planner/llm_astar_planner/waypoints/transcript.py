@@ -22,8 +22,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeGuard
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
-from llm_astar_msgs_adapter.files import read_text
-from llm_astar_msgs_adapter.json_values import parse_json
+from llm_astar_msgs_adapter.files import parse_json, read_text
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
 from llm_astar_planner.waypoints.sample_resolver import SampleResolver, dataset_digest
