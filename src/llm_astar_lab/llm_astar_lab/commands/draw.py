@@ -9,7 +9,6 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from llm_astar_planner.cli.flags import add_old_flag
 from llm_astar_planner.cli.pictures import ANIMATIONS, picture_or_animation
 from llm_astar_planner.cli.plan import Problem, add_query_options, compile_searches, read_problem
 from llm_astar_planner.parameter import ParameterError
@@ -50,7 +49,6 @@ class Drawn(NamedTuple):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options: those of `plan`, and the file."""
     add_query_options(parser, SAMPLES_FILE)
-    add_old_flag(parser, '--dataset', '--map', 'map', metavar='FILE')
     parser.add_argument(
         '--out',
         '--png',

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 
-from llm_astar_planner.cli.flags import add_graph_options, add_old_flag, check_time_limit
+from llm_astar_planner.cli.flags import add_graph_options, check_time_limit
 from llm_astar_planner.cli.pictures import add_picture_option
 from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.parameter import ParameterError
@@ -52,7 +52,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--time-limit', type=float, default=30.0, metavar='SECONDS',
         help='longest wait for each answer (default: %(default)s)',
     )  # fmt: skip
-    add_old_flag(parser, '--timeout', '--time-limit', 'time_limit', type=float)
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     add_picture_option(parser, 'draw map and path')
     parser.add_argument(

@@ -109,7 +109,6 @@ class SourceSettings:
         between=(0.001, 3600.0),
         cli_default=30.0,
         cli_reason='since a person waits longer for a language model than a robot does',
-        old_flags=('timeout',),
     )
     max_retries: int = parameter(2, 'How often a failed request is sent again', between=(0, 10))
     max_concurrent: int = parameter(
