@@ -44,6 +44,8 @@ MAX_BYTES = 32_000_000
 MAX_LINES = 100_000
 # Tokens, seconds and a temperature, so that sums of them are numbers.
 MAX_NUMBER = 1e15
+# What is wrong with a last line that is not whole.
+CUT_OFF = 'cut off while it was written'
 # The first field of a line: one about waypoints, and one about an instruction.
 FIRST_FIELDS = (b'"map"', b'"text"')
 # What an exchange takes from a reply as it is, and a replay from an exchange.
@@ -138,22 +140,22 @@ def is_about_instruction(record: object) -> TypeGuard[dict[str, Any]]:
 def read_records(path: Path) -> Iterator[tuple[str, object]]:
     """Read the lines of a JSON Lines file: where each is, for errors, and its value.
 
-    A last line that has no line end and does not parse was cut off while it was written: it is
-    skipped with a logged warning. Raises TranscriptError for anything else that is malformed.
+    A last line that was cut off is skipped with a logged warning. Raises TranscriptError for
+    anything else that is malformed.
     """
-    for number, line, is_last in numbered_lines(path):
-        where = f'{path}: line {number}'
-        try:
-            yield where, parse_json(line)
-        except ValueError as error:
-            if not is_last:
-                raise TranscriptError(f'{where}: not JSON: {error}') from None
-            _LOG.warning('%s: cut off while it was written; skipped', where)
+    for where, record, problem in read_lines(path):
+        if problem == CUT_OFF:
+            _LOG.warning('%s: %s: %s; skipped', path, where, problem)
+        elif problem:
+            raise TranscriptError(f'{path}: {where}: {problem}')
+        else:
+            yield f'{path}: {where}', record
 
 
-def numbered_lines(path: Path) -> Iterator[tuple[int, str, bool]]:
-    """Yield number and text of each line that is not blank, and whether it has no line end.
+def read_lines(path: Path) -> Iterator[tuple[str, object, str]]:
+    """Yield for each line that is not blank where it is, its value, and what is wrong with it.
 
+    That is '' for nothing, and CUT_OFF for a last line that has no line end and does not parse.
     Raises TranscriptError where the file cannot be read or is too long.
     """
     text = read_text(path, TranscriptError, errors='replace', limit=MAX_BYTES)
@@ -162,7 +164,12 @@ def numbered_lines(path: Path) -> Iterator[tuple[int, str, bool]]:
     lines = text.split('\n')
     for number, line in enumerate(lines, start=1):
         if line.strip():
-            yield number, line, number == len(lines)
+            try:
+                record, problem = parse_json(line), ''
+            except ValueError as error:
+                problem = CUT_OFF if number == len(lines) else f'not JSON: {error}'
+                record = None
+            yield f'line {number}', record, problem
 
 
 def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
