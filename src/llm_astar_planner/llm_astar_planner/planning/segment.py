@@ -79,12 +79,11 @@ class SegmentPlanner:
     ) -> None:
         """Plan until `deadline` (monotonic seconds) or until `stop[0]` is raised.
 
-        Raises PluginError where the method's plug-in cannot be loaded in that time.
+        Raises PluginError where the method's plug-in cannot be loaded.
         """
         self.costmap = costmap
         self.request = request
-        seconds = max(0.0, deadline - time.monotonic())
-        self.method: SearchMethod = SEARCH_METHODS.load(request.method, seconds)
+        self.method: SearchMethod = SEARCH_METHODS.load(request.method)
         self.deadline = deadline
         self.stop = stop
         self.landmarks = landmarks

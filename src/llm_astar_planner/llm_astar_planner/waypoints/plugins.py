@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Set
-from dataclasses import dataclass, replace
-from functools import cache
+from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import printable, short_repr
 
-from llm_astar_planner.plugins import LOADING_S, Guard, PluginError, Plugins, checked_count
-from llm_astar_planner.search.stop import no_stop
+from llm_astar_planner.plugins import PluginError, Plugins, call, checked_count, log_failure
 from llm_astar_planner.waypoints.async_query import MAX_WAYPOINTS
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
@@ -48,40 +46,28 @@ class PluginFactory:
             return source
 
         try:
-            return PluginSource(self.name, guard_of(self.name).call(make, LOADING_S))
-        except (PluginError, TimeoutError) as error:
+            return PluginSource(self.name, call(make))
+        except PluginError as error:
             raise PluginError(f'source {self.name}: {error}') from None
 
 
 @dataclass(frozen=True)
 class PluginSource:
-    """The source of a plug-in, called under guard; its replies are checked and named after it."""
+    """The source of a plug-in; its replies are checked and named after it.
+
+    As of every source, a thread of a QueryQueue asks it, and a reply that comes late is dropped.
+    """
 
     name: str
     inner: WaypointSource
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Return the plug-in's reply, or one with status ERROR or TIMEOUT that says why."""
-        stopped = no_stop()
-        asked = replace(query, stop=stopped)
+        """Return the plug-in's reply, or one with status ERROR that says why."""
         try:
-            return guard_of(self.name).call(
-                lambda: checked_reply(self.name, self.inner.waypoints(asked)),
-                query.time_limit,
-                query.stop,
-                stopped,
-            )
-        except (PluginError, TimeoutError) as error:
-            guard_of(self.name).log(error)
-            is_late = isinstance(error, TimeoutError)
-            status = SourceStatus.TIMEOUT if is_late else SourceStatus.ERROR
-            return WaypointReply(label=self.name, status=status, detail=str(error))
-
-
-@cache
-def guard_of(name: str) -> Guard:
-    """Return the one guard of a plug-in: a source itself can be sent to another process."""
-    return Guard(name)
+            return call(lambda: checked_reply(self.name, self.inner.waypoints(query)))
+        except PluginError as error:
+            log_failure(self.name, error)
+            return WaypointReply(label=self.name, status=SourceStatus.ERROR, detail=str(error))
 
 
 def checked_reply(name: str, reply: Any) -> WaypointReply:  # noqa: ANN401 - of foreign code
