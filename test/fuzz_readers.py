@@ -63,8 +63,7 @@ from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.learned.network import read_weights
 from llm_astar_planner.waypoints.llm.credentials import redact
-from llm_astar_planner.waypoints.llm.http import HttpReply
-from llm_astar_planner.waypoints.llm.protocol import read_completion
+from llm_astar_planner.waypoints.llm.protocol import HttpReply, read_completion
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.prompts.examples import load_example_library
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query

@@ -12,8 +12,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.instructions import transcript as instructions
 from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
-from llm_astar_planner.waypoints.replay import ReplaySource
-from llm_astar_planner.waypoints.sample_resolver import dataset_digest
+from llm_astar_planner.waypoints.replay import ReplaySource, dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus
 from llm_astar_planner.waypoints.transcript import (
     CUT_OFF,

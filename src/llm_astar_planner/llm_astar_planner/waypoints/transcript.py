@@ -1,4 +1,4 @@
-"""Transcripts: exchanges with a model as JSON Lines; read, written, and recorded from a source.
+"""Transcripts: exchanges with a model as JSON Lines, read and written.
 
 A line holds `map, pair, scale, model, prompt, messages, response, prompt_tokens,
 completion_tokens, seconds, status`, and what is known of the fields of `Provenance`. Coordinates
@@ -15,7 +15,7 @@ import math
 import mmap
 import os
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from datetime import datetime, timezone
 from pathlib import Path
@@ -23,18 +23,13 @@ from typing import Any, Protocol, TypeGuard
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.files import parse_json, read_text
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
-from llm_astar_planner.waypoints.sample_resolver import SampleResolver, dataset_digest
 from llm_astar_planner.waypoints.source import (
     UNKNOWN_PROVENANCE,
     Message,
     Provenance,
     SampleKey,
     SourceStatus,
-    WaypointQuery,
-    WaypointReply,
-    WaypointSource,
     name_problem,
 )
 
@@ -48,10 +43,6 @@ MAX_NUMBER = 1e15
 CUT_OFF = 'cut off while it was written'
 # The first field of a line: one about waypoints, and one about an instruction.
 FIRST_FIELDS = (b'"map"', b'"text"')
-# What an exchange takes from a reply as it is, and a replay from an exchange.
-SHARED = ('model', 'prompt', 'messages', 'prompt_tokens', 'completion_tokens', 'seconds', 'unit')
-# Replies with these statuses come from no model, so there is nothing to record.
-_NOT_ASKED = (SourceStatus.NONE, SourceStatus.NOT_CONFIGURED, SourceStatus.MISSING)
 
 
 class TranscriptError(LlmAstarError, ValueError):
@@ -313,49 +304,3 @@ def repair_last_line(path: Path) -> None:
     else:
         with path.open('ab') as whole:
             whole.write(b'\n')
-
-
-class RecordingSource:
-    """Passes queries on to a source and writes each exchange to a transcript, for replays."""
-
-    def __init__(
-        self,
-        inner: WaypointSource,
-        writer: TranscriptWriter,
-        dataset: Sequence[BarrierMap] | None = None,
-    ) -> None:
-        """Wrap `inner`. `dataset` lets exchanges be keyed by its map ids and pairs."""
-        self.inner = inner
-        self._writer = writer
-        self._resolver = SampleResolver(dataset)
-        self._dataset_digest = dataset_digest(dataset or ())
-
-    @property
-    def name(self) -> str:
-        """The name of the wrapped source."""
-        return self.inner.name
-
-    def waypoints(self, query: WaypointQuery) -> WaypointReply:
-        """Query and record. A failed write is logged; the reply is returned all the same."""
-        reply = self.inner.waypoints(query)
-        if reply.status not in _NOT_ASKED:
-            try:
-                self._writer.write(self._exchange(query, reply))
-            except (OSError, ValueError) as error:
-                _LOG.warning('%s: cannot be written: %s', self._writer.path, error)
-        return reply
-
-    def _exchange(self, query: WaypointQuery, reply: WaypointReply) -> Exchange:
-        sample, _ = self._resolver.resolve(query)
-        provenance = reply.provenance._replace(
-            # A live map has a digest for its id, and belongs to no dataset.
-            dataset_digest=self._dataset_digest if isinstance(sample.map, int) else '',
-            time=datetime.now(timezone.utc).isoformat(timespec='seconds'),
-        )
-        return Exchange(
-            *sample,
-            response=reply.text,
-            status=reply.status,
-            provenance=provenance,
-            **{name: getattr(reply, name) for name in SHARED},
-        )

@@ -34,7 +34,7 @@ from llm_astar_planner.waypoints.prompts.template import (
     load_template,
     path_schema,
 )
-from llm_astar_planner.waypoints.sample_resolver import SampleResolver
+from llm_astar_planner.waypoints.replay import RecordingSource, SampleResolver
 from llm_astar_planner.waypoints.source import (
     MAX_NAME,
     Message,
@@ -44,7 +44,7 @@ from llm_astar_planner.waypoints.source import (
     WaypointReply,
     WaypointSource,
 )
-from llm_astar_planner.waypoints.transcript import RecordingSource, TranscriptWriter
+from llm_astar_planner.waypoints.transcript import TranscriptWriter
 
 # How many seconds a request that missed its deadline may go on, to answer the next query.
 LATE_S = 60.0

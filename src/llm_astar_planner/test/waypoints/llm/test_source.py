@@ -9,7 +9,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Sample
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.llm.source import client_of
-from llm_astar_planner.waypoints.sample_resolver import dataset_digest
+from llm_astar_planner.waypoints.replay import dataset_digest
 from llm_astar_planner.waypoints.source import SampleKey, SourceStatus, WaypointQuery
 from llm_astar_planner.waypoints.transcript import read_transcript
 
