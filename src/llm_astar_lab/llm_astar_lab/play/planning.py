@@ -17,9 +17,8 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
 from llm_astar_planner.search.stop import StopFlag
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
+from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 from numpy.typing import NDArray
 

@@ -55,9 +55,9 @@ from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode, chec
 from llm_astar_planner.planning.waypoint_filter import guiding_points
 from llm_astar_planner.search.numba_start import start_numba
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.config import make_source
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
+from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 
 USAGE = """\

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
-from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, places_from_geojson
 
 from llm_astar_planner.instructions.background import BackgroundInterpreter
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter

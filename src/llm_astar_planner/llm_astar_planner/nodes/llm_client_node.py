@@ -47,9 +47,9 @@ from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.stop import StopFlag
 from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.fixed import NoSource
-from llm_astar_planner.waypoints.llm.factory import client_of
+from llm_astar_planner.waypoints.config import make_source
+from llm_astar_planner.waypoints.llm.source import client_of
+from llm_astar_planner.waypoints.replay import NoSource
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,

@@ -19,7 +19,7 @@ from llm_astar_planner.planning.compile import (
     compile_kernels,
 )
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.replay import FixedReply
 
 ANNOUNCEMENT = 'compiling the searches, once after an installation'
 EXPECTED_SECONDS = 15

@@ -42,7 +42,7 @@ from llm_astar_planner.search.result import (
     SearchStatus,
     describe_expansions,
 )
-from llm_astar_planner.waypoints.async_query import WaypointQueryTask, query_source
+from llm_astar_planner.waypoints.async_query import QueryTask, query_source, start_query
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     Waypoint,
@@ -79,12 +79,11 @@ class SegmentPlanner:
     ) -> None:
         """Plan until `deadline` (monotonic seconds) or until `stop[0]` is raised.
 
-        Raises PluginError where the method's plug-in cannot be loaded in that time.
+        Raises PluginError where the method's plug-in cannot be loaded.
         """
         self.costmap = costmap
         self.request = request
-        seconds = max(0.0, deadline - time.monotonic())
-        self.method: SearchMethod = SEARCH_METHODS.load(request.method, seconds)
+        self.method: SearchMethod = SEARCH_METHODS.load(request.method)
         self.deadline = deadline
         self.stop = stop
         self.landmarks = landmarks
@@ -242,7 +241,7 @@ class SegmentPlanner:
 
     def query_meanwhile(
         self, query: tuple[WaypointSource, WaypointQuery], arrivals: deque[NDArray[np.float64]]
-    ) -> WaypointQueryTask:
+    ) -> QueryTask:
         """Start the query; its waypoints go to `arrivals` as soon as they are there."""
 
         def on_reply(reply: WaypointReply) -> None:
@@ -250,7 +249,7 @@ class SegmentPlanner:
             if waypoints:
                 arrivals.append(np.array(waypoints, dtype=np.float64))
 
-        task = WaypointQueryTask(*query, on_reply)
+        task = start_query(*query, on_reply)
         task.wait(min(HEAD_START, query[1].time_limit), self.stop)
         return task
 

@@ -13,10 +13,8 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
-from llm_astar_msgs_adapter.maps.places_file import load_places
-from llm_astar_msgs_adapter.maps.places_problems import places_problems
-from llm_astar_msgs_adapter.messages.place_markers import places_to_markers
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, load_places, places_problems
+from llm_astar_msgs_adapter.messages.markers import places_to_markers
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from rcl_interfaces.msg import SetParametersResult
 from std_msgs.msg import String

@@ -16,8 +16,8 @@ from diagnostic_msgs.srv import AddDiagnostics
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.markers import zones_to_markers
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
-from llm_astar_msgs_adapter.messages.zone_markers import zones_to_markers
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from std_msgs.msg import String

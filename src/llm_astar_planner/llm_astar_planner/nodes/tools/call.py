@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.maps.places import Places
-from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
+from llm_astar_msgs_adapter.maps.places import Places, places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.report import PlanReport
 from nav_msgs.msg import Path
