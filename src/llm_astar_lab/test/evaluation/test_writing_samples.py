@@ -115,8 +115,7 @@ def test_a_grid_without_barriers_is_written_as_a_map(tmp_path):
     (tmp_path / 'x.map.scen').write_text('version 1\n0 x.map 3 2 0 0 2 0 2.0\n')
     out = tmp_path / 'bag'
     assert (
-        main(['dataset', 'to-bag', '--map', str(tmp_path / 'x.map.scen'), '--out', str(out)])
-        == 0
+        main(['dataset', 'to-bag', '--map', str(tmp_path / 'x.map.scen'), '--out', str(out)]) == 0
     )
     assert [topic for topic, _, _ in read(out)] == [MAP, GET_PLAN_EVENT]
 
