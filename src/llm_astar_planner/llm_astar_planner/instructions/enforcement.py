@@ -12,10 +12,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from llm_astar_msgs_adapter.maps.places import Place, Places
 from numpy.typing import NDArray
 
+from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.costmap.raster import Cover, cover, open_border
-from llm_astar_planner.instructions.regions import (
+from llm_astar_planner.instructions.polygons import (
     RegionError,
     entered_polygon,
     grown,
@@ -24,7 +26,7 @@ from llm_astar_planner.instructions.regions import (
     region_polygon,
     visit_polygon,
 )
-from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.route import PlaceGoalError, Route
 from llm_astar_planner.instructions.specification import (
     AVOID_RADIUS,
     MUST,
@@ -37,6 +39,7 @@ from llm_astar_planner.instructions.specification import (
     Disc,
     EndAt,
     KeepDistance,
+    NamedPlace,
     Pass,
     Region,
     Specification,
@@ -46,6 +49,7 @@ from llm_astar_planner.instructions.specification import (
 )
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search.layered import VisitProblem
+from llm_astar_planner.search.result import Cell
 
 # What a cell of length in a forbidden cell costs more: so many cells of detour are made for it.
 MUST_PRICE = 1e6
@@ -388,3 +392,24 @@ def leaves_nothing(one: Demand, other: Demand) -> bool:
         return False
     first, second = one.forbidden.centres, other.forbidden.centres
     return bool((first | second).all() and not first.all() and not second.all())
+
+
+def goal_cell(place: Place, costmap: Costmap) -> Cell:
+    """Return the cell to go to: the free one nearest to the centre of the place.
+
+    In an area it is well inside, at an object near it, and where there is a choice in the largest
+    part of the map that can be driven. Raises PlaceGoalError where no cell is free.
+    """
+    route = Route(costmap, (0, 0), (0, 0), Places([place]))
+    cells = visit_cells(NamedPlace(place.name), route)
+    if not cells.any():
+        raise PlaceGoalError(f'no cell of {place.name!r} is free on this map')
+    components = costmap.components[:, :]
+    sizes = np.bincount(components.ravel())
+    sizes[0] = 0
+    cells &= components == max(np.unique(components[cells]), key=lambda number: sizes[number])
+    centre = place.geometry.centroid
+    x, y = costmap.grid_map.world_to_grid([(centre.x, centre.y)])[0]
+    rows, columns = np.nonzero(cells)
+    nearest = int(np.argmin((columns - x) ** 2 + (rows - y) ** 2))
+    return int(columns[nearest]), int(rows[nearest])

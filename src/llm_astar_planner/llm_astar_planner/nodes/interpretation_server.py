@@ -8,7 +8,7 @@ from typing import Any
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
 
-from llm_astar_planner.instructions.background import BackgroundInterpreter
+from llm_astar_planner.instructions.chain import BackgroundInterpreter
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import Interpretation, Interpreter
 from llm_astar_planner.instructions.messages import MAX_QUESTION_WITH_PLACES, Question

@@ -20,12 +20,7 @@ from llm_astar_planner.instructions.messages import (
     parse_answer,
     parse_question,
 )
-from llm_astar_planner.instructions.specification import (
-    Avoid,
-    NamedPlace,
-    Specification,
-    Unknown,
-)
+from llm_astar_planner.instructions.specification import Avoid, NamedPlace, Specification, Unknown
 
 AVOID = Avoid(region=NamedPlace('kitchen'))
 WHOLE = Interpretation(

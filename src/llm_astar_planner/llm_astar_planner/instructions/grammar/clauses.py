@@ -9,29 +9,26 @@ from itertools import pairwise
 
 from llm_astar_msgs_adapter.maps.places import Places
 
-from llm_astar_planner.instructions.grammar.asked import Reading, visit_of
 from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN
 from llm_astar_planner.instructions.grammar.lexer import Lexer
+from llm_astar_planner.instructions.grammar.meaning import Reading, visit_of
 from llm_astar_planner.instructions.grammar.parser import parse_clause
 from llm_astar_planner.instructions.grammar.pieces import (
     ANYORDER,
     BUT,
+    GOVERNING,
     HARD,
     INORDER,
+    NEG,
     REGION_ENDS,
     THEN,
     Piece,
     Splitter,
 )
-from llm_astar_planner.instructions.grammar.reading_order import GOVERNING, NEG
-from llm_astar_planner.instructions.grammar.regions import Unclear
 from llm_astar_planner.instructions.grammar.remarks import without_remarks
+from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.words import Word, read_words
-from llm_astar_planner.instructions.interpretation import (
-    Interpretation,
-    Understanding,
-    status_of,
-)
+from llm_astar_planner.instructions.interpretation import Interpretation, Understanding, status_of
 from llm_astar_planner.instructions.specification import (
     MAX_CLAUSES,
     MAX_NAME_CHARS,

@@ -2,48 +2,296 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any
 
-from lark import Token, v_args
+from lark import Token, Transformer, v_args
 
-from llm_astar_planner.instructions.grammar.asked import (
-    Reading,
-    Things,
-    all_objects,
-    avoid_of,
-    befores,
-    distance_of,
-    positive,
-    refuse_half_of_object,
-    single,
-    strip_along,
-    visit_of,
-    with_radius,
-)
-from llm_astar_planner.instructions.grammar.lexicon import (
-    PASSAGE,
-    generic_of,
-    place_nouns,
-)
-from llm_astar_planner.instructions.grammar.region_meaning import RegionMeaning, side_in, value
-from llm_astar_planner.instructions.grammar.regions import (
+from llm_astar_planner.instructions.grammar.lexicon import PASSAGE, Group, generic_of, place_nouns
+from llm_astar_planner.instructions.grammar.selection import (
+    OPPOSITE,
+    Part,
     Selection,
     Unclear,
+    axis_half,
+    common_box,
+    half_of,
+    joint_limits,
     outside,
+    select_group,
+    select_place,
 )
-from llm_astar_planner.instructions.grammar.relative import OPPOSITE
 from llm_astar_planner.instructions.specification import (
     ALONG_WIDTH,
+    MAX_METRES,
     SHOULD,
+    WALLS,
+    Along,
     Avoid,
+    Before,
     Between,
     Box,
+    Clause,
+    Disc,
     EndAt,
     Half,
+    KeepDistance,
     NamedPlace,
     Pass,
+    Region,
     StayIn,
+    Visit,
 )
+
+Things = tuple[Selection, ...]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one clause of an instruction says.
+
+    `things` are regions without a verb; `is_negative` where a 'not' stands before them.
+    """
+
+    clauses: tuple[Clause, ...] = ()
+    things: Things = ()
+    is_negative: bool = False
+
+
+def visit_of(things: Things) -> Visit:
+    """Return the visit of all things, in any order. Raises Unclear."""
+    regions: list[Region] = []
+    for thing in things:
+        if thing.is_walls:
+            raise Unclear('walls cannot be visited')
+        regions += [thing.one] if thing.any_one else thing.regions
+    return Visit(regions=tuple(regions))
+
+
+def avoid_of(things: Things, metres: float = 0.0) -> tuple[Clause, ...]:
+    """Return what avoids all things. Raises Unclear."""
+    clauses: list[Clause] = []
+    for thing in things:
+        if thing.any_one == 'one':
+            raise Unclear('which one is to be avoided')
+        if thing.is_walls:
+            clauses.append(KeepDistance(metres=positive(metres)))
+        elif thing.is_point and metres:
+            clauses.append(Avoid(region=with_radius(thing, metres)))
+        else:
+            regions = thing.regions if thing.together is None else (thing.together,)
+            clauses += [Avoid(region=region, margin=metres) for region in regions]
+    return tuple(clauses)
+
+
+def distance_of(things: Things, metres: float) -> tuple[Clause, ...]:
+    """Return what keeps a distance from all things. Raises Unclear."""
+    clauses: list[Clause] = []
+    for thing in things:
+        if thing.any_one == 'one':
+            raise Unclear('a distance from which one')
+        if thing.is_walls:
+            clauses.append(KeepDistance(metres=positive(metres)))
+        elif thing.is_point:
+            clauses.append(Avoid(region=with_radius(thing, positive(metres))))
+        else:
+            regions = thing.regions if thing.together is None else (thing.together,)
+            clauses += [KeepDistance(metres=positive(metres), region=one) for one in regions]
+    return tuple(clauses)
+
+
+def befores(firsts: Things, seconds: Things) -> tuple[Clause, ...]:
+    """Return that each of the second things is entered after each of the first ones."""
+    if any(two.is_all for two in seconds):
+        raise Unclear('some of them or none')
+    each = [
+        region
+        for one in firsts
+        for region in ((one.one,) if one.any_one or not one.is_group else one.regions)
+    ]
+    return tuple(Before(first=first, second=two.one) for two in seconds for first in each)
+
+
+def with_radius(thing: Selection, metres: float) -> Disc:
+    """Return a point as a disc."""
+    point = thing.one
+    if not isinstance(point, Disc):
+        raise Unclear('no point')
+    return Disc(point.x, point.y, metres)
+
+
+def positive(metres: float) -> float:
+    """Return a distance. Raises Unclear where there is none."""
+    if not 0.0 < metres <= MAX_METRES:
+        raise Unclear('no distance that can be kept')
+    return metres
+
+
+def strip_along(thing: Selection, metres: float) -> Along:
+    """Return the strip around a place or the walls."""
+    return Along(WALLS if thing.is_walls else thing.place.name, positive(metres))
+
+
+def all_objects(thing: Selection) -> bool:
+    """Whether a selection is of objects."""
+    return bool(thing.places) and all(place.is_object for place in thing.places)
+
+
+def refuse_half_of_object(thing: Selection) -> None:
+    """Raise Unclear for 'the south side of the rack': nobody can drive in it."""
+    if isinstance(thing.one, Half) and all_objects(thing):
+        raise Unclear('the side of what nobody can enter')
+
+
+def single(things: Things) -> Selection:
+    """Return the only thing. Raises Unclear where there are several."""
+    if len(things) != 1:
+        raise Unclear('several things where one is expected')
+    return things[0]
+
+
+# The type parameters of lark's class differ between its versions.
+Callbacks: Any = Transformer
+
+
+def value(token: Token) -> Any:
+    """Return what a lexeme stands for."""
+    return token.value.value
+
+
+def side_in(tokens: tuple[Token, ...]) -> str:
+    """Return the side among some lexemes."""
+    return next(str(value(token)) for token in tokens if token.type == 'SIDE')
+
+
+@v_args(inline=True)
+class RegionMeaning(Callbacks):  # type: ignore[misc]
+    """Called by the parser for the rules of regions in `clauses.lark`."""
+
+    def things(self, *things: Selection) -> Things:
+        """'A, B and C'; 'x above 2 and x below 5' is one area."""
+        limits = [thing for thing in things if thing.is_limit]
+        if len(limits) > 1:
+            return (*(thing for thing in things if not thing.is_limit), *joint_limits(limits))
+        return things
+
+    def place(self, token: Token) -> Selection:
+        """A name."""
+        return select_place(value(token))
+
+    def all_of(self, _: Token, place: Selection) -> Selection:
+        """'all of A'."""
+        return replace(place, is_all=True)
+
+    def point(self, token: Token) -> Selection:
+        """'20, 12'."""
+        x, y = value(token)
+        return Selection((Disc(x, y),), is_point=True)
+
+    def group(self, described: tuple[Group, list[Part]], *where: list[Part]) -> Selection:
+        """'the northern rooms', 'the room in the top left'."""
+        noun, parts = described
+        return select_group(noun, parts, where[0] if where else [])
+
+    def described(self, *parts: Any) -> tuple[Group, list[Part]]:
+        """'all blue rooms', 'la salle bleue': adjectives and the noun."""
+        tokens = [part for part in parts if isinstance(part, Token)]
+        adjectives = [part for part in parts if isinstance(part, Part)]
+        noun, *after = tokens
+        return value(noun), [*adjectives, *map(self.adjective, after)]
+
+    def adjective(self, token: Token) -> Part:
+        """'blue', 'northern', 'all'."""
+        return Part(token.type, value(token))
+
+    def where(self, *tokens: Token) -> list[Part]:
+        """'in the top left', 'in the middle'."""
+        return [Part(token.type, value(token)) for token in tokens]
+
+    def around(self, metres: Token, thing: Selection) -> Selection:
+        """'the 3 m around 20, 12'."""
+        if not thing.is_point:
+            raise Unclear('a strip around a place is said as avoid it by')
+        return Selection((with_radius(thing, positive(value(metres))),))
+
+    def disc(self, thing: Selection) -> Selection:
+        """'the area around 20, 12': a disc of the default radius."""
+        return self.surroundings(thing)
+
+    def surroundings(self, thing: Selection) -> Selection:
+        """'the surroundings of 20, 12': a disc of the default radius."""
+        return Selection(thing.regions)
+
+    def half(self, *parts: Any) -> Selection:
+        """'the north half of the lab'."""
+        tokens = tuple(part for part in parts if isinstance(part, Token))
+        wholes = [part for part in parts if not isinstance(part, Token)]
+        whole = wholes[0] if wholes else None
+        is_half = any(token.type == 'HALFNOUN' for token in tokens)
+        return half_of(side_in(tokens), is_half, whole)
+
+    def of_map(self) -> str:
+        """'of the map'."""
+        return 'map'
+
+    def of_way(self) -> str:
+        """'of the direct way'."""
+        return 'way'
+
+    def of_place(self, thing: Selection) -> object:
+        """'of the lab'."""
+        return thing.place
+
+    def field(self, side: Token, line: Token) -> Selection:
+        """'north of y = 10'."""
+        return Selection((axis_half(str(value(side)), *value(line)),), is_limit=True)
+
+    def above(self, line: Token) -> Selection:
+        """'above y = 10'."""
+        return Selection((axis_half('north', *value(line)),), is_limit=True)
+
+    def below(self, line: Token) -> Selection:
+        """'below y = 10'."""
+        return Selection((axis_half('south', *value(line)),), is_limit=True)
+
+    def same(self, thing: Selection) -> Selection:
+        """'everything north of y = 10'."""
+        return thing
+
+    def limits(self, box: Token) -> Selection:
+        """'x below 10', 'between y = 5 and y = 20'."""
+        return Selection((common_box(value(box)),), is_limit=True)
+
+    def ranges(self, box: Token) -> Selection:
+        """'the area with x from 1 to 2 and y above 3'."""
+        return Selection((common_box(value(box)),))
+
+    def whole(self) -> Selection:
+        """'the whole map'."""
+        return Selection((common_box(()),))
+
+    def between(self, first: Selection, second: Selection) -> Selection:
+        """'between A and B'."""
+        return Selection((Between(first.place.name, second.place.name),))
+
+    def between_two(self, pair: Selection) -> Selection:
+        """'between the racks', if there are two."""
+        if len(pair.places) != 2:
+            raise Unclear('between which two')
+        first, second = pair.places
+        return Selection((Between(first.name, second.name),))
+
+    def rectangle(self, corner: Token, other: Token) -> Selection:
+        """'the rectangle from 1, 2 to 3, 4'."""
+        (x0, y0), (x1, y1) = value(corner), value(other)
+        if x0 == x1 or y0 == y1:
+            raise Unclear('an empty area')
+        return Selection((Box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)),))
+
+    def strip(self, metres: Token, _: Token, thing: Selection) -> Selection:
+        """'the 1 m along the lab'."""
+        return Selection((strip_along(thing, value(metres)),))
+
 
 DOOR = 'door'
 STOPBY = 'STOPBY'

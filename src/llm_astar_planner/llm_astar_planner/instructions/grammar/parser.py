@@ -14,10 +14,9 @@ from lark import Lark, Token
 from lark.exceptions import UnexpectedInput, VisitError
 from lark.lexer import Lexer as LarkLexer
 
-from llm_astar_planner.instructions.grammar.asked import Reading
 from llm_astar_planner.instructions.grammar.lexemes import Lexeme
-from llm_astar_planner.instructions.grammar.meaning import Meaning
-from llm_astar_planner.instructions.grammar.regions import Unclear
+from llm_astar_planner.instructions.grammar.meaning import Meaning, Reading
+from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.words import word_set
 
 # Kinds whose value the grammar's callbacks are given; lark leaves out those with an underscore.

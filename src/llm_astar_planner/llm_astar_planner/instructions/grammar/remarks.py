@@ -10,16 +10,18 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from llm_astar_planner.instructions.grammar.lexemes import AND, COMMA, UNKNOWN, Lexeme
-from llm_astar_planner.instructions.grammar.nouns import nouns
 from llm_astar_planner.instructions.grammar.pieces import (
     BECAUSE,
     COLON,
     HARD,
+    NEG,
+    PRONOUN,
     REGION_ENDS,
     REGION_STARTS,
+    VERBS,
     Piece,
 )
-from llm_astar_planner.instructions.grammar.reading_order import NEG, PRONOUN, VERBS
+from llm_astar_planner.instructions.grammar.vocabulary import nouns
 from llm_astar_planner.instructions.grammar.words import word_set
 
 STATE, REMARK = 'STATE', 'REMARK'

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from llm_astar_planner.instructions.model.regions import regions_of
 from llm_astar_planner.instructions.model.structure import STOP, Structure
 from llm_astar_planner.instructions.model.vocabulary import Token, vocabulary
 from llm_astar_planner.instructions.specification import (
@@ -22,6 +21,7 @@ from llm_astar_planner.instructions.specification import (
     Region,
     StayIn,
     Tagged,
+    regions_of,
 )
 
 MAX_PARTS = 4

@@ -11,7 +11,6 @@ from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.model.kinds import kind_problem
 from llm_astar_planner.instructions.model.mentions import Mention, Reading
-from llm_astar_planner.instructions.model.regions import regions_of
 from llm_astar_planner.instructions.model.structure import Structure
 from llm_astar_planner.instructions.specification import (
     ALONG_WIDTH,
@@ -29,6 +28,7 @@ from llm_astar_planner.instructions.specification import (
     Pass,
     Region,
     Tagged,
+    regions_of,
 )
 
 # Numbers that differ by less are the same: a model may round what it converts.

@@ -9,38 +9,119 @@ is `Unknown`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions.model.coverage import says_of_route, unread_parts
 from llm_astar_planner.instructions.model.evidence import Evidence, Witness, holds
-from llm_astar_planner.instructions.model.kinds import is_said_first
+from llm_astar_planner.instructions.model.kinds import is_said_first, polarity
 from llm_astar_planner.instructions.model.mentions import Mention, Reading, read
-from llm_astar_planner.instructions.model.regions import regions_of
-from llm_astar_planner.instructions.model.repair import repaired, turned
-from llm_astar_planner.instructions.model.structure import Structure
+from llm_astar_planner.instructions.model.structure import Polarity, Structure
 from llm_astar_planner.instructions.sentence import clause_sentence
 from llm_astar_planner.instructions.specification import (
     ALONG_WIDTH,
+    COMPASS,
     MAX_CLAUSES,
+    MAX_METRES,
     MAX_VISITS,
     MUST,
+    ROUTE_SIDES,
     SHOULD,
+    SIDES,
     Along,
     Avoid,
     Before,
     Clause,
     Disc,
     EndAt,
+    Half,
     KeepDistance,
     NamedPlace,
+    Pass,
     Region,
     Specification,
+    StayIn,
     Unknown,
     Visit,
+    regions_of,
 )
+
+
+def repaired(clause: Clause, witness: Witness) -> tuple[Clause, Evidence] | None:
+    """Return the only variant of a clause that stands by words that no other clause uses.
+
+    One that accounts for more of the sentence goes before one that accounts for less.
+    """
+    found: dict[Clause, Evidence] = {}
+    for variant in variants(clause, witness):
+        evidence = witness.evidence_of(variant)
+        if not evidence.problems and not evidence.tokens <= witness.used:
+            found[variant] = evidence
+    tokens = [evidence.tokens for evidence in found.values()]
+    fullest = [
+        (variant, evidence)
+        for variant, evidence in found.items()
+        if not any(evidence.tokens < other for other in tokens)
+    ]
+    return fullest[0] if len(fullest) == 1 else None
+
+
+def turned(clause: Clause, evidence: Evidence, witness: Witness) -> Clause:
+    """Return what is to be avoided for a visit of what the sentence refuses.
+
+    It stays a guess; but a robot sent where it must not go is worse than one kept out.
+    """
+    if not (isinstance(clause, Visit) and evidence.problems and evidence.anchors):
+        return clause
+    if polarity(evidence.anchors, witness.structure) is not Polarity.REFUSED:
+        return clause
+    return Avoid(clause.strength, region=clause.regions[0])
+
+
+def variants(clause: Clause, witness: Witness) -> Iterator[Clause]:
+    """Yield the clauses of other kinds, places or sides that a clause may stand for."""
+    regions = regions_of(clause)
+    if len(regions) != 1:
+        return
+    for region in [regions[0], *other_regions(regions[0], witness)]:
+        yield from of_each_kind(clause, region, witness)
+
+
+def of_each_kind(clause: Clause, region: Region, witness: Witness) -> Iterator[Clause]:
+    """Yield what may be asked of a region."""
+    strength = clause.strength
+    yield Avoid(strength, region=region)
+    yield Visit(strength, regions=(region,))
+    yield StayIn(strength, region=region)
+    yield EndAt(strength, region=region)
+    for metres in unused_lengths(witness):
+        yield KeepDistance(strength, region=region, metres=metres)
+    if isinstance(clause, Pass) or isinstance(region, Half):
+        sides = witness.reading.sides
+        for side in SIDES if set(sides) & set(ROUTE_SIDES) else sides:
+            yield Pass(strength, region=region, side=side)
+
+
+def unused_lengths(witness: Witness) -> list[float]:
+    """Return the lengths in metres that no clause uses yet."""
+    unused = [m for m in witness.reading.mentions if not witness.used.issuperset(m.tokens)]
+    lengths = (m.numbers[-1] for m in unused if m.has_unit)
+    return [metres for metres in dict.fromkeys(lengths) if 0.0 < metres <= MAX_METRES]
+
+
+def other_regions(region: Region, witness: Witness) -> Iterator[Region]:
+    """Yield what a region may stand for: the place or the side that no clause uses yet."""
+    unused = [m for m in witness.reading.mentions if not witness.used.issuperset(m.tokens)]
+    named = {name for mention in unused for name in mention.names if len(mention.names) == 1}
+    if isinstance(region, NamedPlace) and len(named) == 1:
+        yield NamedPlace(named.pop())
+    if isinstance(region, Half):
+        for side in witness.reading.sides:
+            if not region.of or side in COMPASS:
+                yield replace(region, side=side)
+
 
 Weighed = list[tuple[Clause, Evidence]]
 

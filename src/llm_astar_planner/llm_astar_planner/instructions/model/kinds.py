@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from llm_astar_planner.instructions.model.descriptions import orientation
 from llm_astar_planner.instructions.model.mentions import Mention
-from llm_astar_planner.instructions.model.regions import regions_of
+from llm_astar_planner.instructions.model.names import orientation
 from llm_astar_planner.instructions.model.structure import Polarity, Structure
 from llm_astar_planner.instructions.specification import (
     ROUTE_SIDES,
@@ -23,6 +22,7 @@ from llm_astar_planner.instructions.specification import (
     Pass,
     StayIn,
     Visit,
+    regions_of,
 )
 
 Parts = Sequence[Sequence[Mention]]

@@ -19,7 +19,7 @@ from llm_astar_planner.instructions.specification import (
     Region,
     StayIn,
 )
-from llm_astar_planner.instructions.verification.area import EDGE, Area
+from llm_astar_planner.instructions.verification.geometry import EDGE, Area, Spans, total
 from llm_astar_planner.instructions.verification.measurement import (
     NEGLIGIBLE,
     Measurement,
@@ -30,7 +30,6 @@ from llm_astar_planner.instructions.verification.measurement import (
     satisfied,
     violated,
 )
-from llm_astar_planner.instructions.verification.polyline import Spans, total
 from llm_astar_planner.lazy import ndimage
 
 # A distance may be short by this share or by these metres, whichever is more.
@@ -49,7 +48,7 @@ def check_avoid(measurement: Measurement, clause: Avoid) -> ClauseOutcome:
     area = avoided_area(measurement, clause)
     if not area.has_size:
         return no_size(clause)
-    spans = measurement.path.spans_in(area)
+    spans = area.spans(measurement.path)
     metres = total(spans)
     ends_inside = bool(area.contains_inside(measurement.fixed_ends).any())
     if metres <= NEGLIGIBLE and not ends_inside:
@@ -90,7 +89,7 @@ def check_stay_in(measurement: Measurement, clause: StayIn) -> ClauseOutcome:
     """Measure the metres of a path outside of a region: a wish allows the least possible."""
     region = measurement.regions.resolve(clause.region).area
     area = region.grown(EDGE)
-    inside = measurement.path.spans_in(area) if region.has_size else np.empty((0, 2))
+    inside = area.spans(measurement.path) if region.has_size else np.empty((0, 2))
     metres = max(0.0, measurement.path.length - total(inside))
     if len(inside) and metres <= NEGLIGIBLE:
         return satisfied(clause, '0.0 m outside')
@@ -156,7 +155,7 @@ def is_walls(region: Region) -> TypeGuard[Along]:
 
 def check_zone(measurement: Measurement, clause: KeepDistance, zone: Area) -> ClauseOutcome:
     """Judge a path that enters `zone`, all that is nearer than is allowed."""
-    spans = measurement.path.spans_in(zone)
+    spans = zone.spans(measurement.path)
     counts = [not is_end(measurement, span, clause.metres) for span in spans]
     middle = spans[np.array(counts, dtype=np.bool_)]
     is_wish = clause.strength == SHOULD

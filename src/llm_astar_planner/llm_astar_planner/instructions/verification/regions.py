@@ -30,7 +30,7 @@ from llm_astar_planner.instructions.specification import (
     Region,
     Tagged,
 )
-from llm_astar_planner.instructions.verification.area import (
+from llm_astar_planner.instructions.verification.geometry import (
     EDGE,
     NOTHING,
     QUARTER_SIDES,

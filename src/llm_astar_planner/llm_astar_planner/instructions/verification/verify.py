@@ -21,6 +21,7 @@ from llm_astar_planner.instructions.specification import (
     Unknown,
     Visit,
 )
+from llm_astar_planner.instructions.verification.geometry import polyline
 from llm_astar_planner.instructions.verification.lengths import (
     check_avoid,
     check_end_at,
@@ -28,7 +29,6 @@ from llm_astar_planner.instructions.verification.lengths import (
     check_stay_in,
 )
 from llm_astar_planner.instructions.verification.measurement import Measurement
-from llm_astar_planner.instructions.verification.polyline import polyline
 from llm_astar_planner.instructions.verification.regions import RegionError
 from llm_astar_planner.instructions.verification.sides import check_pass
 from llm_astar_planner.instructions.verification.visits import (

@@ -14,8 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.verification.area import EDGE, NOTHING, Area
-from llm_astar_planner.instructions.verification.polyline import Polyline, polyline
+from llm_astar_planner.instructions.verification.geometry import (
+    EDGE,
+    NOTHING,
+    Area,
+    Polyline,
+    Spans,
+    joined,
+    polyline,
+)
 from llm_astar_planner.lazy import ndimage
 
 # Cells. A path is looked at in pieces of this length, so that few cells are near each.
@@ -237,9 +244,9 @@ class WallZone(Area):
         """Return all points that are `by` metres nearer to the walls."""
         return self.walls.zone(self.metres - by)
 
-    def spans_of(self, path: Polyline) -> NDArray[np.float64]:
+    def spans(self, path: Polyline) -> Spans:
         """Return where a path lies in it."""
-        return self.walls.spans(path, self.metres)
+        return joined(self.walls.spans(path, self.metres))
 
     def contains_inside(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Tell which points [n, 2] lie in it and not on its edge."""

@@ -20,7 +20,7 @@ from std_msgs.msg import String
 
 from llm_astar_planner.instructions.interpretation import Understanding
 from llm_astar_planner.instructions.messages import Question, QuestionError, parse_object
-from llm_astar_planner.instructions.place_names import PlaceGoalError, find_place
+from llm_astar_planner.instructions.route import PlaceGoalError, find_place
 from llm_astar_planner.nodes.common.names import check_names
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import joined
