@@ -101,7 +101,7 @@ def error_text(question: Question, error: Exception) -> str:
 
 
 @dataclass(frozen=True)
-class Answer:
+class QuestionAnswer:
     """The answer to the question with an `id`: what was understood, or the `error`."""
 
     id: str
@@ -109,7 +109,7 @@ class Answer:
     error: str = ''
 
 
-def parse_answer(data: str) -> Answer:
+def parse_answer(data: str) -> QuestionAnswer:
     """Read an answer. Raises QuestionError or SpecificationError where it is malformed."""
     if len(data) > MAX_QUESTION:
         raise QuestionError(f'answer: {len(data)} characters are more than {MAX_QUESTION}')
@@ -118,8 +118,8 @@ def parse_answer(data: str) -> Answer:
     if not isinstance(name, str):
         raise QuestionError('id: is not a text')
     if isinstance(error, str) and error:
-        return Answer(name, error=error[:MAX_DETAIL])
-    return Answer(name, interpretation_from_json(fields))
+        return QuestionAnswer(name, error=error[:MAX_DETAIL])
+    return QuestionAnswer(name, interpretation_from_json(fields))
 
 
 def interpretation_from_json(value: object) -> Interpretation:

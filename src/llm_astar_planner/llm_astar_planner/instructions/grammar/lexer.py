@@ -21,7 +21,7 @@ from llm_astar_planner.instructions.grammar.lexemes import (
     with_pronouns,
 )
 from llm_astar_planner.instructions.grammar.lexicon import Group, Lexicon
-from llm_astar_planner.instructions.grammar.selection import Part, Unclear, select_group
+from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
 from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Noun, Vocabulary, nouns
 from llm_astar_planner.instructions.grammar.words import Word
 
@@ -333,7 +333,7 @@ def described_place(lexemes: Sequence[Lexeme]) -> Place | None:
     *adjectives, noun = lexemes
     if any(lexeme.kind in (ANY, ALL, 'ORDINAL') for lexeme in adjectives):
         return None
-    parts = [Part(lexeme.kind, lexeme.value) for lexeme in adjectives]
+    parts = [Modifier(lexeme.kind, lexeme.value) for lexeme in adjectives]
     try:
         places = select_group(noun.value, parts, ()).places
     except Unclear:

@@ -135,8 +135,9 @@ class Piece:
 
     - `link`: '' at the beginning, else the kind of the separator before it.
     - `start`, `end`: where its words stand in the text, separators included.
-    - `is_first`: it begins with 'first'. `is_wish`: it has an 'if possible'; `wish_leads`: at the
-      beginning. `order`: it ends with 'in any order' or 'in this order'.
+    - `is_first`: it begins with 'first'. `is_preference`: it has an 'if possible';
+      `preference_leads`: at the beginning.
+    - `order`: it ends with 'in any order' or 'in this order'.
     - `is_paced`: it holds words that change their meaning beside a negation.
     - `is_later`: it ends with 'afterwards'.
     - `is_broken`: it holds a condition or words that make it no instruction.
@@ -149,8 +150,8 @@ class Piece:
     start: int = 0
     end: int = 0
     is_first: bool = False
-    is_wish: bool = False
-    wish_leads: bool = False
+    is_preference: bool = False
+    preference_leads: bool = False
     order: str = ''
     is_broken: bool = False
     is_paced: bool = False
@@ -283,7 +284,7 @@ class Splitter:
     def extend(self, lexeme: Lexeme) -> None:
         """Add a lexeme to the piece."""
         piece = self.piece
-        if not (piece.lexemes or piece.is_wish or piece.is_first or piece.is_broken):
+        if not (piece.lexemes or piece.is_preference or piece.is_first or piece.is_broken):
             piece.start = lexeme.start
         piece.lexemes.append(lexeme)
         piece.end = lexeme.end
@@ -395,8 +396,8 @@ class Splitter:
         """Take a word of a clause, or one that says how the clause is meant."""
         piece = self.piece
         if lexeme.kind == SHOULD_WORD:
-            piece.wish_leads = piece.wish_leads or not piece.lexemes
-            piece.is_wish = True
+            piece.preference_leads = piece.preference_leads or not piece.lexemes
+            piece.is_preference = True
         elif lexeme.kind in AFFIRMATIVE or (lexeme.kind == 'DEGREE' and piece.last != NEG):
             piece.is_paced = piece.is_paced or lexeme.kind in AFFIRMATIVE
         elif lexeme.kind == FIRST:

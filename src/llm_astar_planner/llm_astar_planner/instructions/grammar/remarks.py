@@ -1,7 +1,7 @@
 """What an instruction says beside its clauses: reasons, remarks, and what pronouns stand for.
 
 'They are mopping the ward, so not through there': the first part is a reason, 'there' is the
-ward. A reason or remark is left out only where nothing in it could be a wish about the route.
+ward. A reason or remark is left out only where nothing in it could ask something of the route.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ STATE, REMARK = 'STATE', 'REMARK'
 # Pronouns: 'it' stands for one place, 'there' and 'them' for all that were named together.
 ONE = 'one'
 NAMING = (REGION_STARTS | REGION_ENDS) - {PRONOUN, *word_set('ALL ANY ABOVE BELOW AREA NONE')}
-# What no statement about a place holds: it may be a wish, or the opposite of one.
+# What no statement about a place holds: it may ask something, or the opposite.
 TELLING = word_set('NEG CONDITION POISON OR BEFORE UNTIL ONLYAFTER ONLY AVOID END REQUIRED')
 HARMLESS = frozenset({UNKNOWN, STATE, REMARK})
 # A remark with one of these after a refusal may take it back: 'avoid A, it is fine'.

@@ -10,15 +10,8 @@ from itertools import pairwise
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.places import Place
 
+from llm_astar_planner.instructions import specification as spec
 from llm_astar_planner.instructions.grammar.lexicon import Group, common_tag, sides_in
-from llm_astar_planner.instructions.specification import (
-    ROUTE_SIDES,
-    Box,
-    Half,
-    NamedPlace,
-    Region,
-    Tagged,
-)
 
 NORTH, SOUTH, EAST, WEST = 'north', 'south', 'east', 'west'
 OPPOSITE = {NORTH: SOUTH, SOUTH: NORTH, EAST: WEST, WEST: EAST, 'left': 'right', 'right': 'left'}
@@ -149,8 +142,8 @@ class Selection:
     - `is_limit`: one side of a line, 'x below 5', which goes with other limits.
     """
 
-    regions: tuple[Region, ...] = ()
-    together: Region | None = None
+    regions: tuple[spec.Region, ...] = ()
+    together: spec.Region | None = None
     any_one: str = ''
     places: tuple[Place, ...] = ()
     is_point: bool = False
@@ -161,7 +154,7 @@ class Selection:
     is_limit: bool = False
 
     @property
-    def one(self) -> Region:
+    def one(self) -> spec.Region:
         """The regions as one. Raises Unclear where there are several."""
         if self.together is not None:
             return self.together
@@ -178,7 +171,7 @@ class Selection:
 
 
 @dataclass(frozen=True)
-class Part:
+class Modifier:
     """A word beside a noun: its kind and value ('SIDE', 'north')."""
 
     kind: str
@@ -187,12 +180,12 @@ class Part:
 
 def select_place(place: Place) -> Selection:
     """Return the selection of one place."""
-    return Selection((NamedPlace(place.name),), places=(place,))
+    return Selection((spec.NamedPlace(place.name),), places=(place,))
 
 
-def select_group(group: Group, parts: Sequence[Part], where: Sequence[Part]) -> Selection:
+def select_group(group: Group, parts: Sequence[Modifier], where: Sequence[Modifier]) -> Selection:
     """Return what a noun with its adjectives and the words after it means. Raises Unclear."""
-    quantity = next((part for part in parts if part.kind in ('ALL', 'ANY')), Part('', ''))
+    quantity = next((part for part in parts if part.kind in ('ALL', 'ANY')), Modifier('', ''))
     if quantity.kind == 'ALL' and any(part.kind == 'ORDINAL' for part in parts):
         raise Unclear('every second one')
     tags = [str(part.value) for part in parts if part.kind == 'TAG']
@@ -210,8 +203,8 @@ def select_group(group: Group, parts: Sequence[Part], where: Sequence[Part]) -> 
     if not is_one and not several and quantity.kind != 'ANY':
         raise Unclear(f'{group.words} may be {" or ".join(place.name for place in found)}')
     return Selection(
-        tuple(NamedPlace(place.name) for place in found),
-        Tagged(tag) if tag and not is_one else None,
+        tuple(spec.NamedPlace(place.name) for place in found),
+        spec.Tagged(tag) if tag and not is_one else None,
         str(quantity.value) if quantity.kind == 'ANY' and not is_one else '',
         tuple(found),
         is_positioned=bool(where),
@@ -226,7 +219,7 @@ def has_tag(place: Place, tag: str) -> bool:
 
 
 def narrowed(
-    group: Group, found: list[Place], parts: Sequence[Part], where: Sequence[Part]
+    group: Group, found: list[Place], parts: Sequence[Modifier], where: Sequence[Modifier]
 ) -> list[Place]:
     """Return the places that lie where the words say. Raises Unclear."""
     kinds = {part.kind: str(part.value) for part in parts}
@@ -259,7 +252,7 @@ def on_sides(found: list[Place], sides: Sequence[str]) -> list[Place]:
         named = named_or(found, compass[0], ())
         if named:
             return named
-        if sides[0] in ROUTE_SIDES:
+        if sides[0] in spec.ROUTE_SIDES:
             raise Unclear('left and right of what')
     return list(extreme(found, compass))
 
@@ -278,17 +271,17 @@ def half_of(side: str, is_half: bool, whole: object) -> Selection:
     if isinstance(whole, Place):
         if side in DRAWN and not is_half:
             raise Unclear('the left or right side as drawn or as driven')
-        return Selection((Half(DRAWN.get(side, side), whole.name),), places=(whole,))
+        return Selection((spec.Half(DRAWN.get(side, side), whole.name),), places=(whole,))
     if side in DRAWN and whole == 'map':
         side = DRAWN[side]
     elif side in DRAWN and whole is None and is_half:
         raise Unclear('the left or right half of what')
     elif side not in DRAWN and whole == 'way':
         raise Unclear('the way has a left and a right side')
-    return Selection((Half(side),))
+    return Selection((spec.Half(side),))
 
 
-def axis_half(side: str, axis: str, value: float) -> Box:
+def axis_half(side: str, axis: str, value: float) -> spec.Box:
     """Return everything on a side of a line 'y = 22.5'. Raises Unclear for 'south of x = 3'."""
     side = DRAWN.get(side, side)
     if (axis == 'y') != (side in (NORTH, SOUTH)):
@@ -296,13 +289,13 @@ def axis_half(side: str, axis: str, value: float) -> Box:
     is_low = side in (SOUTH, WEST)
     low, high = (-math.inf, value) if is_low else (value, math.inf)
     if axis == 'x':
-        return Box(low, -math.inf, high, math.inf)
-    return Box(-math.inf, low, math.inf, high)
+        return spec.Box(low, -math.inf, high, math.inf)
+    return spec.Box(-math.inf, low, math.inf, high)
 
 
-def common_box(boxes: Sequence[Box]) -> Box:
+def common_box(boxes: Sequence[spec.Box]) -> spec.Box:
     """Return the box where all boxes overlap. Raises Unclear where they do not."""
-    box = Box(
+    box = spec.Box(
         max((box.x0 for box in boxes), default=-math.inf),
         max((box.y0 for box in boxes), default=-math.inf),
         min((box.x1 for box in boxes), default=math.inf),
@@ -318,21 +311,21 @@ def joint_limits(limits: Sequence[Selection]) -> list[Selection]:
 
     Limits of one axis that exclude each other are two areas: 'x below 2 and x above 5'.
     """
-    boxes = [box for limit in limits for box in limit.regions if isinstance(box, Box)]
+    boxes = [box for limit in limits for box in limit.regions if isinstance(box, spec.Box)]
     try:
         return [Selection((common_box(boxes),))]
     except Unclear:
         return list(limits)
 
 
-def outside(box: Box) -> Box | None:
+def outside(box: spec.Box) -> spec.Box | None:
     """Return everything outside of a box that is open on three sides, None of other boxes."""
     limits = [side for side in (box.x0, box.y0, box.x1, box.y1) if math.isfinite(side)]
     if len(limits) != 1:
         return None
     if math.isfinite(box.x0) or math.isfinite(box.y0):
-        return Box(-math.inf, -math.inf, opened(box.x0), opened(box.y0))
-    return Box(
+        return spec.Box(-math.inf, -math.inf, opened(box.x0), opened(box.y0))
+    return spec.Box(
         box.x1 if math.isfinite(box.x1) else -math.inf,
         box.y1 if math.isfinite(box.y1) else -math.inf,
         math.inf,

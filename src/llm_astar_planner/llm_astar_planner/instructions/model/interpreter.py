@@ -16,7 +16,7 @@ from llm_astar_planner.instructions.interpretation import (
 )
 from llm_astar_planner.instructions.model.answer import answer_schema, read_answer
 from llm_astar_planner.instructions.model.grounding import grounded
-from llm_astar_planner.instructions.model.mentions import read
+from llm_astar_planner.instructions.model.mentions import read_sentence
 from llm_astar_planner.instructions.model.prompt import Examples, prompt_messages, shipped_examples
 from llm_astar_planner.instructions.transcript import Exchange, InstructionRecorder, read_exchanges
 from llm_astar_planner.waypoints.llm.client import ChatClient
@@ -102,7 +102,7 @@ class ModelInterpreter:
         if not text:
             return Interpretation('', status=Understanding.IRRELEVANT)
         messages = prompt_messages(text, places, self.examples)
-        schema = answer_schema(read(text, places), places)
+        schema = answer_schema(read_sentence(text, places), places)
         try:
             completion = self.client.complete(messages, started + time_limit, schema)
         except EndpointFailure as failure:

@@ -45,7 +45,7 @@ class Mention:
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class Sentence:
     """A sentence split into words, with all that it mentions in its order."""
 
     text: str
@@ -85,7 +85,7 @@ class Reading:
         return self.text[self.tokens[first].start : self.tokens[last].end]
 
 
-def read(text: str, places: Places) -> Reading:
+def read_sentence(text: str, places: Places) -> Sentence:
     """Find what a sentence mentions. The time grows with its length alone."""
     tokens = tokens_of(text)
     label(tokens)
@@ -96,7 +96,7 @@ def read(text: str, places: Places) -> Reading:
     mentions += number_mentions(tokens, taken)
     mentions += side_mentions(tokens, taken)
     mentions.sort(key=lambda mention: mention.first)
-    return Reading(text, tuple(tokens), tuple(mentions), places)
+    return Sentence(text, tuple(tokens), tuple(mentions), places)
 
 
 def name_mentions(tokens: Sequence[Token], places: Places) -> list[Mention]:

@@ -77,7 +77,7 @@ class Walls:
             found.append(piece.place + places)
         return np.concatenate(found)
 
-    def pieces(self, path: Polyline, reach: float) -> Iterator[Piece]:
+    def pieces(self, path: Polyline, reach: float) -> Iterator[StraightPiece]:
         """Cut a path into pieces; yield those with lethal cells within `reach` metres, or so."""
         corners = self._grid_map.world_to_grid(path.corners)
         around = reach / self._grid_map.resolution + 1.0
@@ -86,7 +86,7 @@ class Walls:
                 np.minimum(begin, end) - around, np.maximum(begin, end) + around
             )
             if len(xs):
-                yield Piece(begin, end, place, np.column_stack((xs, ys)))
+                yield StraightPiece(begin, end, place, np.column_stack((xs, ys)))
 
     def _cells_between(
         self, low: NDArray[np.float64], high: NDArray[np.float64]
@@ -137,7 +137,7 @@ class Walls:
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class StraightPiece:
     """A straight piece of a path, `begin` to `end` in cells, with lethal cells near it.
 
     `place` is where on the path it begins, metres; `squares` are the cells (x, y), [n, 2].
