@@ -471,7 +471,7 @@ def test_arguments_that_ros_cannot_read_are_one_line_too(arguments, word):
     assert word in output
 
 
-def run_benchmark_node(*arguments, code=('-m', 'llm_astar_planner.nodes.benchmark_node')):
+def run_benchmark_node(*arguments, code=('-m', 'llm_astar_lab.nodes.benchmark_node')):
     command = [sys.executable, *code, *arguments, '--ros-args', '-r', f'__ns:={ALONE}']
     return subprocess.run(command, capture_output=True, text=True, timeout=3 * PATIENCE)
 
@@ -516,7 +516,7 @@ def test_the_live_benchmark_gives_the_rows_of_the_benchmark_without_a_graph(tmp_
 
 def test_the_benchmark_node_without_a_planner_says_so_and_loses_nothing(tmp_path):
     impatient = """
-from llm_astar_planner.nodes import benchmark_node
+from llm_astar_lab.nodes import benchmark_node
 from llm_astar_planner.nodes.tools import planner_client as caller
 caller.PlannerClient.wait_for_planner.__defaults__ = (0.5,)
 raise SystemExit(benchmark_node.main())
@@ -529,7 +529,7 @@ raise SystemExit(benchmark_node.main())
 
 
 def test_the_benchmark_node_without_a_dataset_names_the_available_ones():
-    module = 'llm_astar_planner.nodes.benchmark_node'
+    module = 'llm_astar_lab.nodes.benchmark_node'
     done = subprocess.run(
         [sys.executable, '-m', module, '--dataset', 'nowhere.json'], capture_output=True, text=True
     )

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from graph_tools import ALONE, process, wait_for
-from llm_astar_msgs_adapter.bags.reading import Bag
-from llm_astar_msgs_adapter.bags.writing import ros_distro
+from llm_astar_lab.bags.reading import Bag
+from llm_astar_lab.bags.writing import ros_distro
+from llm_astar_lab.datasets.samples import load_samples
+from llm_astar_lab.evaluation.writing import write_sample_bag
+from llm_astar_lab.results.folder import ResultsFolder
+from llm_astar_lab.results.row import ADDED_COLUMNS
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport, report_from_message
-from llm_astar_planner.benchmark.bags.writing import write_sample_bag
-from llm_astar_planner.benchmark.datasets.samples import load_samples
-from llm_astar_planner.benchmark.results import ResultsFolder
-from llm_astar_planner.benchmark.row import ADDED_COLUMNS
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.planning.parameter_file import read_parameter_files
@@ -151,7 +151,7 @@ FOLDERS = {
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave the pictures out of tests that are not about them."""
-    monkeypatch.setattr('llm_astar_planner.benchmark.report.write.draw_all', lambda *_: [])
+    monkeypatch.setattr('llm_astar_lab.report.write.draw_all', lambda *_: [])
 
 
 def old_folder(name, tmp_path):

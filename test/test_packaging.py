@@ -11,7 +11,7 @@ import pytest
 from llm_astar_planner.resources import find_file
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ('llm_astar_msgs_adapter', 'llm_astar_planner')
+PACKAGES = ('llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab')
 PREFIX = Path(sys.prefix)
 needs_install = pytest.mark.skipif(
     not (PREFIX / 'share' / 'llm_astar_planner').is_dir(), reason='not installed with make install'

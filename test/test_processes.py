@@ -9,12 +9,12 @@ import time
 from pathlib import Path
 
 import pytest
+from llm_astar_lab.pictures import style
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.cli.node_processes import ended_by_signals
 from llm_astar_planner.nodes.__main__ import PARAMETER_NODES, start
 from llm_astar_planner.nodes.common.spin import ArgumentError, check_arguments
 from llm_astar_planner.planning.parameters import NODES, SET_BY_PLANNER
-from llm_astar_planner.visualization import style
 from PIL import Image, ImageColor
 
 NODE = 'from llm_astar_planner.nodes.__main__ import main; run = lambda: main({name!r}, [])'

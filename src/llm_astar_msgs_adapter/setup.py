@@ -11,7 +11,7 @@ PUBLISHED_CODE = 'https://github.com/SilinMeng0510/llm-astar'
 setup(
     name=NAME,
     version='0.1.0',
-    description='Maps, ROS 2 messages and rosbag2 bags as plain Python values',
+    description='Maps and ROS 2 messages as plain Python values',
     long_description=(Path(__file__).parent / 'README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     url=PAPER,
@@ -19,7 +19,7 @@ setup(
     author='The LLM-A* for ROS 2 contributors',
     author_email='maintainers@llm-astar.example',
     license='Apache-2.0',
-    keywords=['ROS', 'nav_msgs', 'rosbag2', 'occupancy-grid'],
+    keywords=['ROS', 'nav_msgs', 'occupancy-grid'],
     classifiers=[
         'Development Status :: 4 - Beta',
         'Intended Audience :: Developers',
@@ -44,14 +44,11 @@ setup(
     # The ROS messages come from apt or from the wheels; `make install` picks.
     install_requires=[
         'setuptools',
-        'lz4',
-        'mcap',
         'numpy',
         'pillow',
         'pyyaml',
-        'rosbags',
+        'scipy',
         'shapely>=2',
-        'zstandard',
     ],
     extras_require={'test': ['pytest', 'hypothesis']},
     zip_safe=False,

@@ -63,8 +63,6 @@ setup(
             'instructions/grammar/*.lark',
             'instructions/grammar/vocabulary/*.yaml',
             'waypoints/learned/*.npz',
-            'benchmark/report/*.j2',
-            'play/page/*',
         ]
     },
     data_files=data_files,
@@ -74,41 +72,24 @@ setup(
         'setuptools',
         'cachetools',
         'httpx>=0.26',
-        'jinja2',
         # The ROS wheels ask for this name too; lark 1.x is the same import and serves as well.
         'lark-parser',
         'llm_astar_msgs_adapter',
-        'matplotlib',
         'numba',
         'numpy',
-        'pillow',
         'pyyaml',
         'rapidfuzz',
-        'rosbags',
         'scipy',
         'shapely>=2',
         'threadpoolctl',
-        'tqdm',
     ],
     extras_require={
-        'cluster': ['dask[distributed]'],
         # `llm-astar mcp`.
         'mcp': ['mcp>=2'],
-        # `llm-astar bench --format parquet`.
-        'parquet': ['pyarrow'],
-        # `llm-astar play`.
-        'play': ['starlette', 'uvicorn'],
         'test': [
-            'pyarrow',
             'pytest',
             'hypothesis',
-            'mcap-ros2-support',
             'mcp>=2',
-            'starlette',
-            'uvicorn',
-            # Runs examples/benchmark.ipynb.
-            'nbclient',
-            'ipykernel',
         ],
         # To train the embedded waypoint model again; see training/.
         'train': ['torch>=2.6'],

@@ -17,8 +17,8 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
 from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 
-from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.cli.coordinates import (
     Coordinates,
     add_unit_options,
@@ -40,6 +40,7 @@ from llm_astar_planner.cli.planning_options import (
     read_planning_options,
 )
 from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.extensions import find_drawing
 from llm_astar_planner.instructions.route import Route, find_place
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.compile import compile_for, compile_instruction_kernels
@@ -157,14 +158,15 @@ class Problem:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, print, draw; return the exit code. Raises what `read_problem` does on bad input."""
+    drawing = find_drawing('plan') if arguments.png else None
     asked = read_problem(arguments)
     planner = asked.planner
     compile_searches(planner, asked.request)
     plan = planner.prepare().plan(asked.request)
     show(plan, arguments, asked.coordinates)
-    if arguments.png:
+    if drawing is not None:
         route = Route(planner.costmap, plan.start, plan.goal, asked.places)
-        draw(plan, route, asked.coordinates.offset, arguments.png)
+        drawing.load()(plan, route, asked.coordinates.offset, arguments.png)
         if not arguments.json:
             print(f'picture    {arguments.png}')
     return exit_code(plan, arguments)
@@ -243,15 +245,6 @@ def waypoint_source(
     if not options.values['use_waypoints']:
         return None
     return make_source(options.settings, dataset=barrier_maps_of(maps))
-
-
-def draw(plan: Plan, route: Route, offset: Point, path: str) -> None:
-    """Draw a plan with places and instruction. Raises OSError, and ValueError for the name."""
-    # Importing matplotlib takes most of a second.
-    from llm_astar_planner.visualization.figures import drawable_map, picture_of, save_picture  # noqa: PLC0415
-
-    grid_map = drawable_map(route.costmap.grid_map, route.costmap.config)
-    save_picture(picture_of(plan, grid_map, plan.start, plan.goal, offset, route=route), path)
 
 
 def choose_problem(

@@ -29,11 +29,12 @@ def start(name: str, argv: Sequence[str]) -> int:
     """Print the help, or import the node and run it. Raises ImportError where that fails."""
     from importlib import import_module  # noqa: PLC0415
 
-    from llm_astar_planner.nodes import MODULES  # noqa: PLC0415
+    from llm_astar_planner.nodes import LAB_NODES, MODULES  # noqa: PLC0415
     from llm_astar_planner.nodes.common.child import follow_parent  # noqa: PLC0415
 
-    if name not in MODULES:
-        sys.stderr.write(f'error: {name!r} is no node; there are {", ".join(MODULES)}\n')
+    if name not in (*MODULES, *LAB_NODES):
+        known = ', '.join((*MODULES, *LAB_NODES))
+        sys.stderr.write(f'error: {name!r} is no node; there are {known}\n')
         return 2
     follow_parent()
     own = argv[: argv.index('--ros-args')] if '--ros-args' in argv else argv
@@ -42,8 +43,17 @@ def start(name: str, argv: Sequence[str]) -> int:
 
         sys.stdout.write(usage(name))
         return 0
-    module = import_module(f'llm_astar_planner.nodes.{MODULES[name]}')
-    return int(module.main([name, *argv]))
+    if name in MODULES:
+        run = import_module(f'llm_astar_planner.nodes.{MODULES[name]}').main
+    else:
+        from llm_astar_planner.extensions import extensions, not_installed  # noqa: PLC0415
+
+        entry = extensions('nodes').get(name)
+        if entry is None:
+            sys.stderr.write(f'error: {not_installed(f"{name} is a node")}\n')
+            return 2
+        run = entry.load()
+    return int(run([name, *argv]))
 
 
 map_node = partial(main, 'map_node')

@@ -6,10 +6,10 @@ import sys
 
 import numpy as np
 import pytest
+from llm_astar_lab.pictures.style import OBSTACLE
 from llm_astar_planner.cli.main import COMMANDS, main
 from llm_astar_planner.planning.parameters import PLANNER, SOURCE
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.visualization.style import OBSTACLE
 from PIL import Image
 
 HOUSE = ('--map', 'instructions/house.yaml', '--start', '2', '2', '--goal', '9', '6')

@@ -8,8 +8,8 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from llm_astar_planner.benchmark.instructions.comparison import same_specification
-from llm_astar_planner.benchmark.instructions.suite import load_suite
+from llm_astar_lab.instruct_bench.comparison import same_specification
+from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_planner.instructions.interpretation import Understanding, status_of
 from llm_astar_planner.instructions.model.grounding import grounded
 from llm_astar_planner.instructions.sentence import canonical_sentence
