@@ -39,6 +39,10 @@ MAX_OUTPUT_TOKENS = 400
 READ_WHOLE = (Understanding.WHOLE, Understanding.IRRELEVANT)
 
 Key = tuple[str, str]
+MAX_WAITING = 8
+MAX_CALLBACKS = 32
+DROPPED = 'dropped, since newer questions came'
+Callback = Callable[[Interpretation], None]
 
 
 class CachedInterpreter:
@@ -160,16 +164,11 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
 
 
 def rank(reading: Interpretation) -> tuple[bool, float, bool]:
-    """Return what readings are compared by; the greatest is the best."""
+    """Return what readings are compared by; the greatest is the best. A guess counts half."""
     whole = reading.status in READ_WHOLE
-    clauses = reading.specification.clauses
-    sure = whole and bool(clauses) and not any(clause.guessed for clause in clauses)
-    return sure, sure_count(reading), whole
-
-
-def sure_count(reading: Interpretation) -> float:
-    """Return how many clauses of a reading are enforceable; a guessed one counts half."""
-    return sum(0.5 if clause.guessed else 1.0 for clause in reading.specification.enforceable)
+    known = reading.specification.enforceable
+    sure = whole and bool(known) and not any(clause.guessed for clause in known)
+    return sure, sum(0.5 if clause.guessed else 1.0 for clause in known), whole
 
 
 def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
@@ -203,15 +202,6 @@ def make_slow_interpreter(settings: SourceSettings) -> Interpreter | None:
     recorder = InstructionRecorder(settings.record) if settings.record else None
     examples = load_examples(settings.instruction_examples or EXAMPLES_FILE)
     return ModelInterpreter(make_client(asked), examples=examples, recorder=recorder)
-
-
-_LOG = logging.getLogger(__name__)
-MAX_WAITING = 8
-MAX_CALLBACKS = 32
-DROPPED = 'dropped, since newer questions came'
-
-Key = tuple[str, str]
-Callback = Callable[[Interpretation], None]
 
 
 class BackgroundInterpreter:

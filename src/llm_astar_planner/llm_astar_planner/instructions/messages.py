@@ -135,21 +135,15 @@ def interpretation_from_json(value: object) -> Interpretation:
         raise QuestionError(f'status: is not one of {", ".join(STATUSES)}')
     if status in (Understanding.WHOLE, Understanding.IRRELEVANT):
         status = status_of(specification)
-    text, understood_by, detail = (
-        as_bounded_text(fields, name) for name in ('text', 'understood_by', 'detail')
-    )
-    seconds, prompt_tokens, output_tokens = (
-        as_count(fields, name) for name in ('seconds', 'prompt_tokens', 'output_tokens')
-    )
     return Interpretation(
-        text,
+        as_bounded_text(fields, 'text'),
         specification,
-        understood_by,
+        as_bounded_text(fields, 'understood_by'),
         status,
-        detail,
-        seconds,
-        int(prompt_tokens),
-        int(output_tokens),
+        as_bounded_text(fields, 'detail'),
+        as_count(fields, 'seconds'),
+        int(as_count(fields, 'prompt_tokens')),
+        int(as_count(fields, 'output_tokens')),
     )
 
 

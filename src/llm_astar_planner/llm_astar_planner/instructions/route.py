@@ -14,6 +14,9 @@ if TYPE_CHECKING:  # clients that only look up a name need not wait for numba
     from llm_astar_planner.costmap.costmap import Costmap
     from llm_astar_planner.search.result import Cell
 
+# Names listed in an error.
+MAX_LISTED = 30
+
 
 @dataclass(frozen=True, eq=False)
 class Route:
@@ -33,10 +36,6 @@ class Route:
         """Return the centre (x, y) of a cell in metres, in the map's frame."""
         x, y = self.costmap.grid_map.grid_to_world([cell])[0]
         return float(x), float(y)
-
-
-# Names listed in an error.
-MAX_LISTED = 30
 
 
 class PlaceGoalError(LlmAstarError, ValueError):

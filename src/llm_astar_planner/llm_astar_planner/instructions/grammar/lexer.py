@@ -23,13 +23,30 @@ from llm_astar_planner.instructions.grammar.lexemes import (
 from llm_astar_planner.instructions.grammar.lexicon import Group, Lexicon
 from llm_astar_planner.instructions.grammar.selection import Modifier, Unclear, select_group
 from llm_astar_planner.instructions.grammar.vocabulary import Meaning, Noun, Vocabulary, nouns
-from llm_astar_planner.instructions.grammar.words import Word
+from llm_astar_planner.instructions.grammar.words import Word, squeezed
 
 # A word of a place or of the vocabulary is recognised with this many errors (letters left out,
 # added, changed or exchanged) from this length on. In shorter words another word is too near:
 # there only two exchanged letters and a doubled one count as an error.
 SHORTEST = 4
 LENGTHS = ((6, 1), (9, 2))
+PLACE, NOUN, TAG, ANY, ALL, FILLER = 'PLACE', 'NOUN', 'TAG', 'ANY', 'ALL', 'MUST'
+ARTICLE, ANY_ARTICLE, THIS = 'ARTICLE', 'ANY_ARTICLE', 'THIS'
+# 'on your way', which tells a stop on it from its end.
+ENROUTE = 'ENROUTE'
+SIGNS = {',': COMMA, ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', ':': 'COLON'}
+SIGNS |= {'&': 'AND', '<': 'BELOW', '>': 'ABOVE', '\u2014': COMMA, '\u2013': COMMA, '-': COMMA}
+# What may stand between an article and its noun.
+ADJECTIVES = frozenset({'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL', TAG, ANY, ALL})
+# Misspelt words that are looked up in one sentence, so that none takes long.
+MOST_CORRECTIONS = 6
+WALL, ANY_PLACE = 'wall', 'place'
+OFMAP = 'OFMAP'
+# How many words a phrase takes, and what it may mean: kinds and values.
+Phrase = tuple[int, list[tuple[str, object]]]
+NO_PHRASE: Phrase = (0, [])
+# Letters of the longest side that begins a compound.
+LONGEST_SIDE = 8
 
 
 def corrections(word: str, known: Iterable[str]) -> list[str]:
@@ -54,30 +71,6 @@ def is_misspelt(word: str, other: str, distance: int) -> bool:
         return True
     is_exchange = sorted(word) == sorted(other) and distance == 1
     return is_exchange or squeezed(word) == squeezed(other)
-
-
-def squeezed(word: str) -> str:
-    """Return a word with each doubled letter once."""
-    return ''.join(letter for letter, before in zip(word, f' {word}') if letter != before)
-
-
-PLACE, NOUN, TAG, ANY, ALL, FILLER = 'PLACE', 'NOUN', 'TAG', 'ANY', 'ALL', 'MUST'
-ARTICLE, ANY_ARTICLE, THIS = 'ARTICLE', 'ANY_ARTICLE', 'THIS'
-# 'on your way', which tells a stop on it from its end.
-ENROUTE = 'ENROUTE'
-SIGNS = {',': COMMA, ';': 'HARD', '.': 'HARD', '!': 'HARD', '?': 'HARD', ':': 'COLON'}
-SIGNS |= {'&': 'AND', '<': 'BELOW', '>': 'ABOVE', '\u2014': COMMA, '\u2013': COMMA, '-': COMMA}
-# What may stand between an article and its noun.
-ADJECTIVES = frozenset({'SIDE', 'MOST', 'CENTER', 'ORIENT', 'ORDINAL', TAG, ANY, ALL})
-# Misspelt words that are looked up in one sentence, so that none takes long.
-MOST_CORRECTIONS = 6
-WALL, ANY_PLACE = 'wall', 'place'
-OFMAP = 'OFMAP'
-# How many words a phrase takes, and what it may mean: kinds and values.
-Phrase = tuple[int, list[tuple[str, object]]]
-NO_PHRASE: Phrase = (0, [])
-# Letters of the longest side that begins a compound.
-LONGEST_SIDE = 8
 
 
 @dataclass(frozen=True, eq=False)

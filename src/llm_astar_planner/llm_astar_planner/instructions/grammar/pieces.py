@@ -26,6 +26,29 @@ GOES_ON = word_set('VISIT STOP STOPBY THEN BEFORE END MOVE USE PASS PASSBY THROU
 ORDER_WORDS = frozenset({'BEFORE', 'AFTER', 'UNTIL', 'ONLYAFTER'})
 # 'stop at A': the end or a visit; 'stop off at A': a visit, but 'do not stop at A' is none.
 STOP, STOPBY, END = 'STOP', 'STOPBY', 'END'
+SHOULD_WORD, THEN, BUT, OR = 'SHOULD', 'THEN', 'BUT', 'OR'
+HARD, COLON, CONDITION, POISON = 'HARD', 'COLON', 'CONDITION', 'POISON'
+BECAUSE = 'BECAUSE'
+ANYORDER, INORDER = 'ANYORDER', 'INORDER'
+# No kind of the grammar: the piece is not understood.
+UNREAD = 'UNREAD'
+# 'you may', which asks nothing unless it is negated or a question.
+MAY = 'MAY'
+# Values: of verbs as in 'visited', and of words that take back what stands before.
+PAST, BACK = 'past', 'back'
+REGION_STARTS = word_set(
+    'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
+    'NONE RADIUS RECTANGLE WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW'
+) | {POINT, RANGE, LENGTH, PRONOUN}
+REGION_ENDS = word_set(
+    'PLACE NOUN SIDE SIDENOUN HALFNOUN CORNER CENTER OFMAP OFWAY AXISLINE WHOLEMAP'
+) | {POINT, RANGE, LENGTH, PRONOUN}
+# Words that are left out where nothing is negated: 'slowly', 'you have to'.
+AFFIRMATIVE = frozenset({'SPEED', 'NEED'})
+PREPOSITIONS = word_set('THROUGH TO FROM OF IN UPON BY')
+# A comma before one of these ends nothing.
+TRAILERS = ORDER_WORDS - {'AFTER'} | {ANYORDER, INORDER, 'BY', 'REQUIRED', 'FORBIDDEN'}
+SEPARATORS = frozenset({HARD, COLON, THEN, BUT, AND, COMMA, CONDITION, BECAUSE})
 
 
 def with_stops(lexemes: Sequence[Lexeme]) -> list[Lexeme]:
@@ -101,32 +124,6 @@ def with_visits(lexemes: list[Lexeme]) -> list[Lexeme]:
         else:
             result.append(lexeme)
     return result
-
-
-SHOULD_WORD, THEN, BUT, OR = 'SHOULD', 'THEN', 'BUT', 'OR'
-HARD, COLON, CONDITION, POISON = 'HARD', 'COLON', 'CONDITION', 'POISON'
-BECAUSE = 'BECAUSE'
-ANYORDER, INORDER = 'ANYORDER', 'INORDER'
-# No kind of the grammar: the piece is not understood.
-UNREAD = 'UNREAD'
-# 'you may', which asks nothing unless it is negated or a question.
-MAY = 'MAY'
-# Values: of verbs as in 'visited', and of words that take back what stands before.
-PAST, BACK = 'past', 'back'
-
-REGION_STARTS = word_set(
-    'PLACE NOUN TAG SIDE MOST CENTER ORIENT ORDINAL ANY ALL BETWEEN AREA AREAWITH '
-    'NONE RADIUS RECTANGLE WHOLEMAP SURROUNDINGS HALFNOUN SIDENOUN ABOVE BELOW'
-) | {POINT, RANGE, LENGTH, PRONOUN}
-REGION_ENDS = word_set(
-    'PLACE NOUN SIDE SIDENOUN HALFNOUN CORNER CENTER OFMAP OFWAY AXISLINE WHOLEMAP'
-) | {POINT, RANGE, LENGTH, PRONOUN}
-# Words that are left out where nothing is negated: 'slowly', 'you have to'.
-AFFIRMATIVE = frozenset({'SPEED', 'NEED'})
-PREPOSITIONS = word_set('THROUGH TO FROM OF IN UPON BY')
-# A comma before one of these ends nothing.
-TRAILERS = ORDER_WORDS - {'AFTER'} | {ANYORDER, INORDER, 'BY', 'REQUIRED', 'FORBIDDEN'}
-SEPARATORS = frozenset({HARD, COLON, THEN, BUT, AND, COMMA, CONDITION, BECAUSE})
 
 
 @dataclass(eq=False)

@@ -24,6 +24,9 @@ LEAST_SPAN = 0.25
 ROW = 0.2
 # A wall is vertical or horizontal if it is so many times longer than wide.
 ELONGATED = 1.5
+# On a map as it is drawn.
+DRAWN = {'left': WEST, 'right': EAST}
+WALL = 'wall'
 
 
 def towards(place: Place, side: str) -> float:
@@ -118,11 +121,6 @@ def is_oriented(place: Place, orientation: str) -> bool:
     if orientation == 'vertical':
         return bool(height >= ELONGATED * width and height > 0.0)
     return bool(width >= ELONGATED * height and width > 0.0)
-
-
-# On a map as it is drawn.
-DRAWN = {'left': WEST, 'right': EAST}
-WALL = 'wall'
 
 
 class Unclear(LlmAstarError):  # noqa: N818 (no error of the program: the sentence is unclear)

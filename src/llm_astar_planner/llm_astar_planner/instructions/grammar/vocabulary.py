@@ -20,6 +20,8 @@ IRRELEVANT = 'IRRELEVANT'
 
 # One or more lexemes: the kind and the value of each.
 Meaning = tuple[tuple[str, str], ...]
+COLOURS = 'colours'
+VOWELS = frozenset('aeiou')
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,10 +87,6 @@ def vocabulary(language: str) -> Vocabulary:
         for words in itertools.chain.from_iterable(map(expand, texts)):
             phrases.add(words, meaning_of(key))
     return Vocabulary(language, phrases, articles, any_articles, demonstratives, irrelevant)
-
-
-COLOURS = 'colours'
-VOWELS = frozenset('aeiou')
 
 
 @dataclass(frozen=True)

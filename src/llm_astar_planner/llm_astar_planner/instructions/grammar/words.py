@@ -6,8 +6,9 @@ import re
 import unicodedata
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, Generic, TypeVar
+from functools import cached_property, lru_cache
+from itertools import groupby
+from typing import Any, Generic, Protocol, TypeVar
 
 # Each alternative starts with another kind of character, so that reading takes linear time.
 WORD = re.compile(r'(?<![\w.])[-\u2212]?[0-9]+(?:\.[0-9]+)?|[0-9]+(?:\.[0-9]+)?|[^\W\d_]+|\S')
@@ -20,6 +21,8 @@ NUMBER = re.compile(r'-?[0-9]+(?:\.[0-9]+)?')
 # Between two numbers they make a range or something else that is no number: '2-3', '2 - 3'.
 DASHES = HYPHENS | frozenset('\u2013\u2014\u2212~')
 NUMBER_SIGNS = DASHES | frozenset('.,+/*')
+Value = TypeVar('Value')
+END = ''
 
 
 @dataclass(frozen=True)
@@ -111,13 +114,22 @@ def phrase_words(phrase: str) -> tuple[str, ...]:
     return tuple(word.text for word in read_words(phrase))
 
 
+def squeezed(word: str) -> str:
+    """Return a word with each doubled letter once: 'wal' and 'wall' are the same then."""
+    return ''.join(letter for letter, _ in groupby(word))
+
+
 def word_set(text: str) -> frozenset[str]:
     """Return the words of a text, divided by spaces, as a set."""
     return frozenset(text.split())
 
 
-Value = TypeVar('Value')
-END = ''
+class Spoken(Protocol):
+    """What has a comparable text: a word."""
+
+    @property
+    def text(self) -> str:
+        """The comparable form."""
 
 
 class Phrases(Generic[Value]):
@@ -143,12 +155,17 @@ class Phrases(Generic[Value]):
         if phrase and value not in values:
             values.append(value)
 
+    @cached_property
+    def single_words(self) -> frozenset[str]:
+        """The phrases of one word; to be asked when all are added."""
+        return frozenset(word for word, node in self._root.items() if END in node)
+
     @property
     def starts(self) -> frozenset[str]:
         """The first words of all phrases."""
         return frozenset(self._root)
 
-    def longest(self, words: Sequence[Word], start: int) -> tuple[int, list[Value]]:
+    def longest(self, words: Sequence[Spoken], start: int) -> tuple[int, list[Value]]:
         """Return how many words the longest phrase at `start` takes, and its values."""
         node, best, values = self._root, 0, []
         for index in range(start, len(words)):

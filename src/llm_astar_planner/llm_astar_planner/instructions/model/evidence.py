@@ -11,7 +11,8 @@ from llm_astar_msgs_adapter.maps.places import Places
 
 from llm_astar_planner.instructions import specification as spec
 from llm_astar_planner.instructions.model.kinds import kind_problem
-from llm_astar_planner.instructions.model.mentions import Mention, Sentence
+from llm_astar_planner.instructions.model.mentions import Sentence
+from llm_astar_planner.instructions.model.names import Mention
 from llm_astar_planner.instructions.model.structure import Structure
 
 # Numbers that differ by less are the same: a model may round what it converts.
@@ -101,18 +102,22 @@ class Witness:
                 if not math.isclose(width, spec.ALONG_WIDTH):
                     self._number(width, found)
 
-    def _pick(self, fitting: Sequence[Mention]) -> Mention | None:
-        """Return the first mention that no other clause has used, else the first."""
+    def _take(
+        self, fitting: Sequence[Mention], shown: str, found: Evidence, *, anchor: bool = False
+    ) -> Mention | None:
+        """Account for the first mention that no other clause has used, else for the first."""
         free = [m for m in fitting if not self.used.issuperset(m.tokens)]
-        return next(iter(free or fitting), None)
+        mention = next(iter(free or fitting), None)
+        if mention is None:
+            found.problems.append(f'no {shown} in the sentence')
+        else:
+            found.use([mention], anchor=anchor)
+        return mention
 
     def _place(self, name: str, found: Evidence) -> None:
-        mention = self._pick([m for m in self.sentence.mentions if name in m.names])
-        if mention is None:
-            found.problems.append(f'no {name!r} in the sentence')
-            return
-        found.use([mention], anchor=True)
-        if len(mention.names) > 1 and not mention.is_plural:
+        fitting = [m for m in self.sentence.mentions if name in m.names]
+        mention = self._take(fitting, repr(name), found, anchor=True)
+        if mention is not None and len(mention.names) > 1 and not mention.is_plural:
             found.problems.append(f'{name!r} is one of several that may be meant')
 
     def _tag(self, tag: str, found: Evidence) -> None:
@@ -122,24 +127,16 @@ class Witness:
             for m in self.sentence.mentions
             if tag in m.tags or (len(m.names) > 1 and set(m.names) == names)
         ]
-        mention = self._pick(fitting)
-        if mention is None:
-            found.problems.append(f'no {tag!r} in the sentence')
-            return
-        found.use([mention], anchor=True)
+        self._take(fitting, repr(tag), found, anchor=True)
 
     def _number(self, value: float, found: Evidence, *, with_unit: bool = False) -> None:
         fitting = [m for m in self.sentence.mentions if holds(m, value)]
-        chunks = {self.structure.chunk_of(m).predicate for m in found.anchors}
-        near = [m for m in fitting if self.structure.chunk_of(m).predicate in chunks]
+        predicates = self.structure.predicates_of(found.anchors)
+        near = [m for m in fitting if self.structure.chunk_of(m).predicate in predicates]
         if with_unit:
             near = [m for m in near if m.has_unit] or near
-        mention = self._pick(near or fitting)
-        if mention is None:
-            found.problems.append(f'no {value:g} in the sentence')
-            return
-        found.use([mention])
-        if self._has_other_unit(mention, chunks, found):
+        mention = self._take(near or fitting, f'{value:g}', found)
+        if mention is not None and self._has_other_unit(mention, predicates, found):
             found.problems.append(f'{value:g} belongs to something else')
 
     def _has_other_unit(self, number: Mention, predicates: set[int], found: Evidence) -> bool:
@@ -179,11 +176,8 @@ class Witness:
         limits = [side for side in (box.x0, box.y0, box.x1, box.y1) if math.isfinite(side)]
         for limit in limits:
             fitting = [m for m in self.sentence.mentions if holds(m, limit)]
-            mention = self._pick([m for m in fitting if not found.tokens & set(m.tokens)])
-            if mention is None:
-                found.problems.append(f'no {limit:g} in the sentence')
-                continue
-            found.use([mention], anchor=True)
+            unused = [m for m in fitting if not found.tokens & set(m.tokens)]
+            self._take(unused, f'{limit:g}', found, anchor=True)
         if len(limits) == 1:
             self._box_side(box, found)
 
@@ -195,7 +189,7 @@ class Witness:
             f'sides.{side}' for side in (('east', 'west') if of_x else ('north', 'south'))
         )
         says = [{above, 'compare.above'}, {below, 'compare.below'}]
-        predicates = {self.structure.chunk_of(m).predicate for m in found.anchors}
+        predicates = self.structure.predicates_of(found.anchors)
         for_it, against_it = (
             self._words_of(predicates, labels) for labels in (says if is_low else says[::-1])
         )
@@ -216,14 +210,10 @@ class Witness:
         self, side: str, found: Evidence, *, anchor: bool = False, near: bool = False
     ) -> None:
         fitting = [m for m in self.sentence.mentions if side in m.sides]
-        predicates = {self.structure.chunk_of(m).predicate for m in found.anchors}
+        predicates = self.structure.predicates_of(found.anchors)
         if near and predicates:
             fitting = [m for m in fitting if self._belongs(m, predicates)]
-        mention = self._pick(fitting)
-        if mention is None:
-            found.problems.append(f'no {side!r} in the sentence')
-            return
-        found.use([mention], anchor=anchor)
+        self._take(fitting, repr(side), found, anchor=anchor)
 
     def _belongs(self, mention: Mention, predicates: set[int]) -> bool:
         """Return whether a mention is in one of some predicates, or says something of 'it'."""
@@ -231,29 +221,20 @@ class Witness:
         places = (m for m in self.sentence.mentions if m.names or m.tags)
         own = any(self.structure.chunk_of(m).predicate == predicate for m in places)
         return predicate in predicates or (
-            not own and 'pronoun' in self.structure.labels_of(predicate)
+            not own and 'pronoun' in self.structure.labels_of({predicate})
         )
 
     def _said_side(self, side: str, found: Evidence) -> str:
         """Return how a sentence says a side: to leave an object on the left is to pass right."""
-        predicates = {self.structure.chunk_of(m).predicate for m in found.anchors}
+        predicates = self.structure.predicates_of(found.anchors)
         if side not in spec.ROUTE_SIDES or not self._words_of(predicates, {'strong.left_behind'}):
             return side
         return spec.ROUTE_SIDES[1 - spec.ROUTE_SIDES.index(side)]
 
     def _words(self, name: str, shown: str, found: Evidence) -> None:
         """Find a word of a class of the vocabulary."""
-        hits = [
-            n
-            for n, token in enumerate(self.sentence.tokens)
-            if name in token.labels
-        ]  # fmt: skip
-        if not hits:
-            found.problems.append(f'no {shown!r} in the sentence')
-            return
-        free = [n for n in hits if n not in self.used]
-        word = Mention(((free or hits)[0],))
-        found.use([word], anchor=name == 'regions.walls')
+        hits = [Mention((n,)) for n, one in enumerate(self.sentence.tokens) if name in one.labels]
+        self._take(hits, repr(shown), found, anchor=name == 'regions.walls')
 
 
 def holds(mention: Mention, value: float) -> bool:

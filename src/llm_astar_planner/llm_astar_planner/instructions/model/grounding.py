@@ -18,9 +18,12 @@ from llm_astar_planner.instructions import specification as spec
 from llm_astar_planner.instructions.model.coverage import says_of_route, unread_parts
 from llm_astar_planner.instructions.model.evidence import Evidence, Witness, holds
 from llm_astar_planner.instructions.model.kinds import is_said_first, polarity
-from llm_astar_planner.instructions.model.mentions import Mention, Sentence, read_sentence
+from llm_astar_planner.instructions.model.mentions import Sentence, read_sentence
+from llm_astar_planner.instructions.model.names import Mention
 from llm_astar_planner.instructions.model.structure import Polarity, Structure
 from llm_astar_planner.instructions.sentence import clause_sentence
+
+Weighed = list[tuple[spec.Clause, Evidence]]
 
 
 def repaired(clause: spec.Clause, witness: Witness) -> tuple[spec.Clause, Evidence] | None:
@@ -97,9 +100,6 @@ def other_regions(region: spec.Region, witness: Witness) -> Iterator[spec.Region
         for side in witness.sentence.sides:
             if not region.of or side in spec.COMPASS:
                 yield replace(region, side=side)
-
-
-Weighed = list[tuple[spec.Clause, Evidence]]
 
 
 def grounded(
@@ -248,7 +248,7 @@ def repaired_ones(weighed: Weighed, witness: Witness) -> Weighed:
 def lengths_left(evidence: Evidence, witness: Witness) -> list[str]:
     """Return the lengths that the sentence says with a clause and that no clause holds."""
     structure = witness.structure
-    predicates = {structure.chunk_of(mention).predicate for mention in evidence.anchors}
+    predicates = structure.predicates_of(evidence.anchors)
     left = [
         mention.numbers[-1]
         for mention in witness.sentence.mentions
@@ -338,14 +338,10 @@ def assembled(
         if visits > spec.MAX_VISITS or len(clauses) >= spec.MAX_CLAUSES - len(unread):
             problems.append('more is asked than fits')
             break
-        strength = spec.SHOULD if is_soft(evidence.anchors, structure) else spec.MUST
+        # 'if possible' or the like belongs to its verb.
+        is_soft = 'soft' in structure.labels_of(structure.predicates_of(evidence.anchors))
+        strength = spec.SHOULD if is_soft else spec.MUST
         clauses.append(replace(clause, strength=strength, guessed=bool(evidence.problems)))
         problems += [f'{clause_sentence(clause)}: {problem}' for problem in evidence.problems[:1]]
     clauses += [spec.Unknown(text=part) for part in unread]
     return spec.Specification(tuple(clauses)), '; '.join(problems)
-
-
-def is_soft(anchors: Sequence[Mention], structure: Structure) -> bool:
-    """Return whether 'if possible' or the like belongs to the predicate of some mentions."""
-    predicates = {structure.chunk_of(mention).predicate for mention in anchors}
-    return any('soft' in structure.labels_of(predicate) for predicate in predicates)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from llm_astar_planner.instructions import specification as spec
-from llm_astar_planner.instructions.model.mentions import Mention
-from llm_astar_planner.instructions.model.names import orientation
+from llm_astar_planner.instructions.model.names import Mention, orientation
 from llm_astar_planner.instructions.model.structure import Polarity, Structure
 
 Parts = Sequence[Sequence[Mention]]
@@ -27,8 +26,7 @@ def kind_problem(clause: spec.Clause, parts: Parts, structure: Structure) -> str
 
 def labels_around(anchors: Sequence[Mention], structure: Structure) -> set[str]:
     """Return the classes of the words in the predicates of some mentions."""
-    predicates = {structure.chunk_of(mention).predicate for mention in anchors}
-    return {label for predicate in predicates for label in structure.labels_of(predicate)}
+    return structure.labels_of(structure.predicates_of(anchors))
 
 
 def polarity(anchors: Sequence[Mention], structure: Structure) -> Polarity:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
 
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from rapidfuzz.distance import OSA
 
 from llm_astar_planner.instructions.grammar.lexicon import lexicon, translated
 from llm_astar_planner.instructions.grammar.vocabulary import nouns
-from llm_astar_planner.instructions.grammar.words import Word, phrase_words
+from llm_astar_planner.instructions.grammar.words import Word, phrase_words, squeezed
 from llm_astar_planner.instructions.model.vocabulary import Token, is_known, tokens_of, words_of
 from llm_astar_planner.instructions.specification import COMPASS
 
@@ -21,6 +20,13 @@ MIN_STEM = 4
 MIN_MISSPELT = 5
 # From this many letters on, two of them may be wrong, else one.
 LONG_WORD = 8
+MIN_NOUN = 3
+# A place this many times longer than wide is called horizontal or vertical.
+ELONGATED = 3.0
+# Words between a noun and the words that say which one.
+REACH = 4
+# Of the extent of the places: how much farther to a side the one that is meant must lie.
+CLEAR_SHARE = 0.05
 
 
 def same_word(word: str, known: str) -> bool:
@@ -29,9 +35,7 @@ def same_word(word: str, known: str) -> bool:
         return True
     if word[0] != known[0] or len(known) < MIN_STEM:
         return False
-    if undoubled(word) == undoubled(known) or (
-        len(word) >= MIN_STEM and stem(word) == stem(known)
-    ):
+    if squeezed(word) == squeezed(known) or (len(word) >= MIN_STEM and stem(word) == stem(known)):
         return True
     return not is_known(word) and is_misspelt(word, known)
 
@@ -44,11 +48,6 @@ def is_misspelt(word: str, known: str) -> bool:
     return OSA.distance(word, known, score_cutoff=allowed) <= allowed
 
 
-def undoubled(word: str) -> str:
-    """Return a word with doubled letters written once: 'wal' and 'wall' are the same then."""
-    return ''.join(a for a, b in zip(word, f'{word[1:]} ') if a != b)
-
-
 def stem(word: str) -> str:
     """Return a word without the ending of a plural or a case."""
     if word.endswith('ies') and len(word) > MIN_STEM:
@@ -57,14 +56,6 @@ def stem(word: str) -> str:
         if word.endswith(ending) and len(word) - len(ending) >= MIN_STEM:
             return word[: -len(ending)]
     return word
-
-
-# A place this many times longer than wide is called horizontal or vertical.
-ELONGATED = 3.0
-# Words between a noun and the words that say which one.
-REACH = 4
-# Of the extent of the places: how much farther to a side the one that is meant must lie.
-CLEAR_SHARE = 0.05
 
 
 def described(
@@ -80,7 +71,7 @@ def described(
     behind = range(noun[-1] + 1, min(len(tokens), noun[-1] + 2))
     for at in dict.fromkeys([*around, *behind]):
         kept = [place for place in fitting if is_called(place, tokens[at].text)]
-        if kept or is_orientation(tokens[at].text):
+        if kept or tokens[at].text in words_of('horizontal') | words_of('vertical'):
             fitting, used = kept, [*used, at]
     sides = sides_among(tokens, around)
     if sides and len(fitting) > 1:
@@ -135,11 +126,6 @@ def is_called(place: Place, word: str) -> bool:
     return bool(direction) and word in words_of(direction)
 
 
-def is_orientation(word: str) -> bool:
-    """Return whether a word means horizontal or vertical."""
-    return word in words_of('horizontal') | words_of('vertical')
-
-
 def orientation(place: Place) -> str:
     """Return 'horizontal' or 'vertical' for a place that is long and narrow, else ''."""
     x0, y0, x1, y1 = place.geometry.bounds
@@ -171,16 +157,28 @@ def outermost(places: Sequence[Place], sides: Sequence[str]) -> Place | None:
     return ranked[0][1]
 
 
-MIN_NOUN = 3
+@dataclass(frozen=True)
+class Mention:
+    """Words of a sentence that name something; `tokens` are their positions in it.
 
-
-class Match(NamedTuple):
-    """Words that name places (`names`, several if they fit several) or a tag."""
+    - `names`: the places that may be meant, several where the words fit more than one.
+    - `tags`: kinds and tags of places.
+    - `numbers`: the value as written and, where a unit follows, in metres (the last one).
+    - `sides`: directions.
+    """
 
     tokens: tuple[int, ...]
     names: tuple[str, ...] = ()
     tags: tuple[str, ...] = ()
+    numbers: tuple[float, ...] = ()
+    sides: tuple[str, ...] = ()
+    has_unit: bool = False
     is_plural: bool = False
+
+    @property
+    def first(self) -> int:
+        """The position of its first word."""
+        return self.tokens[0]
 
 
 @dataclass(frozen=True)
@@ -235,7 +233,7 @@ class NameFinder:
             for word in {token.text for token in tokens}
         }
 
-    def match_at(self, index: int) -> Match | None:
+    def match_at(self, index: int) -> Mention | None:
         """Return what the words from `index` on name, None for nothing."""
         whole = self._whole_name(index)
         if whole is not None and not whole.tags:
@@ -249,7 +247,7 @@ class NameFinder:
             return described
         return whole
 
-    def _whole_name(self, index: int) -> Match | None:
+    def _whole_name(self, index: int) -> Mention | None:
         """Return the longest whole name at a word; names before tags."""
         best: dict[Form, tuple[int, ...]] = {}
         for known in self._alike[self._tokens[index].text]:
@@ -272,10 +270,10 @@ class NameFinder:
         names = tuple(dict.fromkeys(form.name for form in forms if form.name))
         tags = () if names else tuple(dict.fromkeys(form.tag for form in forms if form.tag))
         if not tags:
-            return Match(best[forms[0]], names)
+            return Mention(best[forms[0]], names)
         names = tuple(place.name for place in self._places.with_tag(tags[0]))
         last = self._tokens[best[forms[0]][-1]].text
-        return Match(best[forms[0]], names, tags, is_plural=last != forms[0].words[-1])
+        return Mention(best[forms[0]], names, tags, is_plural=last != forms[0].words[-1])
 
     def _match_form(self, form: Form, index: int) -> tuple[int, ...]:
         """Return the positions of the words of a form from `index` on, () if they differ."""
@@ -295,7 +293,7 @@ class NameFinder:
             return False
         return self._tokens[at].text in words_of('articles')
 
-    def _noun(self, index: int) -> Match | None:
+    def _noun(self, index: int) -> Mention | None:
         """Return the places that a noun fits, as far as the words around it tell.
 
         The noun is one of the grammar's table, in any language, or a part of names or tags.
@@ -311,9 +309,9 @@ class NameFinder:
         if not chosen or ('regions.walls' in token.labels and len(chosen) > 1):
             return None
         names = tuple(place.name for place in chosen)
-        return noun._replace(tokens=tuple(sorted({*noun.tokens, *used})), names=names)
+        return replace(noun, tokens=tuple(sorted({*noun.tokens, *used})), names=names)
 
-    def _noun_of_table(self, index: int) -> Match | None:
+    def _noun_of_table(self, index: int) -> Mention | None:
         count, found = nouns().everywhere.longest(self._words, index)
         if not found:
             return None
@@ -322,16 +320,16 @@ class NameFinder:
         if not names:
             return None
         plural = all(noun.plural for noun in found)
-        return Match(tuple(range(index, index + count)), tuple(names), is_plural=plural)
+        return Mention(tuple(range(index, index + count)), tuple(names), is_plural=plural)
 
-    def _noun_of_names(self, index: int) -> Match | None:
+    def _noun_of_names(self, index: int) -> Mention | None:
         word = self._tokens[index].text
         if is_known(word):
             return None
         known = [self._index.places_with[name] for name in self._alike[word]]
         names = tuple(sorted(set().union(*known)))
         is_plural = stem(word) != word and word not in self._alike[word]
-        return Match((index,), names, is_plural=is_plural) if names else None
+        return Mention((index,), names, is_plural=is_plural) if names else None
 
     def _has_other_number(self, index: int) -> bool:
         """Return whether a letter or number follows that belongs to another name ('hall B')."""

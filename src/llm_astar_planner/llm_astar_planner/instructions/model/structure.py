@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, field
 from enum import Enum
 
-from llm_astar_planner.instructions.model.mentions import Mention, Sentence
+from llm_astar_planner.instructions.model.mentions import Sentence
+from llm_astar_planner.instructions.model.names import Mention
 from llm_astar_planner.instructions.model.vocabulary import words_of
 
 
@@ -55,9 +57,13 @@ class Structure:
         """Return the chunk in which a mention begins."""
         return self._chunk_of[mention.first]
 
-    def labels_of(self, predicate: int) -> set[str]:
-        """Return the classes of all words of a predicate."""
-        return {label for p in self.chunks if p.predicate == predicate for label in p.labels}
+    def predicates_of(self, mentions: Iterable[Mention]) -> set[int]:
+        """Return the predicates that mentions belong to."""
+        return {self.chunk_of(mention).predicate for mention in mentions}
+
+    def labels_of(self, predicates: Container[int]) -> set[str]:
+        """Return the classes of all words of some predicates."""
+        return {label for p in self.chunks if p.predicate in predicates for label in p.labels}
 
     def polarity_of(self, mention: Mention) -> Polarity:
         """Return whether a mention is wanted or refused.

@@ -22,6 +22,11 @@ STRAIGHT = 1e-9
 ROUNDING = 1e-9
 
 Spans = NDArray[np.float64]
+# Metres. A path that lies no deeper in an area than this runs along its edge.
+EDGE = 1e-6
+# Sides of a quarter circle where an arc has to become a polygon: 0.075 mm off for 1 m of radius.
+QUARTER_SIDES = 64
+NOTHING = shapely.Polygon()
 
 
 class PathError(LlmAstarError, ValueError):
@@ -154,13 +159,6 @@ def first_from(spans: Spans, place: float) -> float:
     """Return the first place of the spans that is not before a place, inf if none."""
     ahead = spans[spans[:, 1] >= place - ROUNDING]
     return max(place, float(ahead[0, 0])) if len(ahead) else math.inf
-
-
-# Metres. A path that lies no deeper in an area than this runs along its edge.
-EDGE = 1e-6
-# Sides of a quarter circle where an arc has to become a polygon: 0.075 mm off for 1 m of radius.
-QUARTER_SIDES = 64
-NOTHING = shapely.Polygon()
 
 
 @dataclass(frozen=True, eq=False)
