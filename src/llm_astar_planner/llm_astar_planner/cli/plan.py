@@ -41,8 +41,7 @@ from llm_astar_planner.cli.planning_options import (
 )
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.extensions import find_drawing
-from llm_astar_planner.instructions.place_names import find_place
-from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.route import Route, find_place
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.compile import compile_for, compile_instruction_kernels
 from llm_astar_planner.planning.compile_progress import compile_progress
@@ -273,7 +272,7 @@ def choose_endpoints(
 
     def cell_of(place: str | None, point: Sequence[float] | None, option: str) -> Cell | None:
         if place is not None:
-            from llm_astar_planner.instructions.place_goal import goal_cell  # noqa: PLC0415
+            from llm_astar_planner.instructions.enforcement import goal_cell  # noqa: PLC0415
 
             return goal_cell(find_place(place, places), costmap)
         return None if point is None else coordinates.to_cell(option, point)

@@ -14,7 +14,7 @@ from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, places_from_ge
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from std_msgs.msg import String
 
-from llm_astar_planner.instructions.background import BackgroundInterpreter
+from llm_astar_planner.instructions.chain import BackgroundInterpreter
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,

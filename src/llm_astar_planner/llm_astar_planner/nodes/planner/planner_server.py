@@ -15,7 +15,7 @@ from rclpy.node import Node
 from scipy import ndimage  # noqa: F401
 from std_msgs.msg import String
 
-from llm_astar_planner.instructions.place_names import PlaceGoalError
+from llm_astar_planner.instructions.route import PlaceGoalError
 from llm_astar_planner.nodes.common.bond import Bond, make_bond
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription

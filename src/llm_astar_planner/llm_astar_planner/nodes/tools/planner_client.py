@@ -41,7 +41,7 @@ from llm_astar_planner.instructions.messages import (
     interpretation_from_json,
     parse_object,
 )
-from llm_astar_planner.instructions.place_names import PlaceGoalError, find_place
+from llm_astar_planner.instructions.route import PlaceGoalError, find_place
 from llm_astar_planner.nodes.common.asking import ASK_AGAIN_S, ask, setting
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
