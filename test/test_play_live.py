@@ -23,8 +23,7 @@ from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
 from llm_astar_planner.nodes.tools import live_view
-from llm_astar_planner.planning.report import plan_report
-from llm_astar_planner.planning.types import Plan, ResultCode
+from llm_astar_planner.planning.types import Plan, ResultCode, plan_report
 from llm_astar_planner.play.errors import PlayError
 from llm_astar_planner.play.live import LiveFeed
 from nav_msgs.msg import Path

@@ -62,7 +62,7 @@ from llm_astar_planner.cli.run_options import (
     source_specs,
 )
 from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
-from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import plan_report
 
 # The parameters that have flags of their own; the search has the flags of `bench`.
 OF_REQUESTS = ('tolerance', 'start_tolerance', 'robot_base_frame')

@@ -6,7 +6,7 @@ import sys
 from itertools import pairwise
 
 from llm_astar_planner.instructions.outcome import ClauseStatus
-from llm_astar_planner.planning.waypoint_filter import WaypointStatus
+from llm_astar_planner.planning.types import WaypointStatus
 from llm_astar_planner.visualization import style
 
 

@@ -23,7 +23,7 @@ from llm_astar_planner.nodes.common.compact_path import (
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.tf import FrameError, Frames
 from llm_astar_planner.planning.footprint import Footprint
-from llm_astar_planner.planning.footprint_checker import FootprintChecker
+from llm_astar_planner.planning.footprint_search import FootprintChecker
 from llm_astar_planner.planning.path_validator import (
     NO_LIMIT,
     CollisionChecker,

@@ -23,11 +23,10 @@ from visualization_msgs.msg import MarkerArray
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.planner.diagnostics import PlanStatistics
+from llm_astar_planner.planning.endpoints import Ends, cell_of, ends_that_fit, with_exact_ends
 from llm_astar_planner.planning.footprint_search import FootprintSearch
-from llm_astar_planner.planning.path_ends import Ends, cell_of, ends_that_fit, with_exact_ends
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.report import plan_report
-from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.planning.types import Plan, PlanRequest, plan_report
 from llm_astar_planner.search.any_angle import interpolate, turning_points
 
 # Reports that wait to be written, at most: a flood of goals waits for the oldest of them.

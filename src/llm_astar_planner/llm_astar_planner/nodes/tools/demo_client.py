@@ -14,7 +14,7 @@ from llm_astar_planner.nodes.tools.planner_client import (
     PlannerClient,
     PlannerClientError,
 )
-from llm_astar_planner.planning.report import report_lines
+from llm_astar_planner.planning.types import report_lines
 from llm_astar_planner.visualization.figures import save_picture
 
 # Expanded cells are published only once the planner has discovered a subscriber, so the demo
