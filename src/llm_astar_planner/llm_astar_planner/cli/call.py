@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_time_limit(arguments.time_limit)
     drawing = find_drawing('call') if arguments.png else None
     from llm_astar_planner.nodes.tools.planner_client import calling  # noqa: PLC0415
-    from llm_astar_planner.planning.report import report_lines  # noqa: PLC0415
+    from llm_astar_planner.planning.types import report_lines  # noqa: PLC0415
 
     with calling(arguments.namespace, arguments.node, arguments.time_limit) as caller:
         view = None
@@ -100,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def print_interpretation(caller: PlannerCaller, text: str, *, as_json: bool) -> int:
     """Print what a text means, each answer as it comes; return 0, or 2 where it was refused."""
-    from llm_astar_planner.planning.report import interpretation_line  # noqa: PLC0415
+    from llm_astar_planner.planning.types import interpretation_line  # noqa: PLC0415
 
     answer: dict[str, Any] = {}
     for answer in caller.interpretations(text):
