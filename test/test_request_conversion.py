@@ -31,7 +31,6 @@ from llm_astar_planner.nodes.planner.map_manager import MapArrivals, PlanningMap
 from llm_astar_planner.nodes.planner.publishers import PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import RequestConverter, RequestError
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
-from llm_astar_planner.planning.kernel_compiler import Compiled
 from llm_astar_planner.planning.parameters import PLANNER
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode
@@ -119,7 +118,7 @@ def answered(buffer, max_planning_time=LONG, token=None):
         settings,
         SimpleNamespace(newest=newest, is_preparing=False, arrivals=MapArrivals()),
         RequestConverter(settings, Frames(buffer), None, SimpleNamespace(current=None)),
-        compiler=SimpleNamespace(compiled=Compiled.EVERYTHING),
+        compiler=SimpleNamespace(is_ready=True),
         publisher=Mock(wants_expanded=False),
         replans=PreemptingGoalSlot(),
         instructions=SimpleNamespace(current=SimpleNamespace(instruction=None)),

@@ -65,6 +65,7 @@ setup(
     # The ROS messages come from apt or from the wheels; `make install` picks.
     install_requires=[
         'setuptools',
+        'cachetools',
         'duckdb',
         'jinja2',
         'llm_astar_msgs_adapter',
@@ -74,6 +75,7 @@ setup(
         'mcap',
         'numpy',
         'pillow',
+        'pyyaml',
         'rosbags',
         'scipy',
         'shapely>=2',

@@ -77,13 +77,11 @@ setup(
         'llm_astar_msgs_adapter',
         'numba',
         'numpy',
-        'pillow',
         'pyyaml',
         'rapidfuzz',
         'scipy',
         'shapely>=2',
         'threadpoolctl',
-        'tqdm',
     ],
     extras_require={
         # `llm-astar mcp`.

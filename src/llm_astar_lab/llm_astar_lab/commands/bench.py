@@ -16,7 +16,7 @@ from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, format_kept_maps, load_kept_maps
 from llm_astar_planner.cli.map_files import open_places
 from llm_astar_planner.search.methods import uses_waypoints
-from llm_astar_planner.waypoints.config import BASELINE_NAMES
+from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
 
 from llm_astar_lab.commands.dataset_options import add_dataset_choice, open_dataset
 from llm_astar_lab.commands.option_types import count, seed

@@ -24,7 +24,7 @@ from llm_astar_planner.cli.parameter_flags import (
     read_params_files,
 )
 from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
-from llm_astar_planner.planning.report import plan_report
+from llm_astar_planner.planning.types import plan_report
 
 from llm_astar_lab.bags.files import bag_name
 from llm_astar_lab.bags.messages import BARRIER_MAP

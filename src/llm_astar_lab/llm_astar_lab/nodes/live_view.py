@@ -11,8 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from cachetools import FIFOCache
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.maps.places import Places, PlacesError
-from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
+from llm_astar_msgs_adapter.maps.places import Places, PlacesError, places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of
 from llm_astar_planner.instructions.messages import QuestionError, parse_object
 from llm_astar_planner.nodes.common.entities import Entities

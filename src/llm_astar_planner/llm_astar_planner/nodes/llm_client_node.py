@@ -34,8 +34,7 @@ from llm_astar_planner.nodes.common.parameters import OVERRIDES, Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.questions import InterpretationServer
 from llm_astar_planner.nodes.common.spin import run_node
-from llm_astar_planner.planning.compile import compile_map_kernels
-from llm_astar_planner.planning.kernel_compiler import CompileReport, compile_and_report
+from llm_astar_planner.planning.compile import compile_and_report, compile_map_kernels
 from llm_astar_planner.planning.parameters import (
     FIXED,
     SET_BY_PLANNER,
@@ -46,9 +45,9 @@ from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.stop import StopFlag
 from llm_astar_planner.waypoints.async_query import QueryQueue, QueryTask
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.fixed import NoSource
-from llm_astar_planner.waypoints.llm.factory import client_of
+from llm_astar_planner.waypoints.config import make_source
+from llm_astar_planner.waypoints.llm.source import client_of
+from llm_astar_planner.waypoints.replay import NoSource
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     SourceStatus,
@@ -126,8 +125,8 @@ class LlmClientNode(Node):
 
     def compile(self) -> None:
         """Compile the kernels that costmaps take, or load them; log how far that is."""
-        report = CompileReport(self.get_logger().info, 'the first waypoints')
-        compile_and_report(compile_map_kernels, report, 'waypoints go on')
+        say = self.get_logger().info
+        compile_and_report(compile_map_kernels, say, 'the first waypoints', 'waypoints go on')
 
     def parameter_problem(self, values: dict[str, Any]) -> str | None:
         """Return why parameters do not make a source; else make the source and return None."""

@@ -10,12 +10,11 @@ from functools import partial
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
-from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, places_from_geojson
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from std_msgs.msg import String
 
-from llm_astar_planner.instructions.background import BackgroundInterpreter
+from llm_astar_planner.instructions.chain import BackgroundInterpreter
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,

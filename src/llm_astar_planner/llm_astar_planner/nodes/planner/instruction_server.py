@@ -28,8 +28,8 @@ from llm_astar_planner.instructions.interpretation import (
 )
 from llm_astar_planner.instructions.messages import (
     MAX_QUESTION_WITH_PLACES,
-    Answer,
     Question,
+    QuestionAnswer,
     parse_answer,
 )
 from llm_astar_planner.instructions.progress import Progress
@@ -176,7 +176,7 @@ class InstructionClient:
         self.name = client
         self._logger = entities.node.get_logger()
         self._arrived = threading.Condition()
-        self._answers: dict[str, Answer | None] = {}
+        self._answers: dict[str, QuestionAnswer | None] = {}
         self._is_closed = False
         self._publisher = entities.publisher(String, f'{client}/interpret', RELIABLE)
         group = MutuallyExclusiveCallbackGroup()
@@ -233,7 +233,7 @@ class InstructionClient:
         """End the waiting for all but the newest questions."""
         with self._arrived:
             for id_ in list(self._answers)[:-MOST_WAITING]:
-                self._answers[id_] = Answer(id_, error='was changed while it was asked')
+                self._answers[id_] = QuestionAnswer(id_, error='was changed while it was asked')
             self._arrived.notify_all()
 
     def close(self) -> None:

@@ -16,7 +16,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.nodes.common.process import return_freed_memory
-from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler
+from llm_astar_planner.planning.compile import KernelCompiler
 from llm_astar_planner.planning.path_validator import CollisionChecker
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.search.landmarks import LandmarkManager
@@ -195,7 +195,7 @@ class MapManager:
             number, grid_map, arrived = self._requested, self._grid_map, self._arrived
         before = self.planner
         if grid_map is not None and self._compiler is not None:
-            self._compiler.wait(Compiled.USUAL, lambda: not self._closing)
+            self._compiler.wait(lambda: not self._closing)
         planner = self.make_planner(grid_map, before)
         with self._changed:
             if planner is not None:

@@ -13,17 +13,15 @@ from typing import Any
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
-from llm_astar_msgs_adapter.maps.places_file import load_places
-from llm_astar_msgs_adapter.maps.places_problems import places_problems
-from llm_astar_msgs_adapter.messages.place_markers import places_to_markers
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, load_places, places_problems
+from llm_astar_msgs_adapter.messages.markers import places_to_markers
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
 from rcl_interfaces.msg import SetParametersResult
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
-from llm_astar_planner.instructions.place_goal import goal_cell
-from llm_astar_planner.instructions.place_names import PlaceGoalError, find_place
+from llm_astar_planner.instructions.enforcement import goal_cell
+from llm_astar_planner.instructions.route import PlaceGoalError, find_place
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import LATCHED

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from scipy import ndimage  # noqa: F401
 from std_msgs.msg import String
 
-from llm_astar_planner.instructions.place_names import PlaceGoalError
+from llm_astar_planner.instructions.route import PlaceGoalError
 from llm_astar_planner.nodes.common.bond import Bond, make_bond
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
@@ -40,7 +40,7 @@ from llm_astar_planner.nodes.planner.request_handler import RequestHandler
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
 from llm_astar_planner.nodes.planner.zone_server import MaskSubscription, ZoneServer
-from llm_astar_planner.planning.kernel_compiler import KernelCompiler
+from llm_astar_planner.planning.compile import KernelCompiler
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
 from llm_astar_planner.planning.planner import Planner
@@ -187,7 +187,6 @@ class PlannerServer:
         compiler = KernelCompiler(
             costmap_config(settings),
             PlanRequest((0, 0), (0, 0), **request_fields(settings)),
-            lambda: self._client is not None and self._client.ready,
             self._node.get_logger().info,
         )
         self._entities.on_close(compiler.close)

@@ -27,11 +27,16 @@ from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import RELIABLE, REPORTS
 from llm_astar_planner.nodes.common.spin import RCLError
 from llm_astar_planner.nodes.planner.goals import PlanResponse
+from llm_astar_planner.planning.endpoints import Ends, cell_of, ends_that_fit, with_exact_ends
 from llm_astar_planner.planning.footprint_search import FootprintSearch
-from llm_astar_planner.planning.path_ends import Ends, cell_of, ends_that_fit, with_exact_ends
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.report import plan_report
-from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode, finite_or_none
+from llm_astar_planner.planning.types import (
+    Plan,
+    PlanRequest,
+    ResultCode,
+    finite_or_none,
+    plan_report,
+)
 from llm_astar_planner.search.any_angle import interpolate, turning_points
 
 # Reports that wait to be written, at most: a flood of goals waits for the oldest of them.

@@ -28,14 +28,11 @@ from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
 from llm_astar_planner.nodes.planner.publishers import PathWriter, PlanPublisher
 from llm_astar_planner.nodes.planner.request_conversion import (
-    OWN_IDS,
     RequestConverter,
     RequestError,
 )
-from llm_astar_planner.planning.kernel_compiler import Compiled, KernelCompiler
-from llm_astar_planner.planning.types import PlanningFailure, PlanRequest, ResultCode
-from llm_astar_planner.search.guided import FAR
-from llm_astar_planner.search.methods import EXACT, GUIDED
+from llm_astar_planner.planning.compile import KernelCompiler
+from llm_astar_planner.planning.types import PlanningFailure, ResultCode
 
 # The part of the planning time that is kept for checking and writing the path: seconds or a share.
 FINISH_SECONDS, FINISH_SHARE = 0.1, 0.1
@@ -144,8 +141,9 @@ class RequestHandler:
         job = Job(goal, token or CancellationToken(), stamp, time.monotonic(), limit)
         with self.running(job.token):
             try:
-                if self.is_active and self._compiler.compiled < Compiled.EVERYTHING:
-                    job = self.wait_for_searches(job)
+                if self.is_active and not self._compiler.is_ready:
+                    self._compiler.wait(job.goes_on)
+                    job = replace(job, begin=time.monotonic())
                 response = self.plan(job, on_better, replan_reason)
             except PlanningFailure as failure:
                 response = self.failed(job, failure.code, str(failure))
@@ -196,14 +194,15 @@ class RequestHandler:
             job.may_wait,
             want_expanded=self._publisher.wants_expanded,
         )
-        jumps = self._compiler.compiled >= Compiled.UNIFORM
-        request = request if jumps else without_jump_points(request)
         keeps_heading = self._settings.current['use_final_approach_orientation']
         writer = PathWriter(
             planner, job.stamp, start, goals[-1], keeps_heading=keeps_heading, request=request
         )
         if self._instructions.current.instruction is not None:
             request = self._instructions.add_to(request, planner, start, goals)
+        began = time.monotonic()
+        planner.compile(request, job.token.stop)
+        job = replace(job, begin=job.begin + time.monotonic() - began)
         for plan in planner.plans(request, job.token.stop):
             if not plan.is_final:
                 # Half of the time left is for the search and the final path.
@@ -229,22 +228,6 @@ class RequestHandler:
             plan = replace(plan, warnings=warnings, seconds_map=waited.seconds)
         return PlanResponse(job.goal, plan, path, job.begin, 0.0, planner, request, map_age)
 
-    def wait_for_searches(self, job: Job) -> Job:
-        """Wait until what a goal takes is compiled; its time begins after that.
-
-        Raises RequestError if the goal was cancelled.
-        """
-        needed = Compiled.UNIFORM
-        if self._instructions.current.instruction is not None:
-            needed = Compiled.INSTRUCTIONS
-        if job.goal.planner_id not in OWN_IDS:
-            needed = Compiled.EVERYTHING
-        self._compiler.wait(
-            needed, lambda: not (job.token.reason or self._compiler.has_substitute_for(needed))
-        )
-        job.goes_on()
-        return replace(job, begin=time.monotonic())
-
     def publish(self, path: Path, replan_reason: str) -> None:
         """Publish a path; one that a client has just requested preempts a replan."""
         if not replan_reason:
@@ -269,13 +252,3 @@ class RequestHandler:
             with self._ended:
                 self._running.discard(token)
                 self._ended.notify_all()
-
-
-def without_jump_points(request: PlanRequest) -> PlanRequest:
-    """Return a request for A* instead of `guided`, while the search of jump points is compiled.
-
-    To goals nearby no jump points are searched.
-    """
-    distance = max(abs(a - b) for a, b in zip(request.start, request.goal))
-    is_led = request.method == GUIDED and distance >= FAR
-    return replace(request, method=EXACT) if is_led else request

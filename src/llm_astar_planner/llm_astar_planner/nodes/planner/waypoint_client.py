@@ -26,7 +26,7 @@ from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import CALLS, REPORTS
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER
-from llm_astar_planner.planning.waypoint_filter import snap
+from llm_astar_planner.planning.segment import snap
 from llm_astar_planner.waypoints.source import SourceStatus, Waypoint, WaypointQuery, WaypointReply
 
 LABEL = 'llm_client'

@@ -18,8 +18,8 @@ from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message
+from llm_astar_msgs_adapter.messages.markers import zones_to_markers
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
-from llm_astar_msgs_adapter.messages.zone_markers import zones_to_markers
 from nav_msgs.msg import OccupancyGrid
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.exceptions import InvalidTopicNameException

@@ -16,8 +16,7 @@ from cachetools import FIFOCache
 from diagnostic_msgs.msg import DiagnosticArray
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
-from llm_astar_msgs_adapter.maps.places import Places
-from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
+from llm_astar_msgs_adapter.maps.places import Places, places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of, status_values
 from llm_astar_msgs_adapter.messages.report import PlanReport, report_from_message
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
@@ -42,7 +41,7 @@ from llm_astar_planner.instructions.messages import (
     interpretation_from_json,
     parse_object,
 )
-from llm_astar_planner.instructions.place_names import PlaceGoalError, find_place
+from llm_astar_planner.instructions.route import PlaceGoalError, find_place
 from llm_astar_planner.nodes.common.asking import ASK_AGAIN_S, ask, setting
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
