@@ -7,7 +7,6 @@ Ours may have a `family` too.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -200,12 +199,6 @@ def find_barrier_map(maps: Sequence[MapWithId], map_id: int) -> MapWithId:
     ids = ', '.join(str(item.id) for item in maps[:20])
     more = ', ...' if len(maps) > 20 else ''
     raise BarrierMapError(f'map id {map_id} is not in the file; it holds {ids}{more}')
-
-
-def save_barrier_maps(maps: list[BarrierMap], path: str | Path) -> None:
-    """Write a dataset in the paper's format, with one map per line."""
-    lines = ',\n'.join(json.dumps(barrier_map.to_json()) for barrier_map in maps)
-    Path(path).write_text(f'[\n{lines}\n]\n', encoding='utf-8')
 
 
 def check_scale(factor: int, cells: int, map_id: int, error: type[LlmAstarError]) -> None:

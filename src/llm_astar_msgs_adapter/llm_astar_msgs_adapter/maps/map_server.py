@@ -58,7 +58,9 @@ class MapServerError(LlmAstarError, ValueError):
 def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
     """Read a map_server yaml file and its image. Raises MapServerError, naming file and field."""
     path = Path(path)
-    fields = read_fields(path)
+    fields = read_yaml(path, MapServerError)
+    if not isinstance(fields, dict):
+        raise MapServerError(f'{path}: the fields of a map are expected')
     for name in ('resolution', 'origin', 'occupied_thresh', 'free_thresh'):
         if name not in fields:
             raise MapServerError(f'{path}: {name}: is missing')
@@ -116,14 +118,6 @@ class Shades:
         if self.mode == 'scale' and pixels.shape[2] == 4:
             cells[pixels[:, :, 3] != 255.0] = UNKNOWN
         return cells.astype(np.int8)
-
-
-def read_fields(path: Path) -> dict[str, Any]:
-    """Return the fields of a yaml file. Raises MapServerError."""
-    fields = read_yaml(path, MapServerError)
-    if not isinstance(fields, dict):
-        raise MapServerError(f'{path}: the fields of a map are expected')
-    return fields
 
 
 def read_image(image: Path, path: Path, shades: Shades) -> NDArray[np.int8]:
