@@ -27,7 +27,7 @@ from llm_astar_planner.waypoints.prompts.map_description import (
     describe,
     describe_coarser,
 )
-from llm_astar_planner.waypoints.prompts.reply_parser import Answer, read_answer
+from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.prompts.template import (
     Example,
     ask_for_json,
@@ -52,15 +52,15 @@ LATE_S = 60.0
 MAX_QUOTED_CHARS = 4000
 
 
-def answer_of(completion: Completion) -> Answer:
+def answer_of(completion: Completion) -> WaypointReply:
     """Parse a completion; the detail says if the model refused or the reply was cut short."""
     answer = read_answer(completion.text)
     if answer.status is not SourceStatus.MALFORMED:
         return answer
     if completion.refusal:
-        return answer._replace(detail=f'the model refused: {completion.refusal[:200]}')
+        return replace(answer, detail=f'the model refused: {completion.refusal[:200]}')
     if completion.finish_reason == 'length':
-        return answer._replace(detail=f'{answer.detail}; it was cut short at max_output_tokens')
+        return replace(answer, detail=f'{answer.detail}; it was cut short at max_output_tokens')
     return answer
 
 
@@ -221,14 +221,7 @@ class Conversation:
             prompt_digest=self.source.prompt.digest,
             temperature=self.source.client.dialect.temperature,
         )
-        self.turn = WaypointReply(
-            waypoints,
-            status=answer.status,
-            detail=answer.detail,
-            text=completion.text,
-            messages=messages,
-            provenance=provenance,
-        )
+        self.turn = replace(answer, waypoints=waypoints, messages=messages, provenance=provenance)
 
 
 def make_endpoint(context: SourceContext) -> WaypointSource:
