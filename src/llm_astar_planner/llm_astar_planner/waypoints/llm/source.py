@@ -16,7 +16,6 @@ from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.llm.route_feedback import (
     ASK_FOR_A_LIST,
-    Fault,
     find_faults,
     follow_up,
 )
@@ -166,7 +165,7 @@ class Conversation:
             if not faults or before.status is not SourceStatus.OK or not self._has_time():
                 return
             try:
-                self._follow_up(follow_up(faults, self.lattice))
+                self._follow_up(follow_up(faults))
             except EndpointFailure:
                 return
             new_faults = self._faults()
@@ -192,9 +191,9 @@ class Conversation:
         """Return whether an answer as slow as the last one would still come in time."""
         return time.monotonic() + self.last_seconds < self.deadline
 
-    def _faults(self) -> list[Fault]:
-        query = self.query
-        return find_faults(query.costmap, query.start, query.goal, self.turn.waypoints)
+    def _faults(self) -> list[str]:
+        query, points = self.query, self.turn.waypoints
+        return find_faults(query.costmap, query.start, query.goal, points, self.lattice)
 
     def _follow_up(self, question: str) -> None:
         """Quote the last answer to the model and ask about it. Raises EndpointFailure."""
