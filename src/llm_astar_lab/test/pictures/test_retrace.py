@@ -15,8 +15,8 @@ from llm_astar_planner.instructions.interpretation import (
 )
 from llm_astar_planner.instructions.specification import Avoid, Disc, Specification, Visit
 from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.segment import target_list
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.planning.waypoint_filter import target_list
 from llm_astar_planner.search.methods import METHODS
 from llm_astar_planner.waypoints.replay import FixedReply
 

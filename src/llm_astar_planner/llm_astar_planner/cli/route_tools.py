@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.cli.map_files import DECIMALS, place_to_json
 from llm_astar_planner.cli.planning_options import PlanningOptions
+from llm_astar_planner.instructions.enforcement import goal_cell
 from llm_astar_planner.instructions.interpretation import (
     POLICIES,
     Interpretation,
@@ -28,9 +29,7 @@ from llm_astar_planner.instructions.interpretation import (
     clean_instruction,
 )
 from llm_astar_planner.instructions.outcome import InstructionOutcome
-from llm_astar_planner.instructions.place_goal import goal_cell
-from llm_astar_planner.instructions.place_names import find_place
-from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.route import Route, find_place
 from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.parameters import request_fields
 from llm_astar_planner.planning.planner import Planner

@@ -1,37 +1,126 @@
-"""Regions from words: single places, groups of places, discs, boxes, halves, strips."""
+"""Places told by where they lie: 'the room in the top left', 'the vertical wall'."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.places import Place
 
+from llm_astar_planner.instructions import specification as spec
 from llm_astar_planner.instructions.grammar.lexicon import Group, common_tag, sides_in
-from llm_astar_planner.instructions.grammar.relative import (
-    EAST,
-    NORTH,
-    SOUTH,
-    WEST,
-    central,
-    counted,
-    extreme,
-    is_oriented,
-)
-from llm_astar_planner.instructions.specification import (
-    ROUTE_SIDES,
-    Box,
-    Half,
-    NamedPlace,
-    Region,
-    Tagged,
-)
 
+NORTH, SOUTH, EAST, WEST = 'north', 'south', 'east', 'west'
+OPPOSITE = {NORTH: SOUTH, SOUTH: NORTH, EAST: WEST, WEST: EAST, 'left': 'right', 'right': 'left'}
+# How much farther to the wanted side the meant place must lie than any other, as a share of the
+# extent of all that could be meant.
+CLEARLY = 0.08
+# Metres. Places that differ by less lie side by side.
+LEAST_SPAN = 0.25
+# Places lie in a row that is so many times longer than wide, as a share.
+ROW = 0.2
+# A wall is vertical or horizontal if it is so many times longer than wide.
+ELONGATED = 1.5
 # On a map as it is drawn.
 DRAWN = {'left': WEST, 'right': EAST}
 WALL = 'wall'
+
+
+def towards(place: Place, side: str) -> float:
+    """Return how far to a compass side the middle of a place lies, metres."""
+    centre = place.geometry.centroid
+    along = float(centre.y if side in (NORTH, SOUTH) else centre.x)
+    return along if side in (NORTH, EAST) else -along
+
+
+def extreme(places: Sequence[Place], sides: Sequence[str]) -> tuple[Place, ...]:
+    """Return the one place that lies farthest to all the sides, or those that may be meant.
+
+    For a corner, ('north', 'west'), the distances are in shares of the extent.
+    """
+    spans = {side: span(places, side) for side in sides}
+    sides = [side for side in sides if spans[side] > LEAST_SPAN]
+    if not sides:
+        return tuple(places)
+
+    def score(place: Place) -> float:
+        return sum(towards(place, side) / spans[side] for side in sides)
+
+    best = clearly_first(places, score)
+    if len(best) == 1 and not all(is_beyond_the_middle(best[0], places, side) for side in sides):
+        return tuple(places)
+    return best
+
+
+def span(places: Sequence[Place], side: str) -> float:
+    """Return the extent of the places' middles along an axis, metres."""
+    values = [towards(place, side) for place in places]
+    return max(values, default=0.0) - min(values, default=0.0)
+
+
+def is_beyond_the_middle(place: Place, places: Sequence[Place], side: str) -> bool:
+    """Whether a place lies in the half of all of them that is on a side."""
+    values = [towards(other, side) for other in places]
+    return towards(place, side) > (max(values) + min(values)) / 2
+
+
+def clearly_first(places: Sequence[Place], score: Callable[[Place], float]) -> tuple[Place, ...]:
+    """Return the place of the highest score, with all others that are nearly as high."""
+    most = max((score(place) for place in places), default=0.0)
+    return tuple(place for place in places if score(place) >= most - CLEARLY)
+
+
+def central(places: Sequence[Place]) -> tuple[Place, ...]:
+    """Return the place in the middle of all, or those that may be meant."""
+    spans = {side: span(places, side) for side in (NORTH, EAST)}
+    # Of places in a row the middle one has as many on one side as on the other.
+    least = max(LEAST_SPAN, ROW * max(spans.values()))
+    sides = [side for side in spans if spans[side] > least]
+    if len(sides) == 1 and len(places) > 2:
+        return (
+            counted(places, len(places) // 2 + 1, sides[0]) if len(places) % 2 else tuple(places)
+        )
+    if len(places) < 3 or not sides:
+        return tuple(places)
+    middles = {side: sum(extremes(places, side)) / 2 for side in sides}
+
+    def nearness(place: Place) -> float:
+        return -max(
+            abs(towards(place, side) - middles[side]) / span(places, side) for side in sides
+        )
+
+    return clearly_first(places, nearness)
+
+
+def extremes(places: Sequence[Place], side: str) -> tuple[float, float]:
+    """Return the least and the most of the places' middles along an axis."""
+    values = [towards(place, side) for place in places]
+    return min(values), max(values)
+
+
+def counted(places: Sequence[Place], number: int, side: str) -> tuple[Place, ...]:
+    """Return the place of a number, counted from a side: 'the second aisle from the south'.
+
+    Where two lie about equally far, nobody can count: all are returned.
+    """
+    ordered = sorted(places, key=lambda place: -towards(place, side))
+    least = CLEARLY * span(places, side)
+    gaps = [towards(a, side) - towards(b, side) for a, b in pairwise(ordered)]
+    if number > len(ordered) or any(gap <= least for gap in gaps):
+        return tuple(places)
+    return (ordered[number - 1],)
+
+
+def is_oriented(place: Place, orientation: str) -> bool:
+    """Whether a place is long in the direction 'vertical' (along y) or 'horizontal'."""
+    x0, y0, x1, y1 = place.geometry.bounds
+    width, height = x1 - x0, y1 - y0
+    if orientation == 'vertical':
+        return bool(height >= ELONGATED * width and height > 0.0)
+    return bool(width >= ELONGATED * height and width > 0.0)
 
 
 class Unclear(LlmAstarError):  # noqa: N818 (no error of the program: the sentence is unclear)
@@ -51,8 +140,8 @@ class Selection:
     - `is_limit`: one side of a line, 'x below 5', which goes with other limits.
     """
 
-    regions: tuple[Region, ...] = ()
-    together: Region | None = None
+    regions: tuple[spec.Region, ...] = ()
+    together: spec.Region | None = None
     any_one: str = ''
     places: tuple[Place, ...] = ()
     is_point: bool = False
@@ -63,7 +152,7 @@ class Selection:
     is_limit: bool = False
 
     @property
-    def one(self) -> Region:
+    def one(self) -> spec.Region:
         """The regions as one. Raises Unclear where there are several."""
         if self.together is not None:
             return self.together
@@ -80,7 +169,7 @@ class Selection:
 
 
 @dataclass(frozen=True)
-class Part:
+class Modifier:
     """A word beside a noun: its kind and value ('SIDE', 'north')."""
 
     kind: str
@@ -89,12 +178,12 @@ class Part:
 
 def select_place(place: Place) -> Selection:
     """Return the selection of one place."""
-    return Selection((NamedPlace(place.name),), places=(place,))
+    return Selection((spec.NamedPlace(place.name),), places=(place,))
 
 
-def select_group(group: Group, parts: Sequence[Part], where: Sequence[Part]) -> Selection:
+def select_group(group: Group, parts: Sequence[Modifier], where: Sequence[Modifier]) -> Selection:
     """Return what a noun with its adjectives and the words after it means. Raises Unclear."""
-    quantity = next((part for part in parts if part.kind in ('ALL', 'ANY')), Part('', ''))
+    quantity = next((part for part in parts if part.kind in ('ALL', 'ANY')), Modifier('', ''))
     if quantity.kind == 'ALL' and any(part.kind == 'ORDINAL' for part in parts):
         raise Unclear('every second one')
     tags = [str(part.value) for part in parts if part.kind == 'TAG']
@@ -112,8 +201,8 @@ def select_group(group: Group, parts: Sequence[Part], where: Sequence[Part]) -> 
     if not is_one and not several and quantity.kind != 'ANY':
         raise Unclear(f'{group.words} may be {" or ".join(place.name for place in found)}')
     return Selection(
-        tuple(NamedPlace(place.name) for place in found),
-        Tagged(tag) if tag and not is_one else None,
+        tuple(spec.NamedPlace(place.name) for place in found),
+        spec.Tagged(tag) if tag and not is_one else None,
         str(quantity.value) if quantity.kind == 'ANY' and not is_one else '',
         tuple(found),
         is_positioned=bool(where),
@@ -128,7 +217,7 @@ def has_tag(place: Place, tag: str) -> bool:
 
 
 def narrowed(
-    group: Group, found: list[Place], parts: Sequence[Part], where: Sequence[Part]
+    group: Group, found: list[Place], parts: Sequence[Modifier], where: Sequence[Modifier]
 ) -> list[Place]:
     """Return the places that lie where the words say. Raises Unclear."""
     kinds = {part.kind: str(part.value) for part in parts}
@@ -161,7 +250,7 @@ def on_sides(found: list[Place], sides: Sequence[str]) -> list[Place]:
         named = named_or(found, compass[0], ())
         if named:
             return named
-        if sides[0] in ROUTE_SIDES:
+        if sides[0] in spec.ROUTE_SIDES:
             raise Unclear('left and right of what')
     return list(extreme(found, compass))
 
@@ -180,17 +269,17 @@ def half_of(side: str, is_half: bool, whole: object) -> Selection:
     if isinstance(whole, Place):
         if side in DRAWN and not is_half:
             raise Unclear('the left or right side as drawn or as driven')
-        return Selection((Half(DRAWN.get(side, side), whole.name),), places=(whole,))
+        return Selection((spec.Half(DRAWN.get(side, side), whole.name),), places=(whole,))
     if side in DRAWN and whole == 'map':
         side = DRAWN[side]
     elif side in DRAWN and whole is None and is_half:
         raise Unclear('the left or right half of what')
     elif side not in DRAWN and whole == 'way':
         raise Unclear('the way has a left and a right side')
-    return Selection((Half(side),))
+    return Selection((spec.Half(side),))
 
 
-def axis_half(side: str, axis: str, value: float) -> Box:
+def axis_half(side: str, axis: str, value: float) -> spec.Box:
     """Return everything on a side of a line 'y = 22.5'. Raises Unclear for 'south of x = 3'."""
     side = DRAWN.get(side, side)
     if (axis == 'y') != (side in (NORTH, SOUTH)):
@@ -198,13 +287,13 @@ def axis_half(side: str, axis: str, value: float) -> Box:
     is_low = side in (SOUTH, WEST)
     low, high = (-math.inf, value) if is_low else (value, math.inf)
     if axis == 'x':
-        return Box(low, -math.inf, high, math.inf)
-    return Box(-math.inf, low, math.inf, high)
+        return spec.Box(low, -math.inf, high, math.inf)
+    return spec.Box(-math.inf, low, math.inf, high)
 
 
-def common_box(boxes: Sequence[Box]) -> Box:
+def common_box(boxes: Sequence[spec.Box]) -> spec.Box:
     """Return the box where all boxes overlap. Raises Unclear where they do not."""
-    box = Box(
+    box = spec.Box(
         max((box.x0 for box in boxes), default=-math.inf),
         max((box.y0 for box in boxes), default=-math.inf),
         min((box.x1 for box in boxes), default=math.inf),
@@ -220,21 +309,21 @@ def joint_limits(limits: Sequence[Selection]) -> list[Selection]:
 
     Limits of one axis that exclude each other are two areas: 'x below 2 and x above 5'.
     """
-    boxes = [box for limit in limits for box in limit.regions if isinstance(box, Box)]
+    boxes = [box for limit in limits for box in limit.regions if isinstance(box, spec.Box)]
     try:
         return [Selection((common_box(boxes),))]
     except Unclear:
         return list(limits)
 
 
-def outside(box: Box) -> Box | None:
+def outside(box: spec.Box) -> spec.Box | None:
     """Return everything outside of a box that is open on three sides, None of other boxes."""
     limits = [side for side in (box.x0, box.y0, box.x1, box.y1) if math.isfinite(side)]
     if len(limits) != 1:
         return None
     if math.isfinite(box.x0) or math.isfinite(box.y0):
-        return Box(-math.inf, -math.inf, opened(box.x0), opened(box.y0))
-    return Box(
+        return spec.Box(-math.inf, -math.inf, opened(box.x0), opened(box.y0))
+    return spec.Box(
         box.x1 if math.isfinite(box.x1) else -math.inf,
         box.y1 if math.isfinite(box.y1) else -math.inf,
         math.inf,
