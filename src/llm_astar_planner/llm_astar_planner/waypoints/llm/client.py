@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import functools
 import logging
-import ssl
 import threading
 import time
 import zlib
@@ -48,6 +47,8 @@ CLOSE_S = 0.2
 ENCODING = {'Accept-Encoding': 'gzip, deflate'}
 # zlib's windowBits for the largest window and either header, that of gzip or that of zlib.
 ANY_HEADER = 47
+# The TLS context is made once: loading the certificates takes tens of ms.
+tls_context = functools.cache(httpx.create_ssl_context)
 
 
 # Whether the present request is one of ours.
@@ -207,16 +208,11 @@ async def wait_at_most(limit: float, request: Coroutine[Any, Any, HttpReply]) ->
     done, _ = await asyncio.wait({task}, timeout=max(0.0, limit))
     if not done:
         task.cancel()
-        task.add_done_callback(take_exception)
+        # Or asyncio logs an error that comes too late, which may quote the server.
+        task.add_done_callback(lambda late: late.cancelled() or late.exception())
         await asyncio.wait({task}, timeout=CLOSE_S)
         raise timed_out(limit)
     return task.result()
-
-
-def take_exception(task: asyncio.Task[HttpReply]) -> None:
-    """Keep asyncio from logging an error that came too late, which may quote the server."""
-    if not task.cancelled():
-        task.exception()
 
 
 async def post(
@@ -271,12 +267,6 @@ async def read_body(response: httpx.Response) -> bytes:
             problem = f'the reply is longer than {MAX_BODY} bytes'
             raise EndpointFailure(SourceStatus.MALFORMED, problem)
     return bytes(data)
-
-
-@functools.lru_cache(maxsize=1)
-def tls_context() -> ssl.SSLContext:
-    """Return the TLS context, made once: loading the certificates takes tens of ms."""
-    return httpx.create_ssl_context()
 
 
 def timed_out(limit: float) -> EndpointFailure:
