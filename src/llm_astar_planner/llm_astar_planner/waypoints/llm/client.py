@@ -13,7 +13,7 @@ import logging
 import threading
 import time
 import zlib
-from collections.abc import Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -97,27 +97,35 @@ class ChatClient:
         running at the deadline may go on for `late_s` seconds; no new one is made.
         Raises EndpointFailure; its text holds no key.
         """
+
+        def ask(dialect: Dialect) -> Completion:
+            return self._request(dialect.body(self.model, messages, schema), deadline + late_s)
+
         with self.breaker.watched():
             if time.monotonic() >= deadline:
                 raise EndpointFailure(SourceStatus.TIMEOUT, 'no time is left', is_ours=True)
-            dialect, attempt = self.dialect, 0
-            while True:
-                body = dialect.body(self.model, messages, schema)
-                try:
-                    completion = self._request(body, deadline + late_s)
-                    break
-                except EndpointFailure as failure:
-                    adapted = dialect.adapted_to(failure)
-                    if adapted is not None and time.monotonic() < deadline:
-                        dialect = adapted
-                        continue
-                    attempt += 1
-                    delay = retry_delay(failure, attempt, self.max_retries)
-                    if delay is None or time.monotonic() + delay >= deadline:
-                        raise
-                time.sleep(delay)
-            self.dialect = dialect
-        return dialect.ended(completion)
+            completion = self._ask_again(ask, deadline)
+        return self.dialect.ended(completion)
+
+    def _ask_again(self, ask: Callable[[Dialect], Completion], deadline: float) -> Completion:
+        """Ask, and again in another dialect or after a pause where that may help."""
+        dialect, attempt = self.dialect, 0
+        while True:
+            try:
+                completion = ask(dialect)
+            except EndpointFailure as failure:
+                adapted = dialect.adapted_to(failure)
+                if adapted is not None and time.monotonic() < deadline:
+                    dialect = adapted
+                    continue
+                attempt += 1
+                delay = retry_delay(failure, attempt, self.max_retries)
+                if delay is None or time.monotonic() + delay >= deadline:
+                    raise
+            else:
+                self.dialect = dialect
+                return completion
+            time.sleep(delay)
 
     def problem(self) -> str | None:
         """Return why the endpoint is not asked at present, None where it is."""
