@@ -27,11 +27,7 @@ from llm_astar_planner.waypoints.source import (
     WaypointReply,
     WaypointSource,
 )
-from llm_astar_planner.waypoints.transcript import (
-    Exchange,
-    TranscriptWriter,
-    read_transcript,
-)
+from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter, read_transcript
 
 _LOG = logging.getLogger(__name__)
 # The paper scales its maps by up to 10; searching more scales would only cost time.
