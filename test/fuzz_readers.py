@@ -43,7 +43,6 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,
     load_barrier_maps,
-    save_barrier_maps,
 )
 from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_msgs_adapter.maps.places import load_places, places_from_geojson
@@ -51,6 +50,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import (
     format_kept_maps,
     load_grid_problem,
     load_kept_maps,
+    save_maps,
 )
 from llm_astar_planner.costmap.zone_file import zones_from_text
 from llm_astar_planner.instructions.messages import parse_answer, parse_question
@@ -244,7 +244,7 @@ def make_scenarios(folder: Path) -> Path:
 
 
 def make_barriers(folder: Path) -> Path:
-    save_barrier_maps(load_barrier_maps(MAPS / 'samples_1000.json')[:2], folder / 'x.json')
+    save_maps(load_barrier_maps(MAPS / 'samples_1000.json')[:2], folder / 'x.json')
     return folder / 'x.json'
 
 
