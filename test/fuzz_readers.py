@@ -46,7 +46,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
     save_barrier_maps,
 )
 from llm_astar_msgs_adapter.maps.map_server import load_map
-from llm_astar_msgs_adapter.maps.places_file import load_places, places_from_geojson
+from llm_astar_msgs_adapter.maps.places import load_places, places_from_geojson
 from llm_astar_msgs_adapter.maps.problem_maps import (
     format_kept_maps,
     load_grid_problem,
@@ -62,9 +62,8 @@ from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.learned.network import read_weights
-from llm_astar_planner.waypoints.llm.http import HttpReply
-from llm_astar_planner.waypoints.llm.protocol import read_completion
-from llm_astar_planner.waypoints.llm.redaction import redact
+from llm_astar_planner.waypoints.llm.credentials import redact
+from llm_astar_planner.waypoints.llm.protocol import HttpReply, read_completion
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.prompts.examples import load_example_library
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query

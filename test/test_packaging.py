@@ -75,7 +75,7 @@ def test_package_xml_is_format_3_and_agrees_with_setup(package):
     assert root.findtext('name') == package
     assert root.findtext('license') == 'Apache-2.0'
     assert root.findtext('export/build_type') == 'ament_python'
-    assert f"version='{root.findtext('version')}'" in (folder / 'setup.py').read_text()
+    assert f'version = {root.findtext("version")}\n' in (folder / 'setup.cfg').read_text()
     assert (folder / package / 'py.typed').is_file()
 
 

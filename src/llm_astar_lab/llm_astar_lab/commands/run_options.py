@@ -39,7 +39,7 @@ from llm_astar_lab.analysis.thresholds import (
     missed_thresholds,
     unknown_variant,
 )
-from llm_astar_lab.commands.option_types import count, file_names, method_names, names, threshold
+from llm_astar_lab.commands.option_types import count, file_names, names, threshold
 from llm_astar_lab.datasets.reference_lengths import (
     compare_with_reference,
     reference_lengths,
@@ -86,7 +86,7 @@ OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose methods, sources, prompts and models."""
     group.add_argument(
-        '--methods', type=method_names, metavar='NAMES',
+        '--methods', type=names, metavar='NAMES',
         help=f'of {", ".join(ALL_METHODS)}, or plug-ins (default: all of these)',
     )  # fmt: skip
     group.add_argument(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.messages.fields import values_of_report
-from llm_astar_planner.waypoints.answer import read_answer
+from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.source import Message, SourceStatus
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter
 
@@ -51,7 +51,6 @@ def exchange_from_values(values: Mapping[str, Any]) -> Exchange | None:
             seconds=float(values['seconds']),
             status=SourceStatus(values['status']),
             unit=unit,
-            instruction=str(values.get('instruction', '')),
         )
     except (KeyError, TypeError, ValueError, OverflowError):
         return None

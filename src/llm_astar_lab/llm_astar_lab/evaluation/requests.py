@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
-from llm_astar_msgs_adapter.files import read_text
-from llm_astar_msgs_adapter.json_values import parse_json
+from llm_astar_msgs_adapter.files import parse_json, read_text
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, parse_barrier_map
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
 from llm_astar_msgs_adapter.messages.fields import grid_from_message, updated

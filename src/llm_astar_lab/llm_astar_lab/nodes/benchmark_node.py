@@ -22,6 +22,7 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps, load_kept_maps, load_maps
 from llm_astar_msgs_adapter.messages.fields import path_from_message
 from llm_astar_msgs_adapter.messages.writing import grid_to_message
+from llm_astar_planner.nodes.common.asking import setting
 from llm_astar_planner.nodes.common.qos import LATCHED
 from llm_astar_planner.nodes.common.spin import joined
 from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
@@ -29,7 +30,7 @@ from llm_astar_planner.resources import SAMPLES_FILE, find_file
 from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS
 from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.srv import GetParameters, SetParameters
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import parameter_value_to_python
 from rclpy.utilities import remove_ros_args
 
 from llm_astar_lab.analysis.columns import RowColumns
@@ -159,9 +160,8 @@ def plan_samples(
     except (PlannerClientError, ResultsError) as error:
         return report_error(str(error), INCOMPLETE)
     except KeyboardInterrupt:
-        return report_error(
-            'interrupted: the rows so far are kept; continue with --resume', INTERRUPTED
-        )
+        sys.stderr.write('interrupted: the rows so far are kept; continue with --resume\n')
+        return INTERRUPTED
     return OK
 
 
@@ -281,10 +281,7 @@ class LiveRun:
 
     def _set(self, values: dict[str, Any]) -> None:
         client = self._caller.node.create_client(SetParameters, f'{self._planner}/set_parameters')
-        messages = [
-            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
-        ]
-        results = self._caller.ask(client, SetParameters.Request(parameters=messages)).results
+        results = self._caller.ask(client, setting(values)).results
         for name, result in zip(values, results):
             if not result.successful:
                 raise PlannerClientError(f'{self._planner} refused {name}: {result.reason}')

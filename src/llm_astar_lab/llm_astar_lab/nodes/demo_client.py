@@ -12,7 +12,7 @@ from llm_astar_planner.nodes.tools.planner_client import (
     PlannerClient,
     PlannerClientError,
 )
-from llm_astar_planner.planning.report import report_lines
+from llm_astar_planner.planning.types import report_lines
 
 from llm_astar_lab.nodes.plan_view import PlanView
 from llm_astar_lab.pictures.figures import save_picture

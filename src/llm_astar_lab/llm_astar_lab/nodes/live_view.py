@@ -11,15 +11,13 @@ from typing import Any, Protocol
 import numpy as np
 from cachetools import FIFOCache
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.maps.places import Places, PlacesError
-from llm_astar_msgs_adapter.maps.places_file import places_from_geojson
+from llm_astar_msgs_adapter.maps.places import Places, PlacesError, places_from_geojson
 from llm_astar_msgs_adapter.messages.fields import path_from_message, stamp_of
 from llm_astar_planner.instructions.messages import QuestionError, parse_object
 from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.map_subscription import MapSubscription
-from llm_astar_planner.nodes.common.names import check_names
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
-from llm_astar_planner.nodes.common.spin import SpinThread, joined
+from llm_astar_planner.nodes.common.spin import SpinThread, check_names, joined
 from llm_astar_planner.nodes.tools.monitor import EventKind, Monitor, MonitorEvent
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
@@ -62,7 +60,7 @@ class LiveView:
         self._paths: FIFOCache[int, NDArray[np.float64]] = FIFOCache(KEPT_PATHS)
         self._report: MonitorEvent | None = None
         self._report_came = 0.0
-        MapSubscription(Entities(node), viewer.show_map)
+        MapSubscription(Entities(node), lambda grid_map, _: viewer.show_map(grid_map))
         node.create_subscription(Path, 'plan', self._on_path, RELIABLE)
         node.create_subscription(String, f'{planner}/places_geojson', self._on_places, LATCHED)
 
@@ -113,13 +111,12 @@ def live_view(namespace: str, planner: str, client: str, viewer: Viewer) -> Iter
     """Join the graph in `namespace` and show a planner to a viewer. Raises NodeNameError."""
     with joined('llm_astar_play', check_names(namespace, planner, client)) as node:
         view = LiveView(node, planner, client, viewer)
-        spinning, stopped = SpinThread(node), threading.Event()
+        stopped = threading.Event()
         following = threading.Thread(target=view.follow, args=(stopped,), name='live view')
-        spinning.start()
-        following.start()
-        try:
-            yield
-        finally:
-            stopped.set()
-            following.join()
-            spinning.close()
+        with contextlib.closing(SpinThread(node)):
+            following.start()
+            try:
+                yield
+            finally:
+                stopped.set()
+                following.join()

@@ -11,8 +11,11 @@ from llm_astar_msgs_adapter.messages.fields import grid_from_message, path_from_
 from llm_astar_msgs_adapter.messages.markers import expanded_from_message
 from llm_astar_msgs_adapter.messages.report import PlanReport
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
-from llm_astar_planner.nodes.tools.call import CalledPlan
-from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
+from llm_astar_planner.nodes.tools.planner_client import (
+    CalledPlan,
+    PlannerClient,
+    PlannerClientError,
+)
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.search.result import describe_expansions
 from nav_msgs.msg import GridCells, OccupancyGrid, Path

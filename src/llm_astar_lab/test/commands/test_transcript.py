@@ -7,7 +7,7 @@ import pytest
 from llm_astar_lab.datasets.generate import generate
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barrier_maps
 from llm_astar_planner.cli.main import main
-from llm_astar_planner.waypoints.sample_resolver import dataset_digest
+from llm_astar_planner.waypoints.replay import dataset_digest
 from llm_astar_planner.waypoints.source import Provenance, SourceStatus
 from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter
 

@@ -43,7 +43,7 @@ def dataset(tmp_path):
 
 def bench(dataset, out, *words):
     return main(
-        ['bench', '--dataset', str(dataset), '--out', str(out), '--source', 'replay,oracle',
+        ['bench', '--map', str(dataset), '--out', str(out), '--source', 'replay,oracle',
          '--methods', 'llm_astar', *map(str, words)]
     )  # fmt: skip
 

@@ -21,9 +21,6 @@ from llm_astar_msgs_adapter.errors import printable
 from llm_astar_planner.plugins import PluginError, Plugins
 from llm_astar_planner.resources import find_file
 
-# Seconds that a plug-in may take to be imported here.
-PLUGIN_S = 30.0
-
 
 @dataclass(frozen=True)
 class Finding:
@@ -212,7 +209,7 @@ def plugin_finding(plugins: Plugins, name: str) -> Finding:
         problem = ': cannot be chosen, since llm-astar has one of this name'
     else:
         try:
-            plugins.load(name, PLUGIN_S)
+            plugins.load(name)
         except PluginError as error:
             problem = f': {error}'
     return Finding(printable(name), not problem, False, printable(detail + problem))

@@ -15,8 +15,7 @@ import numpy as np
 import shapely
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.grid_map import FAR
-from llm_astar_msgs_adapter.maps.places import Places
-from llm_astar_msgs_adapter.maps.places_problems import map_outline
+from llm_astar_msgs_adapter.maps.places import Places, map_outline
 from numpy.typing import NDArray
 
 from llm_astar_planner.cli.map_files import DECIMALS, place_to_json

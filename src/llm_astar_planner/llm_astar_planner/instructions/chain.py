@@ -27,7 +27,7 @@ from llm_astar_planner.instructions.model.interpreter import ModelInterpreter, R
 from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_examples
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SOURCE, SourceSettings
-from llm_astar_planner.waypoints.llm.factory import make_client
+from llm_astar_planner.waypoints.llm.client import make_client
 from llm_astar_planner.waypoints.prompts.template import MESSAGE
 
 _LOG = logging.getLogger(__name__)

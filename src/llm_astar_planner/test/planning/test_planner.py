@@ -9,17 +9,16 @@ import pytest
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.config import CostmapConfig
-from llm_astar_planner.planning import planner as planner_module
+from llm_astar_planner.planning import path_planner as planner_module
 from llm_astar_planner.planning.path_validator import CollisionChecker, path_problem
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import PlanRequest, ResultCode
-from llm_astar_planner.planning.waypoint_filter import WaypointStatus
+from llm_astar_planner.planning.types import PlanRequest, ResultCode, WaypointStatus
 from llm_astar_planner.search.any_angle import string_pull
 from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS, WAYPOINT_METHODS
 from llm_astar_planner.search.problem import search_method
 from llm_astar_planner.search.result import SearchResult, SearchStatus
 from llm_astar_planner.search.stop import no_stop
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 
 MAP = BarrierMap(0, (0, 21), (0, 15), (Barrier(7, 4, 14),), (Barrier(16, 3, 11),))

@@ -16,7 +16,7 @@ from llm_astar_planner.instructions.model.prompt import (
 )
 from llm_astar_planner.instructions.transcript import InstructionRecorder
 from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.llm.factory import make_client
+from llm_astar_planner.waypoints.llm.client import make_client
 from llm_astar_planner.waypoints.transcript import TranscriptError, read_transcript
 from local_llm import LocalLlm, needs_llm
 

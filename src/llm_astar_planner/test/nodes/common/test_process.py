@@ -6,7 +6,7 @@ import sys
 # Prints how many heaps there are after threads that run at once have taken memory of each.
 MANY_THREADS = """
 import ctypes, tempfile, threading
-from llm_astar_planner.nodes.common import memory
+from llm_astar_planner.nodes.common import process
 {begin}
 libc, together = ctypes.CDLL(None), threading.Barrier(12)
 libc.malloc.restype, libc.free.argtypes = ctypes.c_void_p, (ctypes.c_void_p,)
@@ -30,7 +30,7 @@ with tempfile.NamedTemporaryFile() as file:
 # Prints the MB that a process holds after it has freed blocks that lie between others.
 MANY_GAPS = """
 import ctypes, pathlib
-from llm_astar_planner.nodes.common import memory
+from llm_astar_planner.nodes.common import process
 libc = ctypes.CDLL(None)
 libc.malloc.restype, libc.free.argtypes = ctypes.c_void_p, (ctypes.c_void_p,)
 blocks = [libc.malloc(100_000) for _ in range(1000)]
@@ -49,9 +49,9 @@ def printed(text):
 
 def test_threads_share_few_heaps():
     assert printed(MANY_THREADS.format(begin='')) > 2
-    assert printed(MANY_THREADS.format(begin='memory.limit_heaps()')) <= 2
+    assert printed(MANY_THREADS.format(begin='process.limit_heaps()')) <= 2
 
 
 def test_memory_that_was_freed_between_what_is_held_returns_to_the_system():
     held = printed(MANY_GAPS.format(end=''))
-    assert printed(MANY_GAPS.format(end='memory.return_freed_memory()')) < held - 40
+    assert printed(MANY_GAPS.format(end='process.return_freed_memory()')) < held - 40

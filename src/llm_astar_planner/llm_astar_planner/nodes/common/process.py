@@ -1,4 +1,4 @@
-"""Keeps the memory of nodes that run for long from growing, where the C library is glibc.
+"""What a node asks of the kernel and of the C library: to end with its parent, to keep little.
 
 glibc has up to eight heaps a core, one for each thread, and keeps in them what was freed. Arrays
 of another size than those before do not fit into the gaps, so all heaps grow with every map of
@@ -10,10 +10,30 @@ system clears their pages each time.
 from __future__ import annotations
 
 import ctypes
+import os
+import signal
+
+# Process id of the parent to end with; `llm-astar demo` and `llm-astar run` set it.
+PARENT_VARIABLE = 'LLM_ASTAR_PARENT_PID'
+# Of Linux's <sys/prctl.h>.
+PR_SET_PDEATHSIG = 1
 
 M_ARENA_MAX = -8  # of malloc.h
 # One for Python's threads, which share a lock anyway, and one more.
 MOST_HEAPS = 2
+
+
+def follow_parent() -> None:
+    """Have the kernel send SIGTERM when the parent that PARENT_VARIABLE names ends.
+
+    Raises SystemExit where it has ended already. Without the variable this does nothing.
+    """
+    parent = os.environ.get(PARENT_VARIABLE)
+    if parent is None:
+        return
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGTERM))
+    if parent != str(os.getppid()):
+        raise SystemExit(0)
 
 
 def limit_heaps() -> None:
