@@ -18,7 +18,7 @@ _COMPARING = word_set('compare.above compare.below')
 _AREAS = _COMPARING | word_set('regions.half regions.box')
 _ROUTE = word_set('verb shun negator regions.walls')
 # The classes of words that a clause of a kind, or a region of a form, accounts for.
-_ACCOUNTED: dict[type[spec.Clause | spec.Region], frozenset[str]] = {
+_ACCOUNTED: dict[type[object], frozenset[str]] = {
     spec.Avoid: _REFUSING | _COMPARING,
     spec.Pass: _REFUSING | _COMPARING,
     spec.KeepDistance: _REFUSING,
