@@ -227,22 +227,22 @@ def compile_instruction_kernels() -> None:
     from llm_astar_planner.planning.instruction import plan_with_instruction  # noqa: PLC0415
 
     near, far = Disc(3.0, 3.0, 1.0), Disc(20.0, 3.0, 1.0)
+    band = Box(0.0, 8.0, 128.0, 24.0)
     for size, *clauses in (
         (24, Visit(regions=(near, far)), Avoid(region=Box(0.0, 0.0, 24.0, 3.0))),
         (24, KeepDistance(metres=3.0), Avoid(region=Box(6.0, 0.0, 8.0, 24.0))),
         (24, Pass(region=Disc(12.5, 14.0, 1.0), side='north')),
+        (24, StayIn(strength=SHOULD, region=band), Before(first=near, second=far)),
         # So large that the search looks at its time on the way.
-        (
-            160,
-            StayIn(strength=SHOULD, region=Box(0.0, 8.0, 24.0, 24.0)),
-            Before(first=near, second=far),
-        ),
+        (128, Visit(regions=(near, Disc(20.0, 100.0, 1.0))), Avoid(strength=SHOULD, region=band)),
     ):
         cells = np.zeros((size, size), dtype=np.int8)
         cells[4:, 12] = OCCUPIED
         planner = PathPlanner(GridMap(cells)).prepare()
         instruction = RouteInstruction(Interpretation('', Specification(tuple(clauses))))
-        request = PlanRequest(START, GOAL, time_limit=PATIENCE, instruction=instruction)
+        request = PlanRequest(
+            START, GOAL, time_limit=PATIENCE, any_angle=True, instruction=instruction
+        )
         plan_with_instruction(planner, request, instruction, no_stop())
 
 

@@ -30,6 +30,7 @@ from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
 from llm_astar_planner.planning.footprint_search import fit_footprint
 from llm_astar_planner.planning.path_planner import PathPlanner
+from llm_astar_planner.planning.path_validator import footprint_problem
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import (
     Plan,
@@ -195,8 +196,8 @@ def search_plan(
             problem = planner.problem(request, endpoints, path)
         else:  # a clause says where to end
             endpoints = endpoints._replace(goal=last)
-            problem = planner.path_problem(path, endpoints.start, last)
-            problem = problem or planner.footprint_problem(path, request)
+            problem = planner.checker.path_problem(path, endpoints.start, last)
+            problem = problem or footprint_problem(path, planner.costmap, request)
         if problem is not None:
             message = f'the path found was withheld: {problem}'
             raise PlanningFailure(ResultCode.UNKNOWN, message)

@@ -197,19 +197,12 @@ class SegmentPlanner:
         """
         own = self.result
         expansions, storage = own.expansions + found.expansions, own.storage + found.storage
+        picture = own.expanded | found.expanded
+        self.result = SearchResult(
+            found.status, expansions, storage, picture, found.path, found.length
+        )
         if isinstance(own, BoundedResult):
-            self.result = replace(
-                found,
-                expanded=own.expanded | found.expanded,
-                expansions=expansions,
-                storage=storage,
-                first_expansions=expansions,
-            )
-        else:
-            picture = own.expanded | found.expanded
-            self.result = SearchResult(
-                found.status, expansions, storage, picture, found.path, found.length
-            )
+            self.result = replace(found, **vars(self.result), first_expansions=expansions)
         self.seconds_search += seconds
         self.by_heading, self.waypoints_used = True, False
 
