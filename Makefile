@@ -11,10 +11,10 @@ VENV ?= .venv
 ROS_DISTRO ?= $(or $(patsubst $(VENV)/.dependencies-wheels-%,%,$(firstword \
 	$(wildcard $(VENV)/.dependencies-wheels-*))),jazzy)
 BIN := $(VENV)/bin
-PACKAGES := ./src/llm_astar_msgs_adapter ./src/llm_astar_planner
+PACKAGES := ./src/llm_astar_msgs_adapter ./src/llm_astar_planner ./src/llm_astar_lab
 SOURCES := $(shell find src config maps -type f \
 	-not -path '*/build/*' -not -path '*/__pycache__/*' -not -path '*.egg-info/*' -not -name '*.pyc')
-SETUPS := $(wildcard src/*/setup.py)
+SETUPS := $(wildcard src/*/setup.*)
 
 # The wheels re-execute Python once and mark the environment; a mark from elsewhere misleads.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
@@ -95,7 +95,7 @@ $(VENV)/.dependencies-$(WORLD): $(SETUPS) Makefile | check-python check-venv
 $(VENV)/.installed: $(VENV)/.dependencies-$(WORLD) $(SOURCES)
 	rm -rf src/*/build src/*/*.egg-info
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check \
-		--no-build-isolation $(PACKAGES) starlette uvicorn $(KEEP)
+		--no-build-isolation $(PACKAGES) $(KEEP)
 	rm -rf src/*/build src/*/*.egg-info
 	@echo 'compiling the searches: a minute or two'
 	@$(BIN)/python -c 'from llm_astar_planner.planning import compile as c; \

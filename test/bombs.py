@@ -24,13 +24,13 @@ from typing import Any, NamedTuple
 import zstandard
 from fuzz_readers import FIELDS, WAYPOINT_LINE, append_to_transcript, make_results
 from fuzzing import MOST_BYTES, MOST_SECONDS, in_fork
-from llm_astar_msgs_adapter.bags.reading import Bag
+from llm_astar_lab.bags.reading import Bag
+from llm_astar_lab.evaluation.requests import load_requests
+from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps import map_server, movingai
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
-from llm_astar_planner.benchmark.bags.requests import load_requests
-from llm_astar_planner.benchmark.datasets.samples import load_kept_maps
-from llm_astar_planner.benchmark.results import ResultsFolder
+from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.waypoints.learned.network import read_weights
 from llm_astar_planner.waypoints.transcript import read_transcript

@@ -26,10 +26,19 @@ from bag_makers import (
     write_bag,
 )
 from fuzzing import Reader, run
-from llm_astar_msgs_adapter.bags.files import Channel
-from llm_astar_msgs_adapter.bags.messages import barrier_map_text
-from llm_astar_msgs_adapter.bags.reading import Bag
-from llm_astar_msgs_adapter.bags.types import Decoder, define
+from llm_astar_lab.analysis.summary import compare_with_none, growth, summarise
+from llm_astar_lab.analysis.transcript_check import check_transcript
+from llm_astar_lab.bags.files import Channel
+from llm_astar_lab.bags.messages import barrier_map_text
+from llm_astar_lab.bags.reading import Bag
+from llm_astar_lab.bags.types import Decoder, define
+from llm_astar_lab.evaluation.requests import RequestReader, load_requests
+from llm_astar_lab.evaluation.topics import TopicSelection, describe
+from llm_astar_lab.instruct_bench.suite import load_suite
+from llm_astar_lab.report.write import search_settings
+from llm_astar_lab.results.folder import ResultsFolder, describe_run
+from llm_astar_lab.results.parquet_rows import write_part
+from llm_astar_lab.results.row import Row
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,
@@ -37,31 +46,24 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
     save_barrier_maps,
 )
 from llm_astar_msgs_adapter.maps.map_server import load_map
-from llm_astar_msgs_adapter.maps.places_file import load_places, places_from_geojson
-from llm_astar_planner.benchmark.analysis.summary import compare_with_none, growth, summarise
-from llm_astar_planner.benchmark.analysis.transcript_check import check_transcript
-from llm_astar_planner.benchmark.bags.requests import RequestReader, load_requests
-from llm_astar_planner.benchmark.bags.topics import TopicSelection, describe
-from llm_astar_planner.benchmark.datasets.grids import load_grid_problem
-from llm_astar_planner.benchmark.datasets.samples import format_kept_maps, load_kept_maps
-from llm_astar_planner.benchmark.instructions.suite import load_suite
-from llm_astar_planner.benchmark.parquet_rows import write_part
-from llm_astar_planner.benchmark.report.write import search_settings
-from llm_astar_planner.benchmark.results import ResultsFolder, describe_run
-from llm_astar_planner.benchmark.row import Row
+from llm_astar_msgs_adapter.maps.places import load_places, places_from_geojson
+from llm_astar_msgs_adapter.maps.problem_maps import (
+    format_kept_maps,
+    load_grid_problem,
+    load_kept_maps,
+)
 from llm_astar_planner.costmap.zone_file import zones_from_text
 from llm_astar_planner.instructions.messages import parse_answer, parse_question
+from llm_astar_planner.instructions.model.interpreter import interpret_reply
 from llm_astar_planner.instructions.model.prompt import EXAMPLES_FILE, load_examples
-from llm_astar_planner.instructions.model.reply import interpret_reply
 from llm_astar_planner.instructions.specification_json import from_json
 from llm_astar_planner.instructions.transcript import Exchange, read_exchanges
 from llm_astar_planner.planning.footprint import Footprint
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.learned.network import read_weights
-from llm_astar_planner.waypoints.llm.http import HttpReply
-from llm_astar_planner.waypoints.llm.protocol import read_completion
-from llm_astar_planner.waypoints.llm.redaction import redact
+from llm_astar_planner.waypoints.llm.credentials import redact
+from llm_astar_planner.waypoints.llm.protocol import HttpReply, read_completion
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
 from llm_astar_planner.waypoints.prompts.examples import load_example_library
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query

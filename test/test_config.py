@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from llm_astar_planner.nodes.planner.goal_server import INTROSPECTION_STATES
+from llm_astar_planner.nodes.planner.goals import INTROSPECTION_STATES
 from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import NODES
 

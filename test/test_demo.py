@@ -4,7 +4,7 @@ import re
 import subprocess
 import sys
 
-from llm_astar_planner.visualization import style
+from llm_astar_lab.pictures import style
 from PIL import Image, ImageColor
 
 

@@ -114,7 +114,7 @@ class Robot:
 
     @property
     def failures(self):
-        return self.planner._server._handler._waits.failures
+        return self.planner._server.handler._waits.failures
 
     def wait_for_rhythm(self):
         wait_for(lambda: self.arrivals.is_due(PERIOD), 'a rhythm')
@@ -131,7 +131,7 @@ def robot_in(namespace, **parameters):
     with running(planner), calling(namespace) as caller:
         wait_for(lambda: planner._server and planner.is_active, 'the start')
         # Maps that change are prepared at once.
-        compiler = planner._server._handler._compiler
+        compiler = planner._server.handler._compiler
         wait_for(lambda: compiler.done >= 3, 'the compilation')  # of maps that change, too
         costmap = Costmap(caller.node)
         robot = Robot(planner, caller, costmap)

@@ -37,7 +37,7 @@ from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.resources import find_file
 from nav_msgs.msg import OccupancyGrid, Path
-from nav_msgs.srv import GetMap
+from nav_msgs.srv import GetMap, GetPlan
 from rcl_interfaces.srv import DescribeParameters
 
 LABEL = 'replay:hand-written example'
@@ -311,15 +311,20 @@ def test_a_client_killed_mid_call_never_stops_the_plan():
         publisher = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
         old, new = free_map(30), free_map(31)
         publisher.publish(grid_to_message(old, now(caller)))
+        events = []
+        topic = 'planner_node/get_plan/_service_event'
+        other.listen(GetPlan.Event, topic, lambda event: events.append(event.info), RELIABLE)
         caller.wait_until_ready(old.digest, client='llm_client_node')
+        wait_for(lambda: other.node.count_publishers(topic), topic)
         assert caller.call(Pose2D(3.0, 3.0), Pose2D(15.0, 15.0))[1].source_status == 'MISSING'
+        wait_for(lambda: len(events) == 2, 'the events of a request and its response')
         client.send_signal(signal.SIGSTOP)
         answers = []
         asking = threading.Thread(
             target=lambda: answers.append(caller.call(Pose2D(3.0, 3.0), Pose2D(15.0, 15.0)))
         )
         asking.start()
-        time.sleep(0.3)
+        wait_for(lambda: len(events) == 3, 'the event of the next request')
         publisher.publish(grid_to_message(new, now(caller)))
         other.wait_until_ready(new.digest)
         assert answers == []
@@ -471,7 +476,7 @@ def test_arguments_that_ros_cannot_read_are_one_line_too(arguments, word):
     assert word in output
 
 
-def run_benchmark_node(*arguments, code=('-m', 'llm_astar_planner.nodes.benchmark_node')):
+def run_benchmark_node(*arguments, code=('-m', 'llm_astar_lab.nodes.benchmark_node')):
     command = [sys.executable, *code, *arguments, '--ros-args', '-r', f'__ns:={ALONE}']
     return subprocess.run(command, capture_output=True, text=True, timeout=3 * PATIENCE)
 
@@ -516,7 +521,7 @@ def test_the_live_benchmark_gives_the_rows_of_the_benchmark_without_a_graph(tmp_
 
 def test_the_benchmark_node_without_a_planner_says_so_and_loses_nothing(tmp_path):
     impatient = """
-from llm_astar_planner.nodes import benchmark_node
+from llm_astar_lab.nodes import benchmark_node
 from llm_astar_planner.nodes.tools import planner_client as caller
 caller.PlannerClient.wait_for_planner.__defaults__ = (0.5,)
 raise SystemExit(benchmark_node.main())
@@ -529,7 +534,7 @@ raise SystemExit(benchmark_node.main())
 
 
 def test_the_benchmark_node_without_a_dataset_names_the_available_ones():
-    module = 'llm_astar_planner.nodes.benchmark_node'
+    module = 'llm_astar_lab.nodes.benchmark_node'
     done = subprocess.run(
         [sys.executable, '-m', module, '--dataset', 'nowhere.json'], capture_output=True, text=True
     )

@@ -1,4 +1,4 @@
-"""Imports go one way, from cli and nodes down to the search and the maps, room by room."""
+"""Imports go one way: from the laboratory, cli and nodes down to the search and the maps."""
 
 import ast
 from pathlib import Path
@@ -23,23 +23,36 @@ ROS = {
     'bond',
     'tf2_ros',
 }
+LAB = 'llm_astar_lab'
 # What each room of the planner may import, besides itself, of the planner's other rooms.
 COSTMAP = {'search', 'parameter', 'plugins'}
 WAYPOINTS = COSTMAP | {'costmap', 'resources'}
 INSTRUCTIONS = WAYPOINTS | {'waypoints', 'lazy'}
 PLANNING = INSTRUCTIONS | {'instructions'}
-BENCHMARK = PLANNING | {'planning', 'visualization'}
-ABOVE_BENCHMARK = BENCHMARK - {'lazy'} | {'benchmark'}
+NODES = PLANNING | {'planning', 'extensions'}
 ROOMS = {
     'search': {'plugins'},
     'costmap': COSTMAP,
     'waypoints': WAYPOINTS,
     'instructions': INSTRUCTIONS,
     'planning': PLANNING,
-    'visualization': {'search', 'costmap', 'instructions', 'planning'},
-    'benchmark': BENCHMARK,
-    'play': ABOVE_BENCHMARK,
-    'nodes': ABOVE_BENCHMARK,
+    'nodes': NODES,
+    'cli': NODES | {'nodes'},
+}
+# And each room of the laboratory of its others; all may import the planner.
+RESULTS = {'results', 'datasets', 'runner', 'analysis', 'evaluation', 'bags'}
+LAB_ROOMS = {
+    'bags': set(),
+    'pictures': set(),
+    'play': {'pictures', 'datasets'},
+    'results': set(),
+    'datasets': {'results'},
+    'runner': RESULTS,
+    'analysis': RESULTS,
+    'evaluation': RESULTS,
+    'report': RESULTS | {'pictures'},
+    'instruct_bench': RESULTS | {'report', 'pictures'},
+    'nodes': RESULTS | {'report', 'pictures', 'play'},
 }
 # Of the adapter's messages, those that read any object with a message's fields: no ROS needed.
 PLAIN_MESSAGES = {'fields', 'report', 'transforms'}
@@ -77,7 +90,7 @@ def rooms_of(path, package):
 
 @pytest.mark.parametrize('path', modules(ADAPTER, ADAPTER), ids=identify)
 def test_the_adapter_never_imports_the_planner_and_only_messages_imports_ros(path):
-    assert not imported(path, PLANNER)
+    assert not imported(path, PLANNER, LAB)
     room = path.parent.name
     if room != 'messages' or path.stem in PLAIN_MESSAGES:
         assert not imported(path, *ROS)
@@ -95,6 +108,23 @@ def test_rooms_import_one_way(room, path):
     assert (rooms_of(path, PLANNER) & known) - {room, '__init__'} <= ROOMS[room]
 
 
+@pytest.mark.parametrize(
+    ('room', 'path'),
+    [(room, path) for room in LAB_ROOMS for path in modules(LAB, LAB, room)],
+    ids=lambda value: value if isinstance(value, str) else identify(value),
+)
+def test_rooms_of_the_laboratory_import_one_way(room, path):
+    known = {entry.stem for entry in (SOURCE / LAB / LAB).iterdir()}
+    assert (rooms_of(path, LAB) & known) - {room, '__init__'} <= LAB_ROOMS[room]
+
+
+@pytest.mark.parametrize('path', modules(PLANNER, PLANNER), ids=identify)
+def test_the_planner_imports_nothing_of_the_laboratory(path):
+    assert not imported(
+        path, LAB, 'matplotlib', 'jinja2', 'rosbags', 'mcap', 'duckdb', 'starlette'
+    )
+
+
 @pytest.mark.parametrize('name', ['parameter', 'plugins', 'resources', 'lazy'])
 def test_the_modules_outside_of_the_rooms_import_none_of_them(name):
     path = SOURCE / PLANNER / PLANNER / f'{name}.py'
@@ -110,7 +140,11 @@ def test_the_search_knows_numbers_alone(path):
 
 @pytest.mark.parametrize(
     'path',
-    [path for path in modules(PLANNER, PLANNER) if 'nodes' not in path.parts],
+    [
+        path
+        for path in (*modules(PLANNER, PLANNER), *modules(LAB, LAB))
+        if 'nodes' not in path.parts
+    ],
     ids=identify,
 )
 def test_only_nodes_know_ros(path):

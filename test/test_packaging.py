@@ -11,7 +11,7 @@ import pytest
 from llm_astar_planner.resources import find_file
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ('llm_astar_msgs_adapter', 'llm_astar_planner')
+PACKAGES = ('llm_astar_msgs_adapter', 'llm_astar_planner', 'llm_astar_lab')
 PREFIX = Path(sys.prefix)
 needs_install = pytest.mark.skipif(
     not (PREFIX / 'share' / 'llm_astar_planner').is_dir(), reason='not installed with make install'
@@ -75,7 +75,7 @@ def test_package_xml_is_format_3_and_agrees_with_setup(package):
     assert root.findtext('name') == package
     assert root.findtext('license') == 'Apache-2.0'
     assert root.findtext('export/build_type') == 'ament_python'
-    assert f"version='{root.findtext('version')}'" in (folder / 'setup.py').read_text()
+    assert f'version = {root.findtext("version")}\n' in (folder / 'setup.cfg').read_text()
     assert (folder / package / 'py.typed').is_file()
 
 

@@ -13,7 +13,7 @@ import pytest
 import rclpy
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from graph_tools import DEMO, PATIENCE, calling, process, wait_for
-from llm_astar_msgs_adapter.bags.types import bag_types
+from llm_astar_lab.bags.types import bag_types
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import path_from_message

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import pytest
 import rclpy
 from graph_tools import calling, running, wait_for
-from llm_astar_planner.nodes.benchmark_node import LiveRun
+from llm_astar_lab.nodes.benchmark_node import LiveRun
 from llm_astar_planner.nodes.llm_client_node import LlmClientNode
 from llm_astar_planner.nodes.map_node import MapNode
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode

@@ -5,8 +5,8 @@ import signal
 
 import numpy as np
 import pytest
+from llm_astar_lab.datasets.generate import MapRules, generate
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, load_barrier_maps
-from llm_astar_planner.benchmark.datasets.generate import MapRules, generate
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.search.visibility import LineOfSightChecker

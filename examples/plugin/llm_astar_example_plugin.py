@@ -10,7 +10,7 @@ import time
 import numpy as np
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import SearchResult, SearchStatus
-from llm_astar_planner.waypoints.plugins import SourceContext
+from llm_astar_planner.waypoints.config import SourceContext
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply
 
 

@@ -14,19 +14,20 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
 
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, load_barrier_maps
-from llm_astar_planner.benchmark.analysis.summary import VariantSummary, summarise
-from llm_astar_planner.benchmark.datasets.generate import MapRules, generate
-from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps, select_samples
-from llm_astar_planner.benchmark.report.formats import markdown_table
-from llm_astar_planner.benchmark.row import WAYPOINTS_ONLY
-from llm_astar_planner.benchmark.runner.engine import (
+from llm_astar_lab.analysis.summary import VariantSummary, summarise
+from llm_astar_lab.datasets.generate import MapRules, generate
+from llm_astar_lab.datasets.samples import select_samples
+from llm_astar_lab.report.formats import markdown_table
+from llm_astar_lab.results.row import WAYPOINTS_ONLY
+from llm_astar_lab.runner.engine import (
     SearchSettings,
     list_variants,
     make_tasks,
     run_task,
 )
-from llm_astar_planner.benchmark.runner.sources import GRID_BASELINES, SourceSpec, embedded_sources
+from llm_astar_lab.runner.sources import GRID_BASELINES, SourceSpec, embedded_sources
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, load_barrier_maps
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, load_maps
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.baselines import baseline_sources
 from llm_astar_planner.waypoints.config import SourceSettings

@@ -38,7 +38,7 @@ class Parameter:
     a plan made without ROS, so `llm-astar plan` has no flag for it. Where the command line's
     default has to differ, `cli_default` is that default and `cli_reason` says why; `bench_default`
     and `bench_reason` are the same for `bench` and `evaluate`. `short_flags` are shorter names of
-    its flag, `old_flags` deprecated ones.
+    its flag.
     """
 
     name: str
@@ -57,7 +57,6 @@ class Parameter:
     bench_default: Scalar | None = None
     bench_reason: str = ''
     short_flags: tuple[str, ...] = ()
-    old_flags: tuple[str, ...] = ()
 
     @property
     def limits(self) -> str:

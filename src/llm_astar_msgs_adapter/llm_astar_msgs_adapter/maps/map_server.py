@@ -13,12 +13,11 @@ The bottom row of the image is row 0 of the map.
 
 from __future__ import annotations
 
-import math
 import struct
+import sys
 import warnings
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -137,10 +136,13 @@ def read_image(image: Path, path: Path, shades: Shades) -> NDArray[np.int8]:
         if image.exists() and not image.is_file():
             raise MapServerError(f'{path}: image: {image}: is not a regular file')
         # By its contents, whatever its name; other formats may start other programs.
-        with no_size_warning(), Image.open(image, formats=FORMATS) as picture:
-            if picture.width * picture.height > MAX_CELLS:
-                raise MapServerError(f'{path}: image: {image}: is over {MAX_CELLS} pixels')
-            return np.concatenate([shades.cells(strip) for strip in strips(picture)])
+        with warnings.catch_warnings():
+            # Pillow warns of large images: there is a limit here.
+            warnings.simplefilter('ignore', Image.DecompressionBombWarning)
+            with Image.open(image, formats=FORMATS) as picture:
+                if picture.width * picture.height > MAX_CELLS:
+                    raise MapServerError(f'{path}: image: {image}: is over {MAX_CELLS} pixels')
+                return np.concatenate([shades.cells(strip) for strip in strips(picture)])
     except UnidentifiedImageError:
         known = ', '.join(FORMATS)
         raise MapServerError(f'{path}: image: {image} is not an image of {known}') from None
@@ -150,14 +152,6 @@ def read_image(image: Path, path: Path, shades: Shades) -> NDArray[np.int8]:
         reason = getattr(error, 'strerror', None) or str(error) or 'is damaged'
         shown = shortened(str(image), MAX_NAME)
         raise MapServerError(f'{path}: image: {shown}: {reason}') from None
-
-
-@contextmanager
-def no_size_warning() -> Iterator[None]:
-    """Leave out Pillow's warning of large images: there is a limit here."""
-    with warnings.catch_warnings():
-        warnings.simplefilter('ignore', Image.DecompressionBombWarning)
-        yield
 
 
 def strips(picture: Image.Image) -> Iterator[NDArray[np.float64]]:
@@ -170,12 +164,10 @@ def strips(picture: Image.Image) -> Iterator[NDArray[np.float64]]:
         yield np.asarray(strip, dtype=np.float64)
 
 
-def check_number(value: object, name: str) -> float:
+def check_number(value: Any, name: str) -> float:  # noqa: ANN401 - any yaml value
     """Return a finite number. Raises MapServerError, which begins with `name`."""
-    try:
-        number = float(value) if isinstance(value, (int, float)) else math.nan
-    except OverflowError:
-        number = math.inf
-    if isinstance(value, bool) or not math.isfinite(number):
-        raise MapServerError(f'{name}: a number is expected, not {short_repr(value)}')
-    return number
+    # In this order: a whole number of 400 digits has no float.
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if is_number and abs(value) <= sys.float_info.max:
+        return float(value)
+    raise MapServerError(f'{name}: a number is expected, not {short_repr(value)}')

@@ -10,9 +10,8 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import Point
 from llm_astar_msgs_adapter.maps.grid_map import FAR, GridMap
+from llm_astar_msgs_adapter.maps.problem_maps import YAML, ProblemMap
 
-from llm_astar_planner.benchmark.datasets.grids import YAML
-from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.search.result import Cell
 

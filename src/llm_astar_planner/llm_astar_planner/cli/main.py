@@ -16,6 +16,7 @@ from typing import NoReturn
 from llm_astar_msgs_adapter.errors import LlmAstarError, printable
 
 from llm_astar_planner import __version__
+from llm_astar_planner.extensions import LAB_COMMANDS, extensions, not_installed
 from llm_astar_planner.parameter import ParameterError, nearest_name
 
 # Each command is a module of its name (with _ for -), with its description as docstring,
@@ -23,31 +24,14 @@ from llm_astar_planner.parameter import ParameterError, nearest_name
 # must run where what the others need is missing.
 COMMANDS = {
     'plan': 'plan from start to goal on a map, without ROS',
-    'play': 'plan in the browser: drag start and goal, draw walls, watch the search',
     'places': 'check, list and draw the named places of a map',
     'mcp': 'serve route planning to agents over MCP',
     'run': 'run map, waypoint client and planner as nodes until Ctrl-C',
     'call': 'ask a running planner for a plan, or what an instruction means',
     'param': 'list, read, describe and set the parameters of running nodes',
     'watch': 'print the plans of a running planner as they are made',
-    'demo': 'start the graph, ask for a plan, draw it, stop the graph',
-    'bench': 'run methods with and without waypoints over a dataset',
-    'evaluate': 'plan what recorded bags asked for, and compare',
-    'instruct-bench': 'measure how well route instructions are understood and met',
-    'report': 'write the reports of a results folder again',
-    'compare': 'compare results folders sample by sample, and find regressions',
-    'draw': 'draw or animate the search of a method beside that of A*',
-    'dataset': 'make, check or convert datasets',
-    'transcript': 'check recorded exchanges with language models',
-    'record': 'record maps, requests, plans and exchanges of the live graph into a bag',
     'doctor': 'check what is installed, what is missing, and how to install it',
 }
-# Commands of earlier versions, and what to use instead.
-REMOVED = {
-    'serve-llm': "serve a model with llama.cpp's llama-server or with ollama: docs/llm-client.md",
-    'speed': 'measure speed in a checkout with python -m benchmarks.speed',
-}
-
 FIRST_STEPS = """\
 first steps:
   llm-astar plan                 plan on the demo map and print what came of it
@@ -61,6 +45,7 @@ exit codes: 0 done, 1 no plan or something missing, 2 bad usage or input, 3 some
 130 interrupted
 """
 
+OWN = 'llm_astar_planner.cli'
 # Seconds until an interruption that was lost is raised again.
 AGAIN_S = 0.02
 
@@ -139,8 +124,6 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
 
     Raises ParameterError for what cannot be parsed.
     """
-    if argv and argv[0] in REMOVED:
-        raise ParameterError(f'{argv[0]} is no longer a command; {REMOVED[argv[0]]}')
     parser = Parser(
         prog='llm-astar',
         description='LLM-A*: plan with the waypoints of a language model, and measure what they '
@@ -150,9 +133,9 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument('--version', action='version', version=f'llm-astar {__version__}')
     commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
-    for name, summary in COMMANDS.items():
+    for name, (package, summary) in installed_commands(argv[0]).items():
         if argv[:1] == [name]:
-            module = importlib.import_module(module_of(name))
+            module = importlib.import_module(f'{package}.{name.replace("-", "_")}')
             command = commands.add_parser(
                 name,
                 description=module.__doc__,
@@ -178,9 +161,21 @@ def epilog_of(text: str) -> str:
     return text if 'exit codes:' in text else f'{text}\n{EXIT_CODES}'.lstrip()
 
 
-def module_of(command: str) -> str:
-    """Return the name of a command's module."""
-    return f'llm_astar_planner.cli.{command.replace("-", "_")}'
+def installed_commands(wanted: str) -> dict[str, tuple[str, str]]:
+    """Return the package of modules and the summary of each command, by name.
+
+    Those of other packages are looked up only where `wanted` is none of ours. Raises
+    ParameterError where it is a command of a package that is not installed.
+    """
+    found = {name: (OWN, summary) for name, summary in COMMANDS.items()}
+    if wanted in found:
+        return found
+    for package in extensions('commands').values():
+        commands = package.load()
+        found |= {name: (commands.__name__, text) for name, text in commands.COMMANDS.items()}
+    if wanted not in found and wanted in LAB_COMMANDS:
+        raise not_installed(f'{wanted} is a command')
+    return found
 
 
 def fail(message: str, code: int) -> int:

@@ -11,15 +11,18 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError,
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.maps.movingai import load_map
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Place, Places
-from llm_astar_msgs_adapter.maps.places_file import load_places, places_beside
-from llm_astar_msgs_adapter.maps.places_problems import places_problems
+from llm_astar_msgs_adapter.maps.places import (
+    NO_PLACES,
+    Place,
+    Places,
+    load_places,
+    places_beside,
+    places_problems,
+)
+from llm_astar_msgs_adapter.maps.problem_maps import BARE_MAP, ProblemMap, load_maps
 
-from llm_astar_planner.benchmark.datasets.grids import BARE_MAP
-from llm_astar_planner.benchmark.datasets.samples import ProblemMap, load_maps
-from llm_astar_planner.cli.flags import add_old_flag
 from llm_astar_planner.planning.parameters import PLANNER
-from llm_astar_planner.resources import SAMPLES_FILE, find_file
+from llm_astar_planner.resources import find_file
 
 # What --map takes.
 MAP_KINDS = (
@@ -45,35 +48,6 @@ def add_map_options(group: Any, *, default: str | None = None) -> None:  # noqa:
         type=int,
         metavar='ID',
         help='which of the barrier maps in the file (default: the first)',
-    )
-
-
-def add_dataset_options(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add `--map` and `--map-ids`, which choose maps with their start-goal pairs."""
-    add_map_option(group)
-    add_old_flag(group, '--dataset', '--map', 'dataset', metavar='FILE')
-    add_map_ids_option(group)
-    add_old_flag(group, '--maps', '--map-ids', 'maps', metavar='RANGES')
-
-
-def add_map_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add `--map`, a file of maps with their start-goal pairs."""
-    group.add_argument(
-        '--map',
-        dest='dataset',
-        default=SAMPLES_FILE,
-        metavar='FILE',
-        help=f'{MAP_KINDS} (default: %(default)s); on a yaml pairs are drawn',
-    )
-
-
-def add_map_ids_option(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
-    """Add `--map-ids`, which chooses maps of a dataset."""
-    group.add_argument(
-        '--map-ids',
-        dest='maps',
-        metavar='RANGES',
-        help='which maps of the dataset, such as 50-99 or 0-9,12 (default: all)',
     )
 
 

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from llm_astar_planner.cli.flags import add_old_flag
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
 from llm_astar_planner.planning.parameter_file import ParameterFile, read_parameter_files
 from llm_astar_planner.planning.parameters import SOURCE, defaults
@@ -58,8 +57,6 @@ def add_parameter_flags(group: Any, parameters: Iterable[Parameter]) -> None:  #
             common['help'] += f'; one of {item.limits}'
         flags = [flag, *map(flag_of, item.short_flags)]
         group.add_argument(*flags, type=kind, metavar=METAVARS.get(item.unit, word), **common)
-        for old in item.old_flags:
-            add_old_flag(group, flag_of(old), flag, item.name, type=kind)
 
 
 def add_params_file_flag(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private

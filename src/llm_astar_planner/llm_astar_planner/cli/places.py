@@ -9,9 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 
-from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.maps.places import Places
-from llm_astar_msgs_adapter.maps.places_problems import places_problems
+from llm_astar_msgs_adapter.maps.places import Places, places_problems
 
 from llm_astar_planner.cli.map_files import (
     add_map_options,
@@ -20,6 +18,7 @@ from llm_astar_planner.cli.map_files import (
     place_to_json,
 )
 from llm_astar_planner.cli.pictures import add_picture_option
+from llm_astar_planner.extensions import find_drawing
 
 EPILOG = """\
 examples:
@@ -43,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check, list and draw places; return 0. Raises PlacesError for a malformed file."""
+    drawing = find_drawing('places') if arguments.png else None
     places = open_places(arguments.file, None)
     grid_map = open_maps(arguments)[1].to_grid() if arguments.map else None
     problems = places_problems(places, grid_map) if grid_map else []
@@ -53,20 +53,11 @@ def run(arguments: argparse.Namespace) -> int:
         print(places_to_text(places))
         for problem in problems:
             print(f'warning: {problem}')
-    if arguments.png:
-        draw(places, grid_map, arguments.png)
+    if drawing is not None:
+        drawing.load()(places, grid_map, arguments.png)
         if not arguments.json:
             print(f'picture: {arguments.png}')
     return 0
-
-
-def draw(places: Places, grid_map: GridMap | None, path: str) -> None:
-    """Draw places into a picture. Raises OSError and ValueError for its name."""
-    # Importing matplotlib takes most of a second.
-    from llm_astar_planner.visualization.figures import write_figure  # noqa: PLC0415
-    from llm_astar_planner.visualization.places import places_figure  # noqa: PLC0415
-
-    write_figure(places_figure(places, grid_map), path)
 
 
 def places_to_text(places: Places) -> str:

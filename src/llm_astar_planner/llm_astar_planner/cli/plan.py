@@ -17,8 +17,8 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import Point, Sample
 from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 
-from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.cli.coordinates import (
     Coordinates,
     add_unit_options,
@@ -40,8 +40,8 @@ from llm_astar_planner.cli.planning_options import (
     read_planning_options,
 )
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.instructions.place_names import find_place
-from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.extensions import find_drawing
+from llm_astar_planner.instructions.route import Route, find_place
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.parameters import (
@@ -52,9 +52,9 @@ from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode, check_request
 from llm_astar_planner.search.numba_start import start_numba
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.config import make_source
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
+from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 
 USAGE = """\
@@ -156,6 +156,7 @@ class Problem:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, print, draw; return the exit code. Raises what `read_problem` does on bad input."""
+    drawing = find_drawing('plan') if arguments.png else None
     asked = read_problem(arguments)
     planner = asked.planner
     start_numba()
@@ -164,9 +165,9 @@ def run(arguments: argparse.Namespace) -> int:
         planner.prepare().compile(asked.request)
     plan = planner.plan(asked.request)
     show(plan, arguments, asked.coordinates)
-    if arguments.png:
+    if drawing is not None:
         route = Route(planner.costmap, plan.start, plan.goal, asked.places)
-        draw(plan, route, asked.coordinates.offset, arguments.png)
+        drawing.load()(plan, route, asked.coordinates.offset, arguments.png)
         if not arguments.json:
             print(f'picture    {arguments.png}')
     return exit_code(plan, arguments)
@@ -237,15 +238,6 @@ def waypoint_source(
     return make_source(options.settings, dataset=barrier_maps_of(maps))
 
 
-def draw(plan: Plan, route: Route, offset: Point, path: str) -> None:
-    """Draw a plan with places and instruction. Raises OSError, and ValueError for the name."""
-    # Importing matplotlib takes most of a second.
-    from llm_astar_planner.visualization.figures import drawable_map, picture_of, save_picture  # noqa: PLC0415
-
-    grid_map = drawable_map(route.costmap.grid_map, route.costmap.config)
-    save_picture(picture_of(plan, grid_map, plan.start, plan.goal, offset, route=route), path)
-
-
 def choose_problem(
     arguments: argparse.Namespace,
 ) -> tuple[list[ProblemMap], ProblemMap]:
@@ -271,7 +263,7 @@ def choose_endpoints(
 
     def cell_of(place: str | None, point: Sequence[float] | None, option: str) -> Cell | None:
         if place is not None:
-            from llm_astar_planner.instructions.place_goal import goal_cell  # noqa: PLC0415
+            from llm_astar_planner.instructions.enforcement import goal_cell  # noqa: PLC0415
 
             return goal_cell(find_place(place, places), costmap)
         return None if point is None else coordinates.to_cell(option, point)

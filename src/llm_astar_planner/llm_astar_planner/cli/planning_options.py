@@ -9,8 +9,8 @@ from typing import Any
 
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 
-from llm_astar_planner.benchmark.datasets.samples import ProblemMap
 from llm_astar_planner.cli.map_files import PLACES_FILE
 from llm_astar_planner.cli.parameter_flags import (
     add_parameter_flags,

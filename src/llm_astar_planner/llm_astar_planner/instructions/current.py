@@ -12,8 +12,11 @@ from typing import Protocol
 
 from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
 
-from llm_astar_planner.instructions.background import BackgroundInterpreter
-from llm_astar_planner.instructions.chain import READ_WHOLE, CachedInterpreter
+from llm_astar_planner.instructions.chain import (
+    READ_WHOLE,
+    BackgroundInterpreter,
+    CachedInterpreter,
+)
 from llm_astar_planner.instructions.grammar.interpreter import GrammarInterpreter
 from llm_astar_planner.instructions.interpretation import (
     Interpretation,

@@ -5,5 +5,6 @@ MODULES = {
     'map_node': 'map_node',
     'llm_client_node': 'llm_client_node',
     'planner_node': 'planner.planner_node',
-    'benchmark_node': 'benchmark_node',
 }
+# Nodes that llm_astar_lab adds.
+LAB_NODES = ('benchmark_node',)

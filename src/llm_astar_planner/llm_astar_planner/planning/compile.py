@@ -49,7 +49,7 @@ from llm_astar_planner.planning.types import PlanRequest
 from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import EXACT, GUIDED, METHODS
 from llm_astar_planner.search.stop import StopFlag, no_stop
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.replay import FixedReply
 
 # Seconds, more than compiling takes.
 PATIENCE = 3600.0

@@ -45,7 +45,7 @@ from llm_astar_planner.search.result import (
     describe_expansions,
 )
 from llm_astar_planner.search.tiles import Tiles
-from llm_astar_planner.waypoints.async_query import WaypointQueryTask, query_source
+from llm_astar_planner.waypoints.async_query import QueryTask, query_source, start_query
 from llm_astar_planner.waypoints.source import (
     SourceStatus,
     Waypoint,
@@ -243,7 +243,7 @@ class SegmentPlanner:
 
     def query_meanwhile(
         self, query: tuple[WaypointSource, WaypointQuery], arrivals: deque[NDArray[np.float64]]
-    ) -> WaypointQueryTask:
+    ) -> QueryTask:
         """Start the query; its waypoints go to `arrivals` as soon as they are there."""
 
         def on_reply(reply: WaypointReply) -> None:
@@ -251,7 +251,7 @@ class SegmentPlanner:
             if waypoints:
                 arrivals.append(np.array(waypoints, dtype=np.float64))
 
-        task = WaypointQueryTask(*query, on_reply)
+        task = start_query(*query, on_reply)
         task.wait(min(HEAD_START, query[1].time_limit), self.stop)
         return task
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from llm_astar_msgs_adapter.errors import printable, short_repr
-from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 
 from llm_astar_planner.plugins import PluginError, Plugins, call, checked_count, log_failure
 from llm_astar_planner.waypoints.async_query import MAX_WAYPOINTS
@@ -22,9 +21,6 @@ from llm_astar_planner.waypoints.source import (
     name_problem,
 )
 
-if TYPE_CHECKING:
-    from llm_astar_planner.waypoints.config import SourceSettings
-
 GROUP = 'llm_astar.waypoint_sources'
 # Characters of a plug-in's texts that are kept.
 MAX_TEXT, MAX_DETAIL = 100_000, 500
@@ -33,26 +29,13 @@ MAX_SECONDS = 86_400.0
 
 
 @dataclass(frozen=True)
-class SourceContext:
-    """What a source is made from.
-
-    `settings` are the parameters of sources, `dataset` the barrier maps whose samples may be
-    recognised by their cells, `seed` that of what is drawn at random.
-    """
-
-    settings: SourceSettings
-    dataset: Sequence[BarrierMap] | None = None
-    seed: int = 0
-
-
-@dataclass(frozen=True)
 class PluginFactory:
-    """Makes the source of a plug-in by its factory."""
+    """Makes the source of a plug-in by its factory, a function of a SourceContext."""
 
     name: str
-    factory: Callable[[SourceContext], WaypointSource]
+    factory: Callable[[Any], WaypointSource]
 
-    def __call__(self, context: SourceContext) -> WaypointSource:
+    def __call__(self, context: Any) -> WaypointSource:  # noqa: ANN401 - a SourceContext
         """Return the source. Raises PluginError where the factory makes none."""
 
         def make() -> WaypointSource:
@@ -138,20 +121,16 @@ def checked_seconds(value: Any) -> float:  # noqa: ANN401 - of foreign code
 # The package's own by name, in the order in which they are listed; each is a function of a
 # SourceContext.
 HERE = 'llm_astar_planner.waypoints'
+BASELINE_NAMES = ('coarse', 'straight', 'oracle', 'noisy', 'random', 'reversed')
 SOURCES = Plugins(
     'source',
     GROUP,
     {
-        'none': f'{HERE}.fixed:make_none',
+        'none': f'{HERE}.replay:make_none',
         'embedded': f'{HERE}.learned.source:make_embedded',
         'replay': f'{HERE}.replay:make_replay',
-        'endpoint': f'{HERE}.llm.factory:make_endpoint',
-        'coarse': f'{HERE}.coarse:make_coarse',
-        'straight': f'{HERE}.baselines:make_straight',
-        'oracle': f'{HERE}.baselines:make_oracle',
-        'noisy': f'{HERE}.baselines:make_noisy',
-        'random': f'{HERE}.baselines:make_random',
-        'reversed': f'{HERE}.baselines:make_reversed',
+        'endpoint': f'{HERE}.llm.source:make_endpoint',
+        **dict.fromkeys(BASELINE_NAMES, f'{HERE}.baselines:make_baseline'),
     },
     PluginFactory,
     # What `bench` calls the embedded model's other rows.

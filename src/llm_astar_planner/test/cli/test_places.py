@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 import shapely
+from llm_astar_lab.pictures.places import places_figure
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.cli.main import main
-from llm_astar_planner.visualization.places import places_figure
 from PIL import Image
 
 PLACES = Places(

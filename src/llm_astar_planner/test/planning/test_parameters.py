@@ -16,8 +16,7 @@ from llm_astar_planner.planning.parameters import (
     request_fields,
 )
 from llm_astar_planner.planning.types import PlanRequest
-from llm_astar_planner.waypoints.config import SettingsError, SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import SettingsError, SourceSettings, make_source
 from make_reference import documented, markdown, yaml_text
 
 ROOT = Path(__file__).parents[4]

@@ -18,7 +18,7 @@ from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS, WAYPOINT_M
 from llm_astar_planner.search.problem import search_method
 from llm_astar_planner.search.result import SearchResult, SearchStatus
 from llm_astar_planner.search.stop import no_stop
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointReply
 
 MAP = BarrierMap(0, (0, 21), (0, 15), (Barrier(7, 4, 14),), (Barrier(16, 3, 11),))

@@ -14,7 +14,7 @@ from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import PlanRequest, ResultCode
 from llm_astar_planner.search.methods import METHODS
 from llm_astar_planner.search.stop import no_stop
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.replay import FixedReply
 
 CELLS = np.zeros((40, 60), dtype=np.int8)
 CELLS[5:35, 30] = 100

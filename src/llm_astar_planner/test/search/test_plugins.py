@@ -21,7 +21,7 @@ from llm_astar_planner.search.paper import PAPER_METHODS, SearchOptions
 from llm_astar_planner.search.plugins import make_plugin_method
 from llm_astar_planner.search.problem import SearchProblem, search_method
 from llm_astar_planner.search.result import SearchResult, SearchStatus
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.waypoints.replay import FixedReply
 
 from llm_astar_planner import plugins
 

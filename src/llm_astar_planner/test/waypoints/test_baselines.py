@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from llm_astar_lab.datasets.generate import generate
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, load_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_planner.benchmark.datasets.generate import generate
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import (
     RANDOM_POINTS,

@@ -11,8 +11,7 @@ from llm_astar_planner.waypoints.baselines import (
     shortest_route,
     visibility_graph,
 )
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.learned.source import EmbeddedSource
 from llm_astar_planner.waypoints.llm.route_feedback import find_faults
 from llm_astar_planner.waypoints.prompts.map_description import Lattice, describe

@@ -13,8 +13,13 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.plugins import PluginError, Plugins
 from llm_astar_planner.waypoints.async_query import query_source
-from llm_astar_planner.waypoints.config import SOURCE_NAMES, SettingsError, SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import (
+    SOURCE_NAMES,
+    SettingsError,
+    SourceContext,
+    SourceSettings,
+    make_source,
+)
 from llm_astar_planner.waypoints.plugins import SOURCES, PluginFactory, PluginSource
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery, WaypointReply
 
@@ -196,7 +201,8 @@ def test_a_plug_in_sees_when_nobody_waits_any_more():
 def test_every_source_of_the_package_comes_from_the_same_table():
     assert tuple(SOURCES.own) == SOURCE_NAMES
     assert 'straight' in SOURCE_NAMES
-    assert make_source(SourceSettings(source='straight')) == SOURCES.load('straight')(None)
+    settings = SourceSettings(source='straight')
+    assert make_source(settings) == SOURCES.load('straight')(SourceContext(settings))
     broken = Plugins('source', 'no.such.group', {'mine': 'no_such:thing'}, PluginFactory)
     assert broken.problem('mine') is None, 'nothing is imported to check a name'
     with pytest.raises(ModuleNotFoundError):

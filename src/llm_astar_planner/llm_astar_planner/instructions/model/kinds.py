@@ -4,31 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from llm_astar_planner.instructions.model.descriptions import orientation
-from llm_astar_planner.instructions.model.mentions import Mention
-from llm_astar_planner.instructions.model.regions import regions_of
+from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.model.names import Mention, orientation
 from llm_astar_planner.instructions.model.structure import Polarity, Structure
-from llm_astar_planner.instructions.specification import (
-    ROUTE_SIDES,
-    Along,
-    Avoid,
-    Before,
-    Between,
-    Box,
-    Clause,
-    EndAt,
-    Half,
-    KeepDistance,
-    NamedPlace,
-    Pass,
-    StayIn,
-    Visit,
-)
 
 Parts = Sequence[Sequence[Mention]]
 
 
-def kind_problem(clause: Clause, parts: Parts, structure: Structure) -> str | None:
+def kind_problem(clause: spec.Clause, parts: Parts, structure: Structure) -> str | None:
     """Return why the sentence does not say this kind of clause of its regions, None if it does.
 
     `parts` are the mentions of each region.
@@ -36,15 +19,14 @@ def kind_problem(clause: Clause, parts: Parts, structure: Structure) -> str | No
     anchors = [mention for part in parts for mention in part]
     if not anchors:
         return None
-    if isinstance(clause, Before):
+    if isinstance(clause, spec.Before):
         return before_problem(parts, structure)
     return PROBLEMS[type(clause)](clause, anchors, structure)
 
 
 def labels_around(anchors: Sequence[Mention], structure: Structure) -> set[str]:
-    """Return the classes of the words in the wishes of some mentions."""
-    wishes = {structure.piece_of(mention).wish for mention in anchors}
-    return {label for wish in wishes for label in structure.labels_of(wish)}
+    """Return the classes of the words in the predicates of some mentions."""
+    return structure.labels_of(structure.predicates_of(anchors))
 
 
 def polarity(anchors: Sequence[Mention], structure: Structure) -> Polarity:
@@ -53,12 +35,12 @@ def polarity(anchors: Sequence[Mention], structure: Structure) -> Polarity:
     return found.pop() if len(found) == 1 else Polarity.UNCLEAR
 
 
-def avoid_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def avoid_problem(_: spec.Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
     """Check that an avoided region is refused: not, avoid, never; 'do not leave' is another."""
     held = polarity(anchors, structure)
     labels = labels_around(anchors, structure)
     around = 'strong.around' in labels and held is Polarity.WANTED
-    around = around and 'strong.way' not in labels and not structure.reading.sides
+    around = around and 'strong.way' not in labels and not structure.sentence.sides
     if held is not Polarity.REFUSED and not around:
         return 'nothing refuses it'
     if 'leave' in labels and 'shun' not in labels:
@@ -66,7 +48,9 @@ def avoid_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -
     return None
 
 
-def visit_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def visit_problem(
+    clause: spec.Clause, anchors: Sequence[Mention], structure: Structure
+) -> str | None:
     """Check that a visited region is wanted, and that it is not one to stay or end in."""
     if polarity(anchors, structure) is not Polarity.WANTED:
         return 'it is refused, or may be'
@@ -75,30 +59,36 @@ def visit_problem(clause: Clause, anchors: Sequence[Mention], structure: Structu
         return 'it may be one to end in'
     if may_be_to_stay_in(clause, labels, structure):
         return 'it may be one to stay in'
-    between = any(isinstance(region, (Between, Along)) for region in regions_of(clause))
+    between = any(
+        isinstance(region, (spec.Between, spec.Along)) for region in spec.regions_of(clause)
+    )
     if labels & {'strong.before', 'strong.until'} and not between:
         return 'it may be one of before and after'
     return None if labels & {'kinds.visit', 'verb', 'order'} else 'nothing says to go there'
 
 
-def may_be_to_stay_in(clause: Clause, labels: set[str], structure: Structure) -> bool:
+def may_be_to_stay_in(clause: spec.Clause, labels: set[str], structure: Structure) -> bool:
     """Return whether a region may be meant as one to stay in, not only to go through."""
     if 'strong.stay' in labels:
         return True
-    half = any(isinstance(region, (Half, Box)) for region in regions_of(clause))
+    half = any(isinstance(region, (spec.Half, spec.Box)) for region in spec.regions_of(clause))
     held = half and 'strong.stay_in' in labels
     taken = 'strong.take' in labels and is_long(clause, structure)
     return (held or taken) and 'strong.way' not in labels
 
 
-def is_long(clause: Clause, structure: Structure) -> bool:
+def is_long(clause: spec.Clause, structure: Structure) -> bool:
     """Return whether a clause is about a long and narrow place: taking an aisle is staying in."""
-    names = [region.place for region in regions_of(clause) if isinstance(region, NamedPlace)]
-    found = [structure.reading.places.get(name) for name in names]
+    names = [
+        region.place for region in spec.regions_of(clause) if isinstance(region, spec.NamedPlace)
+    ]
+    found = [structure.sentence.places.get(name) for name in names]
     return any(place is not None and orientation(place) for place in found)
 
 
-def stay_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def stay_problem(
+    clause: spec.Clause, anchors: Sequence[Mention], structure: Structure
+) -> str | None:
     """Check that there is a word for staying, or that the region is not to be left."""
     held = polarity(anchors, structure)
     labels = labels_around(anchors, structure)
@@ -111,11 +101,13 @@ def stay_problem(clause: Clause, anchors: Sequence[Mention], structure: Structur
     return 'nothing says to stay there'
 
 
-def end_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def end_problem(
+    clause: spec.Clause, anchors: Sequence[Mention], structure: Structure
+) -> str | None:
     """Check that the region is wanted and that there is a word for ending."""
     if polarity(anchors, structure) is not Polarity.WANTED:
         return 'it is refused, or may be'
-    half = any(isinstance(region, (Half, Box)) for region in regions_of(clause))
+    half = any(isinstance(region, (spec.Half, spec.Box)) for region in spec.regions_of(clause))
     wanted = 'strong.finish' if half else 'strong.end_at'
     if wanted not in labels_around(anchors, structure):
         return 'nothing says to end there'
@@ -139,18 +131,20 @@ def is_said_first(first: Mention, second: Mention, structure: Structure) -> bool
     None where no such word stands with them. Not before, like after, goes before the first one.
     """
     both = sorted([first, second], key=lambda mention: mention.first)
-    for n, token in enumerate(structure.reading.tokens[: both[1].first]):
+    for n, token in enumerate(structure.sentence.tokens[: both[1].first]):
         follows = both[0] if n < both[0].first else both[1]
         other = both[1] if n < both[0].first else both[0]
         if 'strong.before' in token.labels:
-            negated = structure.piece_of(other).polarity is Polarity.REFUSED
+            negated = structure.chunk_of(other).polarity is Polarity.REFUSED
             return (follows is first) if negated else (follows is second)
         if token.labels & {'strong.after', 'strong.until'}:
             return follows is first
     return None
 
 
-def pass_problem(clause: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def pass_problem(
+    clause: spec.Clause, anchors: Sequence[Mention], structure: Structure
+) -> str | None:
     """Check that it is passed, and on a side of its own: 'on your left' may be its right."""
     if polarity(anchors, structure) is not Polarity.WANTED and not avoided_around(
         anchors, structure
@@ -160,7 +154,7 @@ def pass_problem(clause: Clause, anchors: Sequence[Mention], structure: Structur
     if not labels & {'verb', 'kinds.pass'}:
         return 'nothing says to pass it'
     of_robot = 'strong.at_hand' in labels and 'strong.left_behind' not in labels
-    if getattr(clause, 'side', '') in ROUTE_SIDES and of_robot:
+    if getattr(clause, 'side', '') in spec.ROUTE_SIDES and of_robot:
         return 'the side may be that of the robot'
     return None
 
@@ -171,7 +165,9 @@ def avoided_around(anchors: Sequence[Mention], structure: Structure) -> bool:
     return 'shun' in labels and 'negator' not in labels
 
 
-def distance_problem(_: Clause, anchors: Sequence[Mention], structure: Structure) -> str | None:
+def distance_problem(
+    _: spec.Clause, anchors: Sequence[Mention], structure: Structure
+) -> str | None:
     """Check that the distance is kept away from something, not within it."""
     labels = labels_around(anchors, structure)
     held = polarity(anchors, structure)
@@ -185,11 +181,13 @@ def distance_problem(_: Clause, anchors: Sequence[Mention], structure: Structure
     return None
 
 
-PROBLEMS: dict[type[Clause], Callable[[Clause, Sequence[Mention], Structure], str | None]] = {
-    Avoid: avoid_problem,
-    Visit: visit_problem,
-    StayIn: stay_problem,
-    EndAt: end_problem,
-    Pass: pass_problem,
-    KeepDistance: distance_problem,
+PROBLEMS: dict[
+    type[spec.Clause], Callable[[spec.Clause, Sequence[Mention], Structure], str | None]
+] = {
+    spec.Avoid: avoid_problem,
+    spec.Visit: visit_problem,
+    spec.StayIn: stay_problem,
+    spec.EndAt: end_problem,
+    spec.Pass: pass_problem,
+    spec.KeepDistance: distance_problem,
 }

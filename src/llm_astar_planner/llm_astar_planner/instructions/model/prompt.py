@@ -17,8 +17,8 @@ from llm_astar_msgs_adapter.files import read_json
 from llm_astar_msgs_adapter.maps.places import Place, Places, places_from_polygons
 from shapely.errors import ShapelyError
 
-from llm_astar_planner.instructions.model.descriptions import orientation
-from llm_astar_planner.instructions.model.mentions import read
+from llm_astar_planner.instructions.model.mentions import read_sentence
+from llm_astar_planner.instructions.model.names import orientation
 from llm_astar_planner.waypoints.source import Message
 
 EXAMPLES_FILE = Path(__file__).with_name('examples.json')
@@ -104,7 +104,7 @@ def prompt_messages(text: str, places: Places, examples: Examples) -> tuple[Mess
 
 def mentioned_first(text: str, places: Places) -> Places:
     """Return MAX_PROMPT_PLACES places: those that a sentence may mean, then others."""
-    named = {name for mention in read(text, places).mentions for name in mention.names}
+    named = {name for mention in read_sentence(text, places).mentions for name in mention.names}
     ranked = sorted(places, key=lambda place: place.name not in named)
     return Places(ranked[:MAX_PROMPT_PLACES])
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.verification.area import EDGE, Area
+from llm_astar_planner.instructions.verification.geometry import EDGE, Area
 from llm_astar_planner.instructions.verification.walls import Walls
 from llm_astar_planner.lazy import ndimage
 from llm_astar_planner.search._kernels import reference as kernels

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from llm_astar_planner.instructions.outcome import ClauseOutcome
 from llm_astar_planner.instructions.specification import Pass
-from llm_astar_planner.instructions.verification.area import EDGE, Area
+from llm_astar_planner.instructions.verification.geometry import EDGE, Area, Polyline, total
 from llm_astar_planner.instructions.verification.measurement import (
     NEGLIGIBLE,
     Measurement,
@@ -20,7 +20,6 @@ from llm_astar_planner.instructions.verification.measurement import (
     satisfied,
     violated,
 )
-from llm_astar_planner.instructions.verification.polyline import Polyline, total
 
 Vector = NDArray[np.float64]
 
@@ -35,7 +34,7 @@ def check_pass(measurement: Measurement, clause: Pass, index: int) -> ClauseOutc
         return no_size(clause)
     ahead = measurement.regions.direction(clause.side)
     centre = centre_of(region)
-    inside = measurement.path.spans_in(region.shrunk(EDGE))
+    inside = region.shrunk(EDGE).spans(measurement.path)
     right = crossings(measurement.path, centre, ahead, touching=False)
     wrong = crossings(measurement.path, centre, -ahead, touching=True)
     passed = (index, 0) in measurement.route.visited

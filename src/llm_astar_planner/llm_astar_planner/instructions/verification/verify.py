@@ -7,20 +7,10 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
+from llm_astar_planner.instructions import specification as spec
 from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus
 from llm_astar_planner.instructions.route import Route
-from llm_astar_planner.instructions.specification import (
-    Avoid,
-    Before,
-    Clause,
-    EndAt,
-    KeepDistance,
-    Pass,
-    Specification,
-    StayIn,
-    Unknown,
-    Visit,
-)
+from llm_astar_planner.instructions.verification.geometry import polyline
 from llm_astar_planner.instructions.verification.lengths import (
     check_avoid,
     check_end_at,
@@ -28,7 +18,6 @@ from llm_astar_planner.instructions.verification.lengths import (
     check_stay_in,
 )
 from llm_astar_planner.instructions.verification.measurement import Measurement
-from llm_astar_planner.instructions.verification.polyline import polyline
 from llm_astar_planner.instructions.verification.regions import RegionError
 from llm_astar_planner.instructions.verification.sides import check_pass
 from llm_astar_planner.instructions.verification.visits import (
@@ -39,7 +28,7 @@ from llm_astar_planner.instructions.verification.visits import (
 
 
 def verify(
-    specification: Specification, points: ArrayLike, route: Route, deadline: float = math.inf
+    specification: spec.Specification, points: ArrayLike, route: Route, deadline: float = math.inf
 ) -> tuple[ClauseOutcome, ...]:
     """Hold a path against a specification: the outcome of each clause, in their order.
 
@@ -57,7 +46,7 @@ def verify(
 
 
 def visited_regions(
-    specification: Specification, points: ArrayLike, route: Route
+    specification: spec.Specification, points: ArrayLike, route: Route
 ) -> frozenset[tuple[int, int]]:
     """Return which regions a path driven so far, [n, 2] metres, n > 0, has visited in their turn.
 
@@ -67,7 +56,7 @@ def visited_regions(
     return visited_regions_of(Measurement(specification, polyline(points), route))
 
 
-def outcome_of(measurement: Measurement, clause: Clause, index: int) -> ClauseOutcome:
+def outcome_of(measurement: Measurement, clause: spec.Clause, index: int) -> ClauseOutcome:
     """Judge one clause; what is guessed or does not exist is never satisfied."""
     try:
         outcome = checked(measurement, clause, index)
@@ -78,23 +67,23 @@ def outcome_of(measurement: Measurement, clause: Clause, index: int) -> ClauseOu
     return outcome
 
 
-def checked(measurement: Measurement, clause: Clause, index: int) -> ClauseOutcome:
+def checked(measurement: Measurement, clause: spec.Clause, index: int) -> ClauseOutcome:
     """Judge one clause by what was measured. Raises RegionError if a region does not exist."""
     match clause:
-        case Avoid():
+        case spec.Avoid():
             return check_avoid(measurement, clause)
-        case Visit():
+        case spec.Visit():
             return check_visit(measurement, clause, index)
-        case Before():
+        case spec.Before():
             return check_before(measurement, clause, index)
-        case StayIn():
+        case spec.StayIn():
             return check_stay_in(measurement, clause)
-        case Pass():
+        case spec.Pass():
             return check_pass(measurement, clause, index)
-        case KeepDistance():
+        case spec.KeepDistance():
             return check_keep_distance(measurement, clause)
-        case EndAt():
+        case spec.EndAt():
             return check_end_at(measurement, clause)
-        case Unknown():
+        case spec.Unknown():
             return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD)
     raise TypeError(type(clause).__name__)

@@ -10,7 +10,7 @@ import numpy as np
 
 from llm_astar_planner.instructions.outcome import ClauseOutcome
 from llm_astar_planner.instructions.specification import Before, Clause, Pass, Visit
-from llm_astar_planner.instructions.verification.area import EDGE
+from llm_astar_planner.instructions.verification.geometry import EDGE, Spans, first_from, total
 from llm_astar_planner.instructions.verification.lengths import unreachable_reason
 from llm_astar_planner.instructions.verification.measurement import (
     Measurement,
@@ -21,7 +21,6 @@ from llm_astar_planner.instructions.verification.measurement import (
     satisfied,
     violated,
 )
-from llm_astar_planner.instructions.verification.polyline import Spans, first_from, total
 from llm_astar_planner.instructions.verification.reference import grown_by_a_cell
 from llm_astar_planner.instructions.verification.regions import RegionError, Resolved
 from llm_astar_planner.instructions.verification.sides import has_passed
@@ -78,7 +77,7 @@ def attempts_at(
             region = measurement.regions.resolve(wanted)
         except RegionError:
             continue
-        spans = measurement.path.spans_in(region.visited)
+        spans = region.visited.spans(measurement.path)
         place = first_from(spans, turn)
         if (index, number) in measurement.route.visited:
             place = BEFORE_THE_PATH
@@ -128,11 +127,11 @@ def check_before(measurement: Measurement, clause: Before, index: int) -> Clause
     if not (first.area.has_size and second.area.has_size):
         return no_size(clause)
     entered = second.visited if second.is_object else second.area.shrunk(EDGE)
-    spans = measurement.path.spans_in(entered)
+    spans = entered.spans(measurement.path)
     if not len(spans):
         return satisfied(clause, 'the second is not entered')
     entry = float(spans[0, 0])
-    place = first_from(measurement.path.spans_in(first.visited), 0.0)
+    place = first_from(first.visited.spans(measurement.path), 0.0)
     if (index, 0) in measurement.route.visited:
         return satisfied(clause, 'the first was visited before')
     where = measurement.path.point(entry)
@@ -191,7 +190,7 @@ def is_behind(measurement: Measurement, clause: Clause) -> bool:
             return has_passed(measurement, clause)
         if isinstance(clause, Before):
             first = measurement.regions.resolve(clause.first)
-            return bool(len(measurement.path.spans_in(first.visited)))
+            return bool(len(first.visited.spans(measurement.path)))
     except RegionError:
         pass
     return False

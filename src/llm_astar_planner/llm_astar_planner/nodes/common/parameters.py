@@ -17,8 +17,10 @@ from rclpy.node import Node
 
 from llm_astar_planner.parameter import Parameter, ParameterError
 from llm_astar_planner.planning.parameter_file import WILDCARDS, check_sections, read_sections
-from llm_astar_planner.planning.parameters import NODES, OTHERS, check_names
+from llm_astar_planner.planning.parameters import NODES, OTHERS, ROS_NAMES, check_names
 
+# What a node with Parameters is made with.
+OVERRIDES = {'automatically_declare_parameters_from_overrides': True}
 # Given the values a change would lead to, returns what is wrong with them, None for nothing.
 Check = Callable[[dict[str, Any]], str | None]
 
@@ -34,13 +36,13 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
     elif parameter.zero:
         descriptor.additional_constraints = f'{parameter.limits}: {parameter.zero}'
     elif parameter.between is not None:
-        least, most = parameter.between
         if isinstance(parameter.default, float):
-            bounds = FloatingPointRange(from_value=float(least), to_value=float(most))
+            least, most = map(float, parameter.between)
+            bounds = FloatingPointRange(from_value=least, to_value=most)
             descriptor.floating_point_range = [bounds]
         else:
-            limits = IntegerRange(from_value=int(least), to_value=int(most))
-            descriptor.integer_range = [limits]
+            lowest, highest = map(int, parameter.between)
+            descriptor.integer_range = [IntegerRange(from_value=lowest, to_value=highest)]
     return descriptor
 
 
@@ -50,6 +52,7 @@ class Parameters:
     def __init__(self, node: Node, table: str, check: Check | None = None) -> None:
         """Declare the parameters that NODES lists under `table`, and those of OTHERS.
 
+        The node has declared all overrides, which is how rclpy shows those that nobody knows.
         Raises ParameterError for an unknown name or an impossible value given at start,
         PluginError for a plug-in that cannot be imported.
         """
@@ -57,8 +60,13 @@ class Parameters:
         self._table = {parameter.name: parameter for parameter in NODES[table]}
         self._others = {other.name: other for other in OTHERS.get(table, ())}
         self._check = check
-        # rclpy shows overrides that nobody declares in no other way.
-        given = {name: override.value for name, override in node._parameter_overrides.items()}
+        given = {
+            name: node.get_parameter(name).value
+            for name in node.get_parameters_by_prefix('')
+            if name.partition('.')[0] not in ROS_NAMES
+        }
+        for name in given:
+            node.undeclare_parameter(name)
         for_any_node: set[str] = set()
         for path in parameter_files(sys.argv):
             sections = read_sections(path)

@@ -16,8 +16,8 @@ from diagnostic_msgs.srv import AddDiagnostics
 from geometry_msgs.msg import PoseStamped
 from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
 from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.markers import zones_to_markers
 from llm_astar_msgs_adapter.messages.writing import pose_to_message
-from llm_astar_msgs_adapter.messages.zone_markers import zones_to_markers
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from std_msgs.msg import String
@@ -62,7 +62,7 @@ class ZoneServer:
         side: Node,
         settings: Parameters,
         frames: Frames,
-        on_map: Callable[[GridMap], None],
+        on_map: Callable[[GridMap, float | None], None],
     ) -> None:
         """Serve; `entities` are of planner_node, and `on_map` gets each map with its zones."""
         self.zones = NO_ZONES
@@ -91,12 +91,12 @@ class ZoneServer:
         """Return what /diagnostics says."""
         return {'zones': len(self.zones), 'filter_masks': len(self._masks)}
 
-    def take(self, grid_map: GridMap) -> None:
-        """Take a new map; never raises."""
+    def take(self, grid_map: GridMap, transit: float = 0.0) -> None:
+        """Take a new map, which was sent `transit` seconds ago; never raises."""
         with self._lock:
             before, self._grid_map = self._grid_map, grid_map
             try:
-                self.compose()
+                self.compose(transit)
             except Exception as error:  # noqa: BLE001 - no map may end the thread of the maps
                 known = isinstance(error, LlmAstarError)
                 problem = str(error) if known else traceback.format_exc()
@@ -112,38 +112,31 @@ class ZoneServer:
         """Follow changed parameters."""
         with self._lock:
             if (len(self.zones) or self._masks) and self._rules != self.rules():
-                self._layer = None
-                self.compose()
+                self.use()
 
-    def set_masks(self, masks: Iterable[FilterMask]) -> None:
-        """Use these filter masks from now on."""
+    def use(self, zones: Zones | None = None, masks: Iterable[FilterMask] | None = None) -> None:
+        """Use other zones or filter masks from now on; none of them if that fails."""
         with self._lock:
-            before, self._masks, self._layer = self._masks, tuple(masks), None
+            before = self.zones, self._masks
+            self.zones = self.zones if zones is None else zones
+            self._masks = self._masks if masks is None else tuple(masks)
+            self._layer = None
             try:
                 self.compose()
             except Exception:
-                self._masks = before
+                self.zones, self._masks = before
                 raise
+            if zones is not None:
+                self.show()
+                self.await_expiry()
 
-    def set_zones(self, zones: Zones) -> None:
-        """Use these zones from now on."""
-        with self._lock:
-            before, self.zones, self._layer = self.zones, zones, None
-            try:
-                self.compose()
-            except Exception:
-                self.zones = before
-                raise
-            self.show()
-            self.await_expiry()
-
-    def compose(self) -> None:
-        """Hand on the newest map with its zones and masks."""
+    def compose(self, transit: float | None = None) -> None:
+        """Hand on the newest map with its zones and masks; `transit` if it has just come."""
         grid_map = self._grid_map
         if grid_map is None:
             return
         if not (len(self.zones) or self._masks):
-            self._on_map(grid_map)
+            self._on_map(grid_map, transit)
             return
         layer = self._layer
         if layer is None or not layer.fits(grid_map):
@@ -151,7 +144,7 @@ class ZoneServer:
             layer = ZoneLayer(grid_map, self.zones, masks, *self._rules)
             # With the next map, a mask that cannot be used now is tried again.
             self._layer = layer if len(masks) == len(self._masks) else None
-        self._on_map(layer.compose(grid_map))
+        self._on_map(layer.compose(grid_map), transit)
 
     def rules(self) -> tuple[CostmapConfig, float]:
         """Return the parameters that decide what zones and masks cost."""
@@ -197,16 +190,13 @@ class ZoneServer:
         return replace(zone, geometry=shapely.transform(zone.geometry, origin.transform))
 
     def add_text(self, text: str) -> str:
-        """Add the zones of a GeoJSON text; return what was done. Raises LlmAstarError."""
-        zones, frame_id = zones_from_text(text, time.monotonic())
-        return self.add(tuple(self.placed(zone, frame_id) for zone in zones))
+        """Add the zones of a GeoJSON text, in the place of those that have their ids.
 
-    def add(self, zones: tuple[Zone, ...]) -> str:
-        """Add zones, in the place of those that have their ids; return what was done.
-
-        Raises ZonesError.
+        Return what was done. Raises LlmAstarError.
         """
-        self.set_zones(self.zones.add(zones))
+        read, frame_id = zones_from_text(text, time.monotonic())
+        zones = tuple(self.placed(zone, frame_id) for zone in read)
+        self.use(self.zones.add(zones))
         said = f'added {named(zones)}; {len(self.zones)} in all'
         grid_map = self._grid_map
         if grid_map is not None:
@@ -236,7 +226,7 @@ class ZoneServer:
         """Remove zones; return what was done."""
         gone = list({zone.id: zone for zone in zones}.values())
         if gone:
-            self.set_zones(self.zones.remove(gone))
+            self.use(self.zones.remove(gone))
         return f'removed {named(gone)}; {len(self.zones)} left'
 
     def expire(self) -> None:

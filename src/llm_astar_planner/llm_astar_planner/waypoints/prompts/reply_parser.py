@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from llm_astar_planner.waypoints.source import Waypoint
+from llm_astar_planner.waypoints.source import SourceStatus, Waypoint
 
 MAX_WAYPOINTS = 64
 MAX_REPLY_CHARS = 65536
@@ -219,3 +219,23 @@ def make_point(x: Any, y: Any) -> Waypoint | None:  # noqa: ANN401 - any JSON va
     except (TypeError, ValueError, OverflowError):
         return None
     return point if all(abs(value) <= _FARTHEST for value in point) else None
+
+
+class Answer(NamedTuple):
+    """The points a model wrote, in the coordinates of its prompt, or why there are none."""
+
+    waypoints: tuple[Waypoint, ...]
+    status: SourceStatus
+    detail: str
+
+
+def read_answer(text: str) -> Answer:
+    """Parse a model's text: OK with points, NO_WAYPOINTS for an empty list, else MALFORMED."""
+    points = parse_reply(text)
+    if points:
+        return Answer(points, SourceStatus.OK, '')
+    if points is not None:
+        return Answer((), SourceStatus.NO_WAYPOINTS, 'the model answered with an empty list')
+    if not text.strip():
+        return Answer((), SourceStatus.MALFORMED, 'the reply is empty')
+    return Answer((), SourceStatus.MALFORMED, 'no list of points in the reply')

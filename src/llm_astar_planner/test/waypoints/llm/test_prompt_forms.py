@@ -14,8 +14,7 @@ from llm_astar_msgs_adapter.maps.barrier_map import (
 )
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.resources import find_file
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.prompts.examples import ExamplesError
 from llm_astar_planner.waypoints.source import SourceStatus, WaypointQuery
 from llm_astar_planner.waypoints.transcript import read_transcript

@@ -18,12 +18,12 @@ from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.prompts.examples import (
     ExampleLibrary,
     ExamplesError,
+    Prompt,
     is_same_map,
     load_example_library,
     occupied_tiles,
 )
 from llm_astar_planner.waypoints.prompts.map_description import describe
-from llm_astar_planner.waypoints.prompts.prompt import Prompt
 from llm_astar_planner.waypoints.prompts.template import load_template
 from llm_astar_planner.waypoints.source import WaypointQuery
 from segments import crosses

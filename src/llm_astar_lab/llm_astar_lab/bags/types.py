@@ -1,0 +1,318 @@
+"""Message types of bags: definitions to write into a bag, and decoding by those in a bag.
+
+Definitions come from Jazzy's common packages (rosbags has them), from the packages installed on
+this machine, or from the bag itself.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import zstandard
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from rosbags.interfaces import Nodetype
+from rosbags.serde import SerdeError
+from rosbags.typesys import (
+    Stores,
+    TypesysError,
+    get_types_from_idl,
+    get_types_from_msg,
+    get_typestore,
+)
+from rosbags.typesys.store import Typestore
+
+from llm_astar_lab.bags.files import Channel, unzstd
+
+GET_PLAN_EVENT_TYPE = 'nav_msgs/srv/GetPlan_Event'
+GET_PLAN = """\
+geometry_msgs/PoseStamped start
+geometry_msgs/PoseStamped goal
+float32 tolerance
+---
+nav_msgs/Path plan
+"""
+EVENT_INFO_TYPE = 'service_msgs/msg/ServiceEventInfo'
+# rosidl reads `char` as uint8, also for the type's hash, but rosbags does not: so uint8 here.
+EVENT_INFO = """\
+uint8 REQUEST_SENT=0
+uint8 REQUEST_RECEIVED=1
+uint8 RESPONSE_SENT=2
+uint8 RESPONSE_RECEIVED=3
+uint8 event_type
+builtin_interfaces/Time stamp
+uint8[16] client_gid
+int64 sequence_number
+"""
+# What service introspection publishes. rosidl generates this type; no file defines it.
+EVENT = """\
+service_msgs/ServiceEventInfo info
+{package}/{name}_Request[<=1] request
+{package}/{name}_Response[<=1] response
+"""
+# Stands between the definitions of a type and of its parts in a bag.
+BAR = '=' * 80 + '\n'
+IDL_NAMES = {'float32': 'float', 'float64': 'double', 'bool': 'boolean', 'byte': 'octet'}
+ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
+# What parsing somebody else's definition may raise.
+DEFINITION_ERRORS = (
+    TypesysError, KeyError, ValueError, TypeError, AssertionError, IndexError, RecursionError,
+    AttributeError, OverflowError, StopIteration, SyntaxError,
+)  # fmt: skip
+# Characters of a definition; the longest of Jazzy's packages has 20,000.
+MAX_DEFINITION = 2**18
+# rosbags' parser takes exponential time for brackets in brackets, of which ROS's IDL has few.
+MAX_BRACKETS = 4
+# One that does not end goes on to the end: to look for the end of each would take quadratic time.
+IDL_TEXTS = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)|//[^\n]*|/\*.*?(?:\*/|\Z)', re.DOTALL)
+# rosbags generates code for every element of an array of messages.
+MAX_ELEMENTS = 10_000
+
+
+class BagTypeError(LlmAstarError, ValueError):
+    """A message type without a definition; the message names the type."""
+
+
+class DecodeError(LlmAstarError, ValueError):
+    """A message whose bytes do not fit its type."""
+
+
+class UnknownTypeError(LlmAstarError, ValueError):
+    """A message type that neither Jazzy nor the bag defines; the message names it."""
+
+
+class TypeDefinition(NamedTuple):
+    """A message type's name, its definition for a bag (`.msg` or IDL), and its RIHS01 hash."""
+
+    msgtype: str
+    text: str
+    digest: str
+
+
+@cache
+def bag_types() -> Typestore:
+    """Return Jazzy's message types and the events of nav_msgs/srv/GetPlan."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.fielddefs.update(get_types_from_msg(EVENT_INFO, EVENT_INFO_TYPE))
+    register_service(store, 'nav_msgs', 'GetPlan', GET_PLAN)
+    return store
+
+
+def define(msgtype: str) -> TypeDefinition:
+    """Return the definition of a message type, `package/msg/Name` or `package/srv/Name_Event`.
+
+    Raises BagTypeError where neither Jazzy's common packages nor those installed here define it.
+    """
+    store = bag_types()
+    try:
+        learn(store, msgtype)
+        if '/msg/' in msgtype:
+            text, _ = store.generate_msgdef(msgtype, ros_version=2)
+        else:
+            text = idl_text(store, msgtype)
+        return TypeDefinition(msgtype, text, store.hash_rihs01(msgtype))
+    except (OSError, TypesysError, ValueError) as error:
+        raise BagTypeError(f'{msgtype}: its definition cannot be read: {error}') from None
+
+
+def learn(store: Typestore, msgtype: str) -> None:
+    """Register a type and its parts from installed packages, unless `store` has it."""
+    if msgtype in store.types:
+        return
+    package, kind, name = msgtype.split('/')
+    if kind == 'srv' and name.endswith('_Event'):
+        service = name.removesuffix('_Event')
+        register_service(store, package, service, installed_text(package, 'srv', service))
+    else:
+        register(store, get_types_from_msg(installed_text(package, kind, name), msgtype))
+
+
+def register_service(store: Typestore, package: str, name: str, text: str) -> None:
+    """Register the events of a service whose `.srv` file is `text`."""
+    request, _, response = text.partition('---')
+    event = EVENT.format(package=package, name=name)
+
+    def in_srv(tree: Any) -> Any:  # noqa: ANN401 - any parse tree
+        """Rename the service's parts, since the parser puts every name below `msg`."""
+        if isinstance(tree, (list, tuple)):
+            return type(tree)(map(in_srv, tree))
+        if isinstance(tree, str):
+            return tree.replace(f'{package}/msg/{name}_', f'{package}/srv/{name}_')
+        return tree
+
+    for part, fields in (('Request', request), ('Response', response), ('Event', event)):
+        types = get_types_from_msg(fields, f'{package}/msg/{name}_{part}')
+        register(store, dict(in_srv(list(types.items()))))
+
+
+def register(store: Typestore, types: dict[str, Any]) -> None:
+    """Register types and, from installed packages, the types of their fields."""
+    for name in nested_types(fields for _, fields in types.values()):
+        if name not in types:
+            learn(store, name)
+    store.register(types)
+
+
+def installed_text(package: str, kind: str, name: str) -> str:
+    """Read a definition from an installed package. Raises BagTypeError where there is none."""
+    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    for prefix in [*filter(None, prefixes), sys.prefix]:
+        file = Path(prefix, 'share', package, kind, f'{name}.{kind}')
+        if file.is_file():
+            return file.read_text(encoding='utf-8')
+    raise BagTypeError(f'no installed package {package} has {kind}/{name}.{kind}')
+
+
+def nested_types(definitions: Iterable[Any]) -> list[str]:
+    """Return the message types among the fields of definitions, in rosbags' parse trees."""
+    names = []
+    for fields in definitions:
+        for _, (kind, detail) in fields:
+            while kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+                kind, detail = detail[0]  # noqa: PLW2901 - down to the element
+            if kind is Nodetype.NAME:
+                names.append(str(detail))
+    return names
+
+
+def idl_text(store: Typestore, msgtype: str) -> str:
+    """Return the definitions of a registered type and of its parts as ROS 2 IDL.
+
+    Constants are left out. Services need IDL, since `.msg` cannot name a type below `srv`.
+    """
+    found: dict[str, str] = {}
+    waiting = [msgtype]
+    while waiting:
+        name = waiting.pop(0)
+        if name in found:
+            continue
+        _, fields = store.fielddefs[name]
+        package, kind, own = name.split('/')
+        members = ' '.join(idl_member(field, *tree) for field, tree in fields)
+        struct = f'struct {own} {{ {members} }};'
+        found[name] = f'{BAR}IDL: {name}\nmodule {package} {{ module {kind} {{ {struct} }}; }};\n'
+        waiting = nested_types([fields]) + waiting
+    return ''.join(found.values())
+
+
+def idl_member(name: str, kind: Nodetype, detail: Any) -> str:  # noqa: ANN401 - a parse tree
+    """Return a field as a member of an IDL struct."""
+    if kind is Nodetype.ARRAY:
+        return f'{idl_type(*detail[0])} {name}[{detail[1]}];'
+    return f'{idl_type(kind, detail)} {name};'
+
+
+def idl_type(kind: Nodetype, detail: Any) -> str:  # noqa: ANN401 - a parse tree of rosbags
+    """Return a field's type in IDL."""
+    if kind is Nodetype.NAME:
+        return str(detail).replace('/', '::')
+    base, bound = detail
+    if kind is Nodetype.SEQUENCE:
+        base = idl_type(*base)
+        return f'sequence<{base}, {bound}>' if bound else f'sequence<{base}>'
+    if base == 'string' and bound:
+        return f'string<{bound}>'
+    return IDL_NAMES.get(base, str(base))
+
+
+class Decoder:
+    """Decodes the messages of one bag, by the bag's own definitions where it has them."""
+
+    def __init__(self) -> None:
+        """Begin with Jazzy's types."""
+        self._embedded = get_typestore(Stores.EMPTY)
+        self._names: dict[str, str] = {}
+
+    def learn(self, channel: Channel) -> None:
+        """Use the bag's definition of a type. Without a usable one, Jazzy's is used."""
+        if not channel.definition or channel.msgtype in self._names:
+            return
+        with suppress(*DEFINITION_ERRORS):
+            types = parse_definition(channel)
+            name = parsed_name(channel.msgtype, types)
+            known = self._embedded.fielddefs
+            self._embedded.register({n: type_ for n, type_ in types.items() if n not in known})
+            # Compiled now, so that a type with unknown parts counts as unknown.
+            self._embedded.get_msgdef(name)
+            self._names[channel.msgtype] = name
+
+    def knows(self, msgtype: str) -> bool:
+        """Tell whether messages of a type can be decoded."""
+        return msgtype in self._names or msgtype in bag_types().types
+
+    def decode(self, msgtype: str, data: bytes) -> Any:  # noqa: ANN401 - of the message's type
+        """Return a message with its fields as attributes; arrays are numpy's.
+
+        Raises DecodeError for data that do not fit the type, UnknownTypeError for the type.
+        """
+        try:
+            if data[:4] == ZSTD_MAGIC:
+                data = unzstd(data)
+        except (ValueError, zstandard.ZstdError) as error:
+            raise DecodeError(str(error)) from None
+        try:
+            if msgtype in self._names:
+                return self._embedded.deserialize_cdr(data, self._names[msgtype])
+            return bag_types().deserialize_cdr(data, msgtype)
+        except SerdeError as error:
+            raise DecodeError(str(error)) from None
+        except DEFINITION_ERRORS as error:
+            message = f'its type {msgtype} is unknown here and the bag does not define it'
+            raise UnknownTypeError(f'{message} ({error})') from None
+
+
+def parse_definition(channel: Channel) -> dict[str, Any]:
+    """Return the types in a channel's definition by name, as rosbags' parse trees.
+
+    Raises one of DEFINITION_ERRORS, also for arrays of more messages than MAX_ELEMENTS.
+    """
+    types: dict[str, Any] = {}
+    if len(channel.definition) > MAX_DEFINITION:
+        raise ValueError(f'over {MAX_DEFINITION} characters')
+    if channel.format == 'ros2idl':
+        check_brackets(channel.definition)
+        for part in channel.definition.split(BAR):
+            text = part.split('\n', 1)[1] if part.startswith('IDL: ') else part
+            if text.strip():
+                types.update(get_types_from_idl(text))
+    else:
+        types = dict(get_types_from_msg(channel.definition, channel.msgtype))
+    for name, (_, fields) in types.items():
+        for field, (kind, detail) in fields:
+            if kind is not Nodetype.ARRAY or detail[1] <= MAX_ELEMENTS:
+                continue
+            (element, base), count = detail
+            # Arrays of numbers are read at once.
+            if element is not Nodetype.BASE or base[0] in ('string', 'wstring'):
+                raise ValueError(f'{name}: {field}: {count} elements')
+    return types
+
+
+def check_brackets(definition: str) -> None:
+    """Raise ValueError for IDL with more than MAX_BRACKETS brackets in one another."""
+    depth = 0
+    for sign in re.findall(r'[(<>)]', IDL_TEXTS.sub('', definition)):
+        depth += 1 if sign in '(<' else -1
+        if depth > MAX_BRACKETS:
+            raise ValueError(f'over {MAX_BRACKETS} brackets in one another')
+
+
+def parsed_name(msgtype: str, types: dict[str, Any]) -> str:
+    """Return the name that a type has among its parsed types; services' parts are below `msg`.
+
+    Raises KeyError where it is not among them, or where a service's events lack a field.
+    """
+    package, _, name = msgtype.rpartition('/')
+    own = next((n for n in (msgtype, f'{package}/msg/{name}') if n in types), None)
+    if own is None:
+        raise KeyError(msgtype)
+    fields = {field_name for field_name, _ in types[own][1]}
+    if '/srv/' in msgtype and not {'info', 'request', 'response'} <= fields:
+        raise KeyError(msgtype)
+    return own

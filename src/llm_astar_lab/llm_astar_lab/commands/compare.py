@@ -1,0 +1,118 @@
+"""Compare results folders of one dataset with the first of them, sample by sample.
+
+Print the ratios to the base with intervals, and the samples that changed most. Say whether there
+is a regression.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+
+from llm_astar_lab.analysis.paired import METRICS
+from llm_astar_lab.analysis.run_comparison import (
+    MAX_SAMPLES,
+    compare_runs,
+    load_run,
+)
+from llm_astar_lab.report.comparison import Judgement, sample_table
+from llm_astar_lab.report.formats import csv_table, write_tables
+from llm_astar_lab.results.folder import ResultsFolder, without_nan
+
+OK, REGRESSION, UNJUDGED = 0, 1, 3
+# Percent by which a metric may grow where nothing else is asked for. Counts repeat exactly; the
+# times of equal runs on a machine with other work differed by up to 43 %.
+TOLERATED = {'seconds_search': 50.0}
+
+USAGE = """\
+llm-astar compare BASE RUN [RUN ...] [--metric NAME] [--variant NAME] [--threshold PERCENT]
+                         [--json] [--out DIR]"""
+EPILOG = """\
+examples:
+  llm-astar compare out/before out/after                   does any variant expand more nodes?
+  llm-astar compare out/before out/after --threshold 2     by more than 2 %?
+  llm-astar compare out/a out/b out/c --variant guided/oracle --out out/compared
+  llm-astar compare out/before out/after --metric seconds_search --threshold 5 --json
+
+A regression is a variant whose ratio to the base is above the threshold with its whole 95 %
+interval, or that lost valid paths. The runs must be of the same dataset; other versions, settings
+and machines are listed.
+
+exit codes: 0 no regression, 1 a regression, 2 bad usage or input, 3 no regression, but a variant
+of the base is missing or has too few samples to be judged, 130 interrupted
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument('base', metavar='BASE', help='the results folder to compare with')
+    parser.add_argument(
+        'runs', metavar='RUN', nargs='+', help='results folders of the same dataset'
+    )
+    parser.add_argument(
+        '--metric', choices=METRICS, default='operation',
+        help='what decides about a regression (default: %(default)s, the expansions)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--variant', metavar='NAME',
+        help='only this variant, METHOD/SOURCE/PROMPT/MODEL without its empty parts, or all that '
+        'begin so; a method alone is the one without waypoints',
+    )  # fmt: skip
+    parser.add_argument(
+        '--threshold', type=percent, metavar='PERCENT',
+        help='how much the metric may grow (default: 0; 50 for seconds_search)',
+    )  # fmt: skip
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    parser.add_argument(
+        '--out', metavar='DIR',
+        help='write comparison.md, .json and .png, changes.csv with all changed samples (at most '
+        f'{MAX_SAMPLES} of a variant), and tables/ as LaTeX and CSV',
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    """Compare, print and write what is asked for; return the exit code. Raises ResultsError."""
+    base = load_run(args.base)
+    comparisons = [
+        compare_runs(base, load_run(path), args.metric, args.variant) for path in args.runs
+    ]
+    threshold = TOLERATED.get(args.metric, 0.0) if args.threshold is None else args.threshold
+    judgement = Judgement(base, comparisons, args.metric, threshold / 100.0)
+    if args.out:
+        write_comparison(ResultsFolder(args.out), judgement)
+    if args.json:
+        print(json.dumps(without_nan(judgement.as_json())))
+    else:
+        print(judgement.as_text())
+    if judgement.regressions():
+        return REGRESSION
+    return UNJUDGED if judgement.unjudged() else OK
+
+
+def write_comparison(folder: ResultsFolder, judgement: Judgement) -> None:
+    """Write everything about a comparison into a folder. Raises ResultsError."""
+    # Importing matplotlib takes most of a second.
+    from llm_astar_lab.report.figures import change_figure  # noqa: PLC0415
+
+    folder.write_json('comparison.json', judgement.as_json())
+    folder.write_text('comparison.md', judgement.as_markdown('comparison.png'))
+    write_tables(folder, judgement.tables(), as_latex=True, as_csv=True)
+    for number, comparison in enumerate(judgement.comparisons, start=1):
+        end = f'_{number}' if len(judgement.comparisons) > 1 else ''
+        table = sample_table(comparison, judgement, limit=len(comparison.samples))
+        if table.rows:
+            folder.write_text(f'changes{end}.csv', csv_table(table))
+    figure = change_figure(judgement.comparisons, judgement.metric, judgement.threshold)
+    figure.savefig(folder.path / 'comparison.png', dpi=140)
+
+
+def percent(text: str) -> float:
+    """Parse a number of percent, 0 or more."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value < math.inf:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number of percent, 0 or more')
+    return value

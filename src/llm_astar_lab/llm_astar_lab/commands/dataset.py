@@ -1,0 +1,144 @@
+"""Generate datasets of samples, check them, or convert them to bags."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap, save_maps
+from llm_astar_planner.resources import find_file
+
+from llm_astar_lab.bags.messages import GET_PLAN_EVENT, MAP
+from llm_astar_lab.commands.dataset_options import add_dataset_options
+from llm_astar_lab.datasets.generate import GenerationError, MapRules
+from llm_astar_lab.datasets.named import (
+    BARRIERS,
+    DEFAULT_MAPS,
+    DEFAULT_PAIRS,
+    GENERATED,
+    DrawRules,
+    draw_family,
+)
+from llm_astar_lab.datasets.samples import load_samples
+from llm_astar_lab.datasets.validate import validate_file
+
+EPILOG = """\
+examples:
+  llm-astar dataset generate --seed 7 --maps 20 --out maps.json --pictures out/maps
+  llm-astar dataset generate --family floors --scale 2 --out floors.json
+  llm-astar dataset check maps.json
+  llm-astar dataset to-bag --map samples_1000.json --map-ids 50-59 --out out/samples
+
+exit codes: 0 done, 2 bad usage or input, or errors in a checked dataset
+"""
+OK, BAD_INPUT = 0, 2
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the actions `generate`, `check` and `to-bag`."""
+    actions = parser.add_subparsers(dest='action', required=True, metavar='ACTION')
+    make = actions.add_parser(
+        'generate', help='generate a dataset; the same seed gives the same one'
+    )
+    make.add_argument(
+        '--family', choices=GENERATED,
+        help=f'kind of maps: {BARRIERS} as in the paper, or grids ({BARRIERS})',
+    )  # fmt: skip
+    make.add_argument('--seed', type=int, default=0, help='seed of the maps (0)')
+    make.add_argument(
+        '--maps', type=int, default=DEFAULT_MAPS, metavar='N',
+        help='number of maps (default: %(default)s)',
+    )  # fmt: skip
+    make.add_argument(
+        '--pairs', type=int, default=DEFAULT_PAIRS, metavar='N',
+        help='start-goal pairs per map (default: %(default)s)',
+    )  # fmt: skip
+    make.add_argument(
+        '--size', type=int, nargs=2, metavar=('W', 'H'),
+        help='largest coordinates, of barriers alone (50 30)',
+    )  # fmt: skip
+    make.add_argument(
+        '--scale', type=int, default=1, metavar='K',
+        help='cells a unit of the maps, as --scales of bench makes them (1)',
+    )  # fmt: skip
+    make.add_argument('--out', required=True, metavar='FILE', help='the JSON file to write')
+    make.add_argument('--pictures', metavar='DIR', help='also draw every map into this folder')
+    check = actions.add_parser('check', help='validate a dataset file')
+    check.add_argument('file', metavar='FILE')
+    check.add_argument('--json', action='store_true', help='print the problems found as JSON')
+    bag = actions.add_parser(
+        'to-bag',
+        help='write the samples as a bag of maps and requests, as a robot would record them',
+    )
+    add_dataset_options(bag)
+    bag.add_argument('--out', required=True, metavar='DIR', help='the folder of the new bag')
+    bag.add_argument(
+        '--storage', choices=('mcap', 'sqlite3'), default='mcap',
+        help='format of the bag (default: %(default)s)',
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run `dataset`. Returns 0, or 2 where the checked dataset has errors; raises ValueError."""
+    return ACTIONS[args.action](args)
+
+
+def generate_dataset(args: argparse.Namespace) -> int:
+    """Generate a dataset. Raises GenerationError."""
+    maps = drawn_maps(args)
+    save_maps(maps, args.out)
+    print(f'{args.out}: {len(maps)} maps, {len(maps) * args.pairs} samples, seed {args.seed}')
+    if args.pictures:
+        # Only drawing needs matplotlib.
+        from llm_astar_lab.report.figures import save_map_pictures  # noqa: PLC0415
+
+        print(f'{args.pictures}: {len(save_map_pictures(maps, args.pictures))} pictures')
+    return OK
+
+
+def drawn_maps(args: argparse.Namespace) -> list[ProblemMap]:
+    """Draw the maps that the options ask for. Raises GenerationError."""
+    family = args.family or BARRIERS
+    if args.size is not None and family != BARRIERS:
+        raise GenerationError(f'--size is of {BARRIERS}; --scale makes {family} larger')
+    size = MapRules.size if args.size is None else tuple(args.size)
+    maps = draw_family(family, DrawRules(args.seed, args.maps, args.pairs, size), args.scale)
+    # Without an option the file is as the paper's is, which names no family.
+    return [replace(item, family=args.family or '') for item in maps]
+
+
+def check_dataset(args: argparse.Namespace) -> int:
+    """Print the problems of a dataset; return 2 where it has errors."""
+    summary, problems = validate_file(args.file)
+    errors = sum(problem.error for problem in problems)
+    if args.json:
+        found = [problem._asdict() for problem in problems]
+        print(json.dumps({**summary._asdict(), 'errors': errors, 'findings': found}))
+        return BAD_INPUT if errors else OK
+    for problem in problems:
+        print(problem)
+    print(
+        f'{Path(args.file)}: {summary.maps} maps, {summary.samples} samples, '
+        f'{errors} errors, {len(problems) - errors} notes'
+    )
+    if summary.detours:
+        low, middle, high = np.percentile(summary.detours, (0, 50, 100))
+        print(f'mean detour of a map: {low:.2f} to {high:.2f}, median {middle:.2f}')
+    return BAD_INPUT if errors else OK
+
+
+def write_bag(args: argparse.Namespace) -> int:
+    """Write a dataset as a bag."""
+    # Only this needs the library that writes bags.
+    from llm_astar_lab.evaluation.writing import write_sample_bag  # noqa: PLC0415
+
+    samples = load_samples(find_file(args.dataset, 'maps'), args.maps)
+    counts = write_sample_bag(samples, args.out, args.storage)
+    print(f'{args.out}: {counts[MAP]} maps, {counts[GET_PLAN_EVENT]} requests')
+    return OK
+
+
+ACTIONS = {'generate': generate_dataset, 'check': check_dataset, 'to-bag': write_bag}

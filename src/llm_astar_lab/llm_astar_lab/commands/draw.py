@@ -1,0 +1,145 @@
+"""Draw what A* and another method expand on the way from start to goal, side by side.
+
+The file is a picture (.png, .svg, .pdf) or an animation (.gif).
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from llm_astar_planner.cli.pictures import ANIMATIONS, picture_or_animation
+from llm_astar_planner.cli.plan import Problem, add_query_options, read_problem
+from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.planning.compile import compile_progress
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.resources import SAMPLES_FILE
+from llm_astar_planner.search.numba_start import start_numba
+from llm_astar_planner.waypoints.async_query import query_source
+from llm_astar_planner.waypoints.source import WaypointQuery
+
+from llm_astar_lab.pictures.retrace import retrace
+from llm_astar_lab.runner.engine import AnsweredSource
+
+if TYPE_CHECKING:
+    from llm_astar_lab.pictures.figures import Picture
+
+USAGE = """\
+llm-astar draw [--map FILE] [--start X Y --goal X Y] [--method NAME] [--source NAME]
+                      [options] --out FILE"""
+EPILOG = """\
+examples:
+  llm-astar draw --map-id 5 --pair 3 --out out/searches.gif
+  llm-astar draw --method llm_astar --source oracle --out out/paper.png
+  llm-astar draw --map depot.yaml --start -4.1 -4.8 --goal 17.9 4.7 --robot-radius 0.2
+    --out out/depot.gif
+
+exit codes: 0 drawn, 1 no path, 2 bad usage or input
+"""
+ASTAR = 'astar'
+
+
+class Drawn(NamedTuple):
+    """A request and its plan."""
+
+    request: PlanRequest
+    plan: Plan
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options: those of `plan`, and the file."""
+    add_query_options(parser, SAMPLES_FILE)
+    parser.add_argument(
+        '--out',
+        '--png',
+        required=True,
+        type=picture_or_animation,
+        metavar='FILE',
+        help='picture (.png, .svg, .pdf) or animation (.gif), by its ending',
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Draw; return 0, or 1 where there is no path. Raises what `plan` does on bad input."""
+    asked = read_problem(arguments)
+    if asked.request.instruction is not None:
+        raise ParameterError('--instruction: A* keeps to none; `llm-astar plan --png` draws one')
+    asked.planner.prepare()
+    drawn = plan_beside_astar(asked)
+    failed = next((plan for _, plan in drawn if plan.code), None)
+    if failed is not None:
+        print(f'no path: {failed.message} [{failed.code.name} {int(failed.code)}]')
+        return 1
+    write_drawing(asked, drawn, arguments.out)
+    print(arguments.out)
+    return 0
+
+
+def plan_beside_astar(asked: Problem) -> list[Drawn]:
+    """Plan with A*, and with the method and its waypoints unless that is A* too."""
+    plain = replace(asked.request, method=ASTAR, source=None)
+    requests = [plain] if asked.request.method == ASTAR else [plain, with_answer(asked)]
+    drawn = []
+    start_numba()
+    for request in requests:
+        with compile_progress():
+            asked.planner.compile(request)
+        drawn.append(Drawn(request, asked.planner.plan(request)))
+    return drawn
+
+
+def with_answer(asked: Problem) -> PlanRequest:
+    """Return the request with the source's answer in its place.
+
+    The search then has the waypoints from its beginning, so that it can be animated.
+    """
+    request = asked.request
+    if request.source is None or request.via:
+        return request
+    query = WaypointQuery(
+        asked.planner.costmap, request.start, request.goal, request.source_time_limit,
+        request.sample,
+    )  # fmt: skip
+    reply, _ = query_source(request.source, query)
+    return replace(request, source=AnsweredSource(request.source.name, reply))
+
+
+def write_drawing(asked: Problem, drawn: list[Drawn], path: str) -> None:
+    """Draw or animate the plans. Raises OSError, ParameterError where that cannot be done."""
+    # Importing matplotlib takes most of a second, which bad usage should not wait for.
+    from llm_astar_lab.pictures import figures  # noqa: PLC0415
+
+    costmap, offset = asked.planner.costmap, asked.coordinates.offset
+    grid_map = figures.drawable_map(costmap.grid_map, costmap.config)
+    pictures = []
+    for _, plan in drawn:
+        ends = plan.start, plan.goal
+        picture = figures.picture_of(plan, grid_map, *ends, offset, costmap=costmap)
+        pictures.append(replace(picture, title=figures.short_title(plan, grid_map.resolution)))
+    if path.lower().endswith(ANIMATIONS):
+        animate(asked.planner, drawn, pictures, path)
+        return
+    from llm_astar_lab.pictures.comparison import comparison_figure  # noqa: PLC0415
+
+    figures.write_figure(comparison_figure(pictures), path)
+
+
+def animate(planner: Planner, drawn: list[Drawn], pictures: list[Picture], path: str) -> None:
+    """Animate the searches. Raises OSError, and ParameterError where their order is unknown."""
+    from llm_astar_lab.pictures.animation import AnimatedSearch, save_animation  # noqa: PLC0415
+    from llm_astar_lab.pictures.figures import describe_length, describe_plan  # noqa: PLC0415
+
+    searches = []
+    for (request, plan), picture in zip(drawn, pictures):
+        order = retrace(planner, request, plan)
+        if order is None:
+            raise ParameterError(
+                f'{path}: in which order {plan.method} expanded the cells is not known, for it is '
+                'a plug-in, or its search depended on time; draw a .png, or give it a higher '
+                '--time-limit'
+            )
+        length = describe_length(plan, picture.grid_map.resolution)
+        searches.append(AnimatedSearch(picture, order, describe_plan(plan), length))
+    save_animation(path, searches)

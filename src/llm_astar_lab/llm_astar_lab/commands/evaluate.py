@@ -1,0 +1,280 @@
+"""Plan every request in rosbag2 bags (mcap or sqlite3) with every method and source.
+
+Compare with the recorded plans, and write a results folder like that of bench. No robot, graph
+or display is needed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from contextlib import ExitStack, nullcontext
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps
+from llm_astar_planner.cli.map_files import open_places
+from llm_astar_planner.cli.parameter_flags import (
+    add_parameter_flags,
+    add_params_file_flag,
+    given_values,
+    read_params_files,
+)
+from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
+from llm_astar_planner.planning.types import plan_report
+
+from llm_astar_lab.bags.files import bag_name
+from llm_astar_lab.bags.messages import BARRIER_MAP
+from llm_astar_lab.bags.reading import Bag, open_bags
+from llm_astar_lab.bags.writing import BagWriteError
+from llm_astar_lab.commands import run_options as common
+from llm_astar_lab.evaluation.exchanges import write_exchanges
+from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
+from llm_astar_lab.evaluation.tasks import BagTasks, EvaluationConfig
+from llm_astar_lab.evaluation.topics import (
+    REQUEST_KINDS,
+    TopicSelection,
+    describe,
+    describe_text,
+)
+from llm_astar_lab.evaluation.writing import ResultsBag
+from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
+from llm_astar_lab.results.row import ResultsError
+from llm_astar_lab.runner.config import choose_folder, is_parquet_run, open_folder
+from llm_astar_lab.runner.engine import Outcome, SearchSettings, Task
+from llm_astar_lab.runner.sources import GRID_BASELINES
+
+# The parameters that have flags of their own; the search has the flags of `bench`.
+OF_REQUESTS = ('tolerance', 'start_tolerance', 'robot_base_frame')
+RULES = (*COSTMAP, *(item.for_bench() for item in REQUESTS if item.name in OF_REQUESTS))
+# The exchanges with models that were found in the bags, in the results folder.
+EXCHANGES = 'exchanges.jsonl'
+USAGE = """\
+llm-astar evaluate BAG [BAG ...] [--list] [--methods NAMES] [--source NAMES]
+                          [--params-file FILE] [--out DIR] [--fail-under LIMIT] [options]"""
+EPILOG = """\
+examples:
+  llm-astar evaluate bag --list                       what the bag contains
+  llm-astar evaluate bag --methods guided,exact_astar --params-file planner.yaml
+  llm-astar evaluate monday tuesday.mcap --source replay --out out/field
+  llm-astar evaluate bag --requests goals.csv --robot-radius 0.3
+  llm-astar evaluate bag --methods guided --fail-under guided:valid=100    gate a release
+
+Every request is planned on the map of its time. --source replay without --transcript uses the
+exchanges with models that the bags contain.
+
+exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 something was left out or a source
+did not answer, 130 interrupted
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(seed=0)
+    parser.add_argument('bags', nargs='+', metavar='BAG', help='a folder, or an mcap or db3 file')
+    add_input(parser.add_argument_group('input'))
+    common.add_variants(parser.add_argument_group('methods and sources'))
+    rules = parser.add_argument_group('rules, by the names of the parameters of planner_node')
+    add_params_file_flag(rules)
+    add_parameter_flags(rules, RULES)
+    common.add_instruction(
+        parser.add_argument_group('an instruction for every request, instead of the recorded ones')
+    )
+    common.add_running(parser.add_argument_group('running'), 'out/evaluate')
+
+
+def add_input(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options that choose topics and requests."""
+    group.add_argument('--list', action='store_true', help='only show what the bags contain')
+    group.add_argument(
+        '--namespace', default='', metavar='NAME', help="the robot's, where a bag has several"
+    )
+    for flag, text in (
+        ('--map-topic', '(/map)'),
+        ('--plan-topic', "the robot's own plans (/plan)"),
+        ('--odom-topic', 'the start of goals, where tf does not join map and base_link (/odom)'),
+    ):
+        group.add_argument(flag, default='', metavar='TOPIC', help=text)
+    group.add_argument(
+        '--requests', default='auto', metavar='WHAT',
+        help="service: calls of GetPlan; goals: goal_pose; plans: the robot's own paths, from "
+        'first to last pose; auto: service and goals, or plans where there are neither; or a csv '
+        'or json FILE of start_x, start_y, goal_x, goal_y in metres and time in seconds (auto)',
+    )  # fmt: skip
+    group.add_argument(
+        '--plan-window', type=float, default=10.0, metavar='SECONDS',
+        help='how long after a request its recorded plan may come (10)',
+    )  # fmt: skip
+    group.add_argument(
+        '--results-bag', metavar='DIR', help='also write the plans and reports into this new bag'
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate bags or list their contents; return the exit code. Raises ValueError."""
+    selection, listed = read_selection(args)
+    if args.list:
+        return list_contents(args, selection)
+    file = read_params_files(args).values['planner_node'] if args.params_file else None
+    common.settle_variants(args, file)
+    in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
+    rules = in_file | given_values(args, RULES)
+    results_bag = ResultsBag(args.results_bag) if args.results_bag else None
+    with open_bags(args.bags) as (bags, unopened), ExitStack() as stack:
+        if not bags:
+            return common.complain(args, '; '.join(unopened.lines()), common.BAD_INPUT)
+        try:
+            folder = choose_folder(args.out, args.default_out, resume=args.resume)
+            if 'replay' in args.source and not args.transcript:
+                args.transcript = [str(save_exchanges(args, bags, selection, folder))]
+            config = make_config(args, bags, selection, listed, rules, folder=folder)
+            common.check_thresholds(args, config.sources)
+            pool = stack.enter_context(common.make_executor(args, config.sources))
+            files = [*args.bags, *([args.requests] if listed else [])]
+            metadata = describe_run(
+                files, run_parameters(args, config), common.deciding_files(args)
+            )
+            metadata['bags'] = list(dict.fromkeys(bag_name(Path(path)) for path in args.bags))
+            done = open_folder(
+                folder,
+                metadata,
+                resume=args.resume,
+                overwrite=args.overwrite,
+                parquet=is_parquet_run(args.format),
+            )
+        except ResultsError as error:
+            return common.complain(args, str(error), common.BAD_INPUT)
+        tasks = BagTasks(config)
+        keep = partial(write_outcomes, results_bag) if results_bag else None
+        try:
+            with results_bag or nullcontext():
+                left = tasks.tasks(done)
+                code = common.run_into(
+                    args, folder, metadata, left, pool, unit='request', keep=keep
+                )
+        except (ResultsError, BagWriteError) as error:
+            return common.complain(args, str(error), common.INCOMPLETE)
+        problems = [unopened, *(bag.problems for bag in bags)]
+    metadata['left_out'] = [line for one in problems for line in one.lines()]
+    metadata['notes'] = [line for one in problems for line in one.notes]
+    for line in metadata['notes']:
+        common.complain(args, f'note: {line}', common.OK)
+    for line in metadata['left_out']:
+        code = common.complain(args, f'left out: {line}', code or common.INCOMPLETE)
+    try:
+        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept.maps()))
+        folder.write_places(config.places)
+    except ResultsError as error:
+        return common.complain(args, str(error), common.INCOMPLETE)
+    return common.close_run(args, folder, metadata, code)
+
+
+def read_selection(args: argparse.Namespace) -> tuple[TopicSelection, Sequence[ListedRequest]]:
+    """Return the topics to read, and the requests of a file. Raises ValueError."""
+    listed: Sequence[ListedRequest] = ()
+    requests = args.requests
+    if requests not in REQUEST_KINDS:
+        listed, requests = load_requests(requests), 'list'
+    if not args.plan_window >= 0.0:
+        raise ValueError(f'--plan-window {args.plan_window} is not 0 seconds or more')
+    namespace = args.namespace.strip('/')
+    topics = (args.map_topic, args.plan_topic, args.odom_topic)
+    return TopicSelection(f'/{namespace}' if namespace else '', *topics, requests), listed
+
+
+def list_contents(args: argparse.Namespace, selection: TopicSelection) -> int:
+    """Show what bags contain; return 3 where one cannot be read or evaluated."""
+    code = common.OK
+    with open_bags(args.bags) as (bags, unopened):
+        contents = [describe(bag, selection) for bag in bags]
+    for line in unopened.lines():
+        code = common.complain(args, line, common.INCOMPLETE)
+    if any(item['missing'] or item['left_out'] for item in contents):
+        code = common.INCOMPLETE
+    print(json.dumps(contents) if args.json else '\n'.join(map(describe_text, contents)))
+    return code
+
+
+def save_exchanges(
+    args: argparse.Namespace, bags: Sequence[Bag], selection: TopicSelection, folder: ResultsFolder
+) -> Path:
+    """Write the exchanges of the bags into the folder, as the transcript to replay.
+
+    A resumed folder has it already. Raises ResultsError where the folder holds other results,
+    ValueError where the bags have no exchanges.
+    """
+    transcript = folder.path / EXCHANGES
+    if args.resume and folder.results.exists() and transcript.exists():
+        return transcript
+    if not (args.resume or args.overwrite):
+        folder.require_new()
+    if not write_exchanges(bags, selection, transcript):
+        raise ValueError(
+            '--source replay: the bags hold no exchanges with a model (on ~/exchange of '
+            'llm_client_node); name a --transcript'
+        )
+    return transcript
+
+
+def make_config(
+    args: argparse.Namespace,
+    bags: Sequence[Bag],
+    selection: TopicSelection,
+    listed: Sequence[ListedRequest],
+    rules: dict[str, Any],
+    *,
+    folder: ResultsFolder,
+) -> EvaluationConfig:
+    """Return what the evaluation covers.
+
+    All baselines are added only where the barriers of every map are known.
+    """
+    values = defaults(RULES, cli=True) | rules
+    places = open_places(args.places_file or '', None)
+    settings = SearchSettings(
+        args.heuristic,
+        args.weight,
+        args.max_planning_time,
+        args.max_suboptimality,
+        costmap_config(rules),
+        values['tolerance'],
+        values['start_tolerance'],
+        'corner_cutting' not in rules and not args.params_file,
+        common.instruction_of(args, places),
+    )
+    all_barriers = all(BARRIER_MAP in bag.topics for bag in bags)
+    sources = common.source_specs(args, folder, (), None if all_barriers else GRID_BASELINES)
+    selection = replace(selection, base_frame=values['robot_base_frame'])
+    return EvaluationConfig(
+        bags, selection, args.methods, sources, settings, args.plan_window, listed, places
+    )
+
+
+def run_parameters(args: argparse.Namespace, config: EvaluationConfig) -> dict[str, Any]:
+    """Return the parameters for the metadata of the run."""
+    settings = config.settings
+    return common.deciding_parameters(args, 'requests', 'plan_window') | {
+        'rules': None if settings.costmap is None else asdict(settings.costmap),
+        'tolerance': settings.tolerance,
+        'start_tolerance': settings.start_tolerance,
+        'paper_corners': settings.paper_corners,
+        'topics': list(asdict(config.selection).values()),
+    }
+
+
+def write_outcomes(results_bag: ResultsBag, task: Task, outcomes: list[Outcome]) -> None:
+    """Write the plans of all methods for one request into a bag."""
+    grid_map = task.sample.barrier_map.to_grid()
+    for row, plan in outcomes:
+        if plan is not None and task.recorded_plan is not None:
+            results_bag.add(
+                row.method,
+                '/'.join(part for part in row.variant[1:] if part),
+                grid_map,
+                task.recorded_plan.time,
+                points=grid_map.grid_to_world(plan.path),
+                report=replace(plan_report(plan, grid_map), seconds_source=row.seconds_source),
+            )

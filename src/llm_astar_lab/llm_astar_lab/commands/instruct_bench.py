@@ -1,0 +1,313 @@
+"""Measure on a suite how well route instructions are understood, enforced and reported.
+
+Each instruction is understood by each source, planned, and the path held against the machine
+checks of the suite, which share no code with the planner. A suite is a JSON file of maps, places
+and instructions with their truth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from llm_astar_planner.cli.parameter_flags import add_parameter_flags, given_values
+from llm_astar_planner.cli.pictures import picture_file
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions.chain import make_interpreter
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.planning.compile import compile_instruction_kernels
+from llm_astar_planner.planning.parameters import REQUESTS, SEARCH, SOURCE, defaults
+from llm_astar_planner.planning.types import PlanRequest
+from llm_astar_planner.resources import find_file
+
+from llm_astar_lab.commands.option_types import names
+from llm_astar_lab.commands.run_options import (
+    BAD_INPUT,
+    INCOMPLETE,
+    INTERRUPTED,
+    MISSED,
+    OK,
+    complain,
+)
+from llm_astar_lab.instruct_bench.report import (
+    chain_text,
+    markdown_summary,
+    result_row,
+    text_summary,
+    unanswered_lines,
+)
+from llm_astar_lab.instruct_bench.results import InstructionResult
+from llm_astar_lab.instruct_bench.runner import (
+    NO_INSTRUCTION,
+    TRUTH,
+    InterpreterSource,
+    NoInstructionSource,
+    Source,
+    SuiteRunner,
+    TruthSource,
+)
+from llm_astar_lab.instruct_bench.suite import Suite, SuiteInstruction, load_suite
+from llm_astar_lab.instruct_bench.summary import summary_to_json
+from llm_astar_lab.instruct_bench.thresholds import (
+    METRICS,
+    SuiteThreshold,
+    missed_suite_thresholds,
+    parse_suite_threshold,
+)
+from llm_astar_lab.results.csv_rows import format_csv
+from llm_astar_lab.results.folder import ResultsFolder, describe_run
+from llm_astar_lab.results.row import ResultsError
+from llm_astar_lab.runner.config import progress
+
+OWN_SUITE = 'instructions/suite.json'
+GRAMMAR, ENDPOINT, REPLAY = 'grammar', 'endpoint', 'replay'
+SOURCES = (TRUTH, GRAMMAR, ENDPOINT, REPLAY, NO_INSTRUCTION)
+# The parameters of llm_client_node that matter to a model that understands instructions.
+MODEL = tuple(
+    item
+    for item in SOURCE
+    if item.name
+    in (
+        'base_url', 'api_key_env', 'api_key_names', 'model', 'temperature', 'max_output_tokens',
+        'timeout_s', 'max_retries', 'transcript', 'record',
+    )
+)  # fmt: skip
+TIME = tuple(item for item in REQUESTS if item.name == 'max_planning_time')
+USAGE = """\
+llm-astar instruct-bench [--suite FILE] [--source NAMES] [--show ID] [--out DIR]
+                                [--fail-under LIMIT] [options]"""
+EPILOG = """\
+sources:
+  truth     the suite's own specification: the planner apart from understanding
+  grammar   the grammar alone, no model
+  endpoint  the grammar, then a language model for what it does not read whole
+  replay    the same with a recorded model (--transcript)
+  none      no instruction at all: what is met by chance
+
+examples:
+  llm-astar instruct-bench                        the grammar on the suite of the package
+  llm-astar instruct-bench --suite house.json --source none,truth,grammar
+  llm-astar instruct-bench --suite house.json --source endpoint --record house.jsonl --out out/x
+    --base-url http://localhost:8080/v1 --model qwen2.5-coder-1.5b --timeout-s 60
+  llm-astar instruct-bench --suite house.json --source replay --transcript house.jsonl
+  llm-astar instruct-bench --suite house.json --show h-07 --png out/h-07.png
+  llm-astar instruct-bench --suite house.json --fail-under grammar/templated:satisfied=85
+    --fail-over false_claims=0 --fail-over grammar:ms=2
+
+a suite, with the map in house.yaml beside it:
+  {"version": 1,
+   "maps": {"house": {"places": {"kitchen": {"polygon": [[8,10],[16,10],[16,18],[8,18]]}}}},
+   "instructions": [{"id": "h-01", "map": "house", "start": [2, 2], "goal": [22, 16],
+     "text": "do not enter the kitchen", "lang": "en", "style": "templated", "expect": "ok",
+     "spec": {"clauses": [{"kind": "avoid", "region": {"place": "kitchen"}}]},
+     "checks": [{"check": "inside_max", "region": {"place": "kitchen"}, "metres": 0.1}]}]}
+
+exit codes: 0 ok, 1 threshold missed, 2 bad usage or input, 3 a model left instructions
+unanswered, 130 interrupted
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    what = parser.add_argument_group('suite')
+    what.add_argument(
+        '--suite', default=OWN_SUITE, metavar='FILE',
+        help='the suite: a JSON file, a path or a name in maps/ (default: %(default)s)',
+    )  # fmt: skip
+    what.add_argument(
+        '--map-folder', type=Path, action='append', default=[], metavar='DIR',
+        help="searched for NAME.yaml of the suite's maps, after the suite's own folder",
+    )  # fmt: skip
+    what.add_argument(
+        '--show', metavar='ID',
+        help='run one instruction and print all of it: text, what was understood, clauses with '
+        'what became of them, checks',
+    )  # fmt: skip
+    sources = parser.add_argument_group('sources')
+    sources.add_argument(
+        '--source', type=names, nargs='+', action='extend', default=[], metavar='NAME',
+        help=f'one or more of {", ".join(SOURCES)} (default: {GRAMMAR})',
+    )  # fmt: skip
+    add_parameter_flags(sources, (*MODEL, *TIME))
+    add_output(parser.add_argument_group('output'))
+
+
+def add_output(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options for output and thresholds."""
+    group.add_argument(
+        '--out', metavar='DIR', help='write results.csv, summary.json and report.md into a folder'
+    )
+    group.add_argument('--json', action='store_true', help='print one JSON object')
+    group.add_argument(
+        '--png',
+        type=picture_file,
+        metavar='FILE',
+        help='draw the plan of --show, with a single --source',
+    )
+    for flag, is_upper, text in (
+        ('--fail-under', False, 'exit 1 if it is below'),
+        ('--fail-over', True, 'exit 1 if it is above'),
+    ):
+        group.add_argument(
+            flag, type=partial(threshold, is_upper=is_upper), action='append', default=[],
+            metavar='LIMIT',
+            help=f'[SOURCE[/STYLE]:]METRIC=LIMIT, {text}; METRIC one of {", ".join(METRICS)}, in '
+            'percent or ms; without SOURCE every one but none',
+        )  # fmt: skip
+
+
+def threshold(text: str, *, is_upper: bool) -> SuiteThreshold:
+    """Parse a threshold."""
+    try:
+        return parse_suite_threshold(text, is_upper=is_upper)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run a suite; return the exit code. Raises ValueError on bad input."""
+    chosen = list(dict.fromkeys(name for part in args.source for name in part)) or [GRAMMAR]
+    check_options(args, chosen)
+    suite = load_suite(find_file(args.suite, 'maps'), args.map_folder)
+    sources = make_sources(chosen, model_values(args))
+    compile_instruction_kernels()
+    runner = SuiteRunner(common_request(args))
+    if args.show:
+        return show(args, suite.find(args.show), sources, runner)
+    folder = ResultsFolder(args.out) if args.out else None
+    if folder is not None:
+        try:
+            folder.require_new()
+        except ResultsError as error:
+            return complain(args, str(error), BAD_INPUT)
+    code, results = run_suite(args, suite, sources, runner)
+    if folder is not None and results:
+        write_results(folder, suite, chosen, results)
+    if results:
+        print(json.dumps(summary_to_json(results)) if args.json else text_summary(results))
+    for line in unanswered_lines(results):
+        code = complain(args, line, code or INCOMPLETE)
+    for line in missed_suite_thresholds(results, [*args.fail_under, *args.fail_over]):
+        code = complain(args, line, code or MISSED)
+    return code
+
+
+def check_options(args: argparse.Namespace, chosen: Sequence[str]) -> None:
+    """Raise ValueError for an unknown source and for options that do not go together."""
+    for name in chosen:
+        if name not in SOURCES:
+            raise ValueError(f'--source {name!r} is unknown; available are {", ".join(SOURCES)}')
+    if args.png and not (args.show and len(chosen) == 1):
+        raise ValueError('--png draws one plan: name one instruction with --show and one --source')
+    if REPLAY in chosen and not args.transcript:
+        raise ValueError('--source replay answers from a --transcript: name one')
+    if args.record and ENDPOINT not in chosen:
+        raise ValueError('--record keeps exchanges of --source endpoint; no other has any')
+
+
+def model_values(args: argparse.Namespace) -> dict[str, Any]:
+    """Return the settings of a model by parameter name. Raises ParameterError."""
+    values = defaults(SOURCE, cli=True) | given_values(args, MODEL)
+    if values['transcript']:
+        values['transcript'] = str(find_file(values['transcript'], 'maps'))
+    # The number of instructions already bounds the calls.
+    return values | {'max_calls_per_hour': 0}
+
+
+def make_sources(chosen: Sequence[str], values: dict[str, Any]) -> list[Source]:
+    """Return the sources by name; raises what the interpreters raise for their settings."""
+    own: dict[str, Source] = {TRUTH: TruthSource(), NO_INSTRUCTION: NoInstructionSource()}
+    made: list[Source] = []
+    for name in chosen:
+        if name in own:
+            made.append(own[name])
+            continue
+        settings = values | {'source': NO_INSTRUCTION if name == GRAMMAR else name}
+        interpreter = make_interpreter(settings)
+        made.append(InterpreterSource(name, interpreter, values['timeout_s']))
+    return made
+
+
+def common_request(args: argparse.Namespace) -> PlanRequest:
+    """Return what all requests have in common, by the defaults of `llm-astar plan`."""
+    values = defaults((*SEARCH, *REQUESTS), cli=True) | given_values(args, TIME)
+    # A picture shows the expanded cells.
+    request = PlanRequest((0, 0), (0, 0), want_expanded=bool(args.png))
+    return replace(
+        request,
+        time_limit=values['max_planning_time'],
+        max_suboptimality=values['max_suboptimality'] or None,
+        tolerance=values['tolerance'],
+    )
+
+
+def run_suite(
+    args: argparse.Namespace, suite: Suite, sources: Sequence[Source], runner: SuiteRunner
+) -> tuple[int, list[InstructionResult]]:
+    """Run all instructions; return the exit code and the results, those so far if interrupted."""
+    results: list[InstructionResult] = []
+    with progress(len(suite.instructions) * len(sources), 'result') as step:
+        try:
+            for result in runner.run(suite.instructions, sources):
+                results.append(result)
+                step()
+        except KeyboardInterrupt:
+            message = f'interrupted after {len(results)} results, which are kept'
+            return complain(args, message, INTERRUPTED), results
+    return OK, results
+
+
+def write_results(
+    folder: ResultsFolder,
+    suite: Suite,
+    chosen: Sequence[str],
+    results: Sequence[InstructionResult],
+) -> None:
+    """Write rows, figures and report. Raises ResultsError."""
+    rows = [result_row(result) for result in results]
+    lines = [list(rows[0]), *(list(map(str, row.values())) for row in rows)]
+    folder.write_text('results.csv', format_csv(lines))
+    metadata = describe_run([suite.path], {'sources': list(chosen)})
+    folder.write_json('summary.json', metadata | {'sources': summary_to_json(results)})
+    folder.write_text('report.md', markdown_summary(results, metadata))
+
+
+def show(
+    args: argparse.Namespace,
+    instruction: SuiteInstruction,
+    sources: Sequence[Source],
+    runner: SuiteRunner,
+) -> int:
+    """Print one instruction in full for each source, and draw it; return the exit code."""
+    results = list(runner.run([instruction], sources))
+    if args.json:
+        print(json.dumps([shown_json(result) for result in results]))
+    else:
+        print('\n\n'.join(map(chain_text, results)))
+    if args.png:
+        draw(results[0], args.png)
+    return OK if all(result.plan.code == 0 for result in results) else MISSED
+
+
+def shown_json(result: InstructionResult) -> dict[str, Any]:
+    """Return one result in full as JSON."""
+    outcome = None if result.outcome is None else result.outcome.to_json()
+    return result_row(result) | {'outcome': outcome, 'path': result.plan.path.tolist()}
+
+
+def draw(result: InstructionResult, path: str) -> None:
+    """Draw the plan of a result into a file. Raises OSError and ValueError."""
+    # Importing matplotlib takes most of a second.
+    from llm_astar_lab.pictures.figures import picture_of, save_picture  # noqa: PLC0415
+
+    plan, suite_map = result.plan, result.instruction.suite_map
+    barriers = suite_map.barrier_map
+    offset = (0, 0) if barriers is None else barriers.offset
+    route = Route(Costmap(suite_map.grid_map), plan.start, plan.goal, suite_map.places)
+    picture = picture_of(plan, suite_map.grid_map, plan.start, plan.goal, offset, route=route)
+    save_picture(picture, path)

@@ -1,0 +1,119 @@
+"""Plan in the browser: drag start and goal, draw walls, and watch the search.
+
+A small server on this machine shows the page; nothing is sent anywhere else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import sys
+import threading
+import webbrowser
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from llm_astar_planner.cli.flags import add_graph_options
+
+if TYPE_CHECKING:
+    from llm_astar_lab.play.live import LiveFeed
+
+DEFAULT_HOST, DEFAULT_PORT = '127.0.0.1', 8321
+
+EPILOG = """\
+examples:
+  llm-astar play
+  llm-astar play --map depot.yaml --map maze.map.scen
+  llm-astar play --port 9000 --no-browser
+  llm-astar play --live --namespace /robot1
+
+The page shows how a search expands the map cell by cell, what became of each waypoint, and the
+figures beside those without waypoints and of A*. Its address holds the whole view, so a link shows
+it again, and it gives the `llm-astar plan` command that makes the same plan.
+
+Ctrl-C ends the server. Only this machine reaches it; --host 0.0.0.0 opens it to the network, whose
+members may then plan on the listed maps and watch the graph of --live, but read no other file.
+
+exit codes: 0 ended with Ctrl-C, 1 a library is missing, 2 bad usage, a bad map or a port in use
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        '--map',
+        action='append',
+        default=[],
+        metavar='FILE',
+        help='a map to offer besides the shipped ones: map_server yaml, MovingAI x.map or '
+        'x.map.scen, or barrier-map JSON, of which the first ten are taken; repeat it for more',
+    )
+    parser.add_argument(
+        '--host',
+        default=DEFAULT_HOST,
+        metavar='NAME',
+        help='address to serve at (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--port',
+        type=int,
+        default=DEFAULT_PORT,
+        metavar='N',
+        help='port to serve at; 0 takes a free one (default: %(default)s)',
+    )
+    parser.add_argument('--no-browser', action='store_true', help='do not open the browser')
+    graph = parser.add_argument_group('a running graph')
+    graph.add_argument(
+        '--live',
+        action='store_true',
+        help='show the map, plans and reports of a running planner too',
+    )
+    add_graph_options(graph)
+    graph.add_argument(
+        '--client',
+        default='llm_client_node',
+        metavar='NAME',
+        help='name of its waypoint client (default: %(default)s)',
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serve until Ctrl-C; return 0, or 1 where a library is missing.
+
+    Raises ParameterError where it cannot serve at the address, NodeNameError for a name that no
+    node can have, and what reading maps raises.
+    """
+    # Optional dependencies; the help needs to work without them.
+    try:
+        from llm_astar_lab.play.server import listen, serve, url_of  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        message = f"{error.name} is missing: pip install 'starlette' 'uvicorn'"
+        sys.stderr.write(f'llm-astar: error: {message}\n')
+        return 1
+    from llm_astar_lab.play.app import PlayApp  # noqa: PLC0415
+    from llm_astar_lab.play.live import LiveFeed  # noqa: PLC0415
+    from llm_astar_lab.play.maps import Maps  # noqa: PLC0415
+
+    feed = LiveFeed() if arguments.live else None
+    app = PlayApp(Maps(arguments.map), feed)
+    with listen(arguments.host, arguments.port) as listener, shown_graph(arguments, feed):
+        url = url_of(arguments.host, listener.getsockname()[1])
+        print(f'the page is at {url} (Ctrl-C ends it)', flush=True)
+        if not arguments.no_browser:
+            threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
+        serve(app, arguments.host, listener)
+    print('stopped')
+    return 0
+
+
+@contextlib.contextmanager
+def shown_graph(arguments: argparse.Namespace, feed: LiveFeed | None) -> Iterator[None]:
+    """Feed what a running graph does, if there is a feed. Raises NodeNameError."""
+    if feed is None:
+        yield
+        return
+    # ROS is needed for this alone.
+    from llm_astar_lab.nodes.live_view import live_view  # noqa: PLC0415
+
+    with live_view(arguments.namespace, arguments.node, arguments.client, feed):
+        yield

@@ -1,0 +1,64 @@
+"""Record the live graph into a rosbag2 bag, to evaluate it later."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from functools import partial
+
+from llm_astar_planner.parameter import ParameterError
+
+from llm_astar_lab.bags.writing import BagWriter
+
+MEGABYTE = 1_000_000
+EPILOG = """\
+examples:
+  llm-astar record --out run1                                   until Ctrl-C
+  llm-astar record --out run2 --duration 600 --max-size 500     ten minutes, files of 500 MB
+  llm-astar record --out run3 --namespace /robot1 --topics scan amcl_pose
+
+Records maps and their updates, requests of GetPlan, goals and initial poses, plans, the planner's
+reports, exchanges with the language model, tf, odometry and diagnostics. What has no publisher yet
+is waited for. For the use of the bag see `llm-astar evaluate --help`.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument('--out', required=True, metavar='DIR', help='the bag, a new folder')
+    parser.add_argument(
+        '--namespace', default='', metavar='NAME', help="the robot's, such as /robot1"
+    )
+    parser.add_argument(
+        '--topics', nargs='+', default=[], metavar='NAME', help='further topics to record'
+    )
+    parser.add_argument(
+        '--duration', type=float, default=math.inf, metavar='SECONDS',
+        help='stop after this time (default: at Ctrl-C)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--max-size', type=float, default=0.0, metavar='MB',
+        help='begin a new file after this size (default: one file)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--storage', choices=('mcap', 'sqlite3'), default='mcap',
+        help='format of the bag (default: %(default)s)',
+    )  # fmt: skip
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Record; return 0, or 1 where no message came. Raises ParameterError, OSError."""
+    if not arguments.duration > 0 or not arguments.max_size >= 0:
+        sizes = f'--duration {arguments.duration}, --max-size {arguments.max_size}'
+        raise ParameterError(f'{sizes}: numbers above 0 are expected')
+    # Not at the top, so that `--help` works without ROS.
+    from llm_astar_lab.nodes.recorder import TOPICS, record  # noqa: PLC0415
+
+    bag = BagWriter(arguments.out, arguments.storage, round(arguments.max_size * MEGABYTE))
+    topics = (*TOPICS, *arguments.topics)
+    report = partial(print, flush=True)
+    record(bag, topics, arguments.namespace, arguments.duration, report)
+    for topic, count in bag.counts.items():
+        print(f'{count:8d} {topic}')
+    print(f'{arguments.out}: {bag.total} messages')
+    return 0 if bag.total else 1

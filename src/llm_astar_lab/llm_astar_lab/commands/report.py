@@ -1,0 +1,72 @@
+"""Rewrite summary, figures and reports of a results folder from its rows.
+
+With --latex or --csv, only write its tables; with --readme, only replace the results section of a
+README.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
+
+from llm_astar_lab.analysis.summary import summarise_run
+from llm_astar_lab.report.formats import write_tables
+from llm_astar_lab.report.markdown import replace_section, results_section
+from llm_astar_lab.report.tables import report_tables
+from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        'folder', metavar='DIR', help='a folder written by `llm-astar bench --out`'
+    )
+    parser.add_argument(
+        '--readme', metavar='FILE',
+        help='put finding, table and provenance between the lines <!-- results:begin --> and '
+        '<!-- results:end --> of FILE',
+    )  # fmt: skip
+    parser.add_argument(
+        '--latex', action='store_true',
+        help='write every table to DIR/tables/NAME.tex, for \\input with the packages booktabs '
+        'and adjustbox',
+    )  # fmt: skip
+    parser.add_argument(
+        '--csv', action='store_true',
+        help='write every table to DIR/tables/NAME.csv, with the limits of its intervals',
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the reports, the tables or the section; return 0.
+
+    Raises ResultsError or ValueError.
+    """
+    folder = ResultsFolder(args.folder)
+    metadata = folder.read_metadata()
+    if args.readme or args.latex or args.csv:
+        return write_parts(args, folder, metadata)
+    # Importing matplotlib takes most of a second, and a README section needs no figures.
+    from llm_astar_lab.report.write import write_report  # noqa: PLC0415
+
+    summary = write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
+    print(f'{summary["headline"]}\n{folder.path}/report.html')
+    return 0
+
+
+def write_parts(
+    args: argparse.Namespace, folder: ResultsFolder, metadata: Mapping[str, Any]
+) -> int:
+    """Write the section and the tables that are asked for, and print their files; return 0."""
+    summary = summarise_run(folder.read(), metadata)
+    if args.readme:
+        replace_section(Path(args.readme), results_section(summary))
+        print(args.readme)
+    tables = report_tables(summary)
+    for path in write_tables(folder, tables, as_latex=args.latex, as_csv=args.csv):
+        print(path)
+    return 0

@@ -1,0 +1,396 @@
+"""The options and the last steps that `bench` and `evaluate` share."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from llm_astar_msgs_adapter.errors import printable
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.maps.places import Places
+from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
+from llm_astar_planner.cli.map_files import add_places_option
+from llm_astar_planner.cli.parameter_flags import (
+    add_endpoint_arguments,
+    add_parameter_flags,
+    parameter_values,
+)
+from llm_astar_planner.instructions.chain import make_interpreter
+from llm_astar_planner.instructions.interpretation import RouteInstruction, clean_instruction
+from llm_astar_planner.parameter import Scalar
+from llm_astar_planner.planning.parameters import PLANNER, REQUESTS, SEARCH, defaults
+from llm_astar_planner.resources import SAMPLES_FILE, find_file
+from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
+from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SOURCE_NAMES, SourceSettings
+from llm_astar_planner.waypoints.plugins import SOURCES
+from llm_astar_planner.waypoints.prompts.template import TEMPLATES, template_path
+from tqdm import tqdm
+
+from llm_astar_lab.analysis.columns import RowColumns
+from llm_astar_lab.analysis.summary import summarise
+from llm_astar_lab.analysis.thresholds import (
+    missed_thresholds,
+    unknown_variant,
+)
+from llm_astar_lab.commands.option_types import count, file_names, names, threshold
+from llm_astar_lab.datasets.reference_lengths import (
+    compare_with_reference,
+    reference_lengths,
+)
+from llm_astar_lab.report.sentences import recorded_sentence
+from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
+from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
+from llm_astar_lab.runner.cluster import connect
+from llm_astar_lab.runner.config import (
+    FORMATS,
+    LARGE_RUN,
+    describe_unanswered,
+    progress,
+    run_into_folder,
+)
+from llm_astar_lab.runner.duration import forecast, split_timed
+from llm_astar_lab.runner.engine import (
+    ALL_METHODS,
+    Outcome,
+    Task,
+    TaskList,
+    compile_once,
+    list_variants,
+)
+from llm_astar_lab.runner.map_costs import add_query_times
+from llm_astar_lab.runner.sources import (
+    GRID_BASELINES,
+    SourceSpec,
+    make_source_specs,
+)
+
+# Simultaneous requests to a live endpoint, unless --jobs says otherwise.
+LIVE_JOBS = 8
+INSTRUCTION = ('instruction', 'instruction_policy')
+# The parameters of the search, with the defaults of the benchmark.
+SEARCH_PARAMETERS = tuple(
+    item.for_bench()
+    for item in (*SEARCH, *REQUESTS)
+    if item.name in ('heuristic', 'weight', 'max_suboptimality', 'max_planning_time')
+)
+OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options that choose methods, sources, prompts and models."""
+    group.add_argument(
+        '--methods', type=names, metavar='NAMES',
+        help=f'of {", ".join(ALL_METHODS)}, or plug-ins (default: all of these)',
+    )  # fmt: skip
+    group.add_argument(
+        '--source', type=names, default=[], metavar='NAMES',
+        help=f'of {", ".join(SOURCE_NAMES)}, or plug-ins (default: embedded and all baselines; '
+        'the baselines are also added to every other source; on a grid only '
+        f'{", ".join(GRID_BASELINES)}, because the others need a visibility graph, which is slow '
+        'there and refused on large maps)',
+    )  # fmt: skip
+    group.add_argument(
+        '--prompt', type=names, default=[], metavar='NAMES',
+        help=f'for endpoint and replay: of {", ".join(TEMPLATES)}, or paths of templates',
+    )  # fmt: skip
+    group.add_argument(
+        '--model', type=names, default=[], metavar='NAMES', help='for endpoint and replay'
+    )
+    group.add_argument(
+        '--transcript', type=file_names, action='extend', default=[], metavar='FILES',
+        help='transcripts that replay answers from: paths, or names in maps/, separated by '
+        'commas; each gives rows of its own',
+    )  # fmt: skip
+    add_endpoint_arguments(group)
+    add_parameter_flags(group, SEARCH_PARAMETERS)
+    group.add_argument(
+        '--price', type=float, nargs=2, metavar=('IN', 'OUT'),
+        help='price of a million tokens, for the cost column',
+    )  # fmt: skip
+
+
+def add_instruction(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options of an instruction for every sample."""
+    items = [item for item in PLANNER if item.name in INSTRUCTION]
+    add_parameter_flags(group, items)
+    group.set_defaults(**defaults(items))
+    add_places_option(group)
+
+
+def instruction_of(args: argparse.Namespace, places: Places) -> RouteInstruction | None:
+    """Return what is understood of the instruction for every sample, None if there is none.
+
+    The settings of a live or recorded model are those of the sources. Raises ValueError.
+    """
+    text = clean_instruction(args.instruction)
+    if not text:
+        return None
+    names = [name for name in ('endpoint', 'replay') if name in args.source]
+    if 'replay' in args.source and len(args.transcript) > 1:
+        raise ValueError('--instruction is replayed from one file: name one --transcript')
+    values = {
+        'source': names[0] if names else 'none',
+        'model': next(iter(args.model), ''),
+        'transcript': next(iter(args.transcript), ''),
+        'base_url': args.base_url,
+        'api_key_env': args.api_key_env,
+        'api_key_names': args.api_key_names,
+    }
+    interpreter = make_interpreter(values)
+    interpretation = interpreter.interpret(text, places, args.max_planning_time)
+    sys.stderr.write(f'instruction {interpretation.status.value}: {interpretation.sentence}\n')
+    return RouteInstruction(interpretation, places, args.instruction_policy)
+
+
+def add_running(group: Any, out: str) -> None:  # noqa: ANN401 - argparse keeps its type private
+    """Add the options for running and output; `out` is the default folder."""
+    group.set_defaults(default_out=out)
+    group.add_argument(
+        '--out', metavar='DIR',
+        help=f'folder for the results (default: {out}, or {out}-2 and so on where that has some)',
+    )  # fmt: skip
+    again = group.add_mutually_exclusive_group()
+    again.add_argument(
+        '--resume', action='store_true',
+        help='continue an interrupted run: that in --out, or the last one',
+    )  # fmt: skip
+    again.add_argument(
+        '--overwrite',
+        action='store_true',
+        help='replace the results in --out by those of this run',
+    )
+    group.add_argument(
+        '--jobs', type=count, metavar='N',
+        help='samples planned in parallel, and so also the number of simultaneous requests '
+        '(default: 1, or 8 with a live source)',
+    )  # fmt: skip
+    group.add_argument(
+        '--format', choices=FORMATS,
+        help='of the rows: csv, or parquet for very many, which needs pyarrow (default: csv, and '
+        f'parquet from {LARGE_RUN:,} rows on where pyarrow is installed; --resume keeps to the '
+        'format of the folder)',
+    )  # fmt: skip
+    group.add_argument('--dask', metavar='ADDRESS', help='scheduler of a Dask cluster to run on')
+    group.add_argument(
+        '--fail-under', '--assert', type=threshold, action='append', default=[], metavar='LIMIT',
+        help='VARIANT:METRIC=LIMIT in percent, or METRIC=LIMIT for all variants that have the '
+        'metric, such as instruction=95; exit 1 if a ratio is above it or a share below',
+    )  # fmt: skip
+    group.add_argument('--json', action='store_true', help='print the summary as JSON')
+
+
+def settle_variants(args: argparse.Namespace, file: Mapping[str, Scalar] | None = None) -> None:
+    """Put the values of methods and search that flags, parameter files and defaults lead to.
+
+    `file` is what parameter files set of planner_node, None without one. A bound of 0 becomes
+    None. Raises ValueError on values that argparse cannot check.
+    """
+    if args.methods is None:
+        method = (file or {}).get('method', GUIDED)
+        args.methods = list(ALL_METHODS) if file is None else [str(method)]
+    for name in args.methods:
+        SEARCH_METHODS.admit(name)
+        problem = None if name in ALL_METHODS else SEARCH_METHODS.problem(name)
+        if problem:
+            raise ValueError(f'--methods {problem}, {WAYPOINTS_ONLY}')
+    for name in args.source:
+        SOURCES.admit(name)
+        problem = SOURCES.problem(name)
+        if problem:
+            raise ValueError(f'--source {problem}')
+    vars(args).update(parameter_values(args, SEARCH_PARAMETERS, file))
+    args.max_suboptimality = args.max_suboptimality or None
+
+
+def source_specs(
+    args: argparse.Namespace,
+    folder: ResultsFolder,
+    dataset: Sequence[BarrierMap],
+    default: Sequence[str] | None,
+) -> list[SourceSpec]:
+    """Return the sources that the options lead to. Raises ValueError.
+
+    What live models answer is recorded in the results folder. `default` names the baselines that
+    are added, None for all of them.
+    """
+    settings = SourceSettings(
+        base_url=args.base_url,
+        api_key_env=args.api_key_env,
+        api_key_names=args.api_key_names,
+        timeout_s=args.max_planning_time,
+        repair_rounds=args.repair_rounds,
+        prompt_form=args.prompt_form,
+        retrieved_examples=args.retrieved_examples,
+        examples_file=args.examples_file,
+        max_concurrent=args.jobs or LIVE_JOBS,
+        # The number of samples already bounds the calls.
+        max_calls_per_hour=0,
+        record=str(folder.transcript),
+    )
+    variants = (args.source, args.prompt, args.model)
+    return make_source_specs(
+        *variants,
+        settings=settings,
+        dataset=dataset,
+        transcripts=args.transcript,
+        seed=args.seed,
+        default=default,
+    )
+
+
+def check_thresholds(args: argparse.Namespace, sources: Sequence[SourceSpec]) -> None:
+    """Raise ValueError where --fail-under names a variant that this run does not have."""
+    variants = [variant for variant, _ in list_variants(args.methods, sources)]
+    problem = unknown_variant(args.fail_under, variants)
+    if problem is not None:
+        raise ValueError(problem)
+
+
+def deciding_parameters(args: argparse.Namespace, *more: str) -> dict[str, Any]:
+    """Return the parameters of a run for its metadata; --resume compares COMPARED_PARAMETERS."""
+    names = (
+        'seed', 'methods', 'source', 'prompt', 'model', 'base_url', 'repair_rounds',
+        'prompt_form', 'retrieved_examples', 'examples_file', 'heuristic', 'weight',
+        'max_suboptimality', 'price', 'jobs', *more,
+    )  # fmt: skip
+    instruction = INSTRUCTION if args.instruction else ()
+    found = {name: getattr(args, name) for name in (*names, *instruction)}
+    return found | {'time_limit': args.max_planning_time}
+
+
+def deciding_files(args: argparse.Namespace) -> list[Path]:
+    """Return the transcripts, the prompt files and the places, which change the rows too."""
+    files = [Path(transcript) for transcript in args.transcript]
+    files += [find_file(args.places_file, 'maps')] if args.places_file else []
+    if 'endpoint' in args.source:
+        prompts = args.prompt or [DEFAULT_PROMPT]
+        files += [template_path(p) if p in TEMPLATES else Path(p).expanduser() for p in prompts]
+        if args.retrieved_examples:
+            files.append(find_file(args.examples_file or SAMPLES_FILE, 'maps'))
+    return files
+
+
+@contextmanager
+def make_executor(
+    args: argparse.Namespace, sources: Sequence[SourceSpec]
+) -> Iterator[tuple[Executor, int]]:
+    """Yield the executor for the tasks, and how many of them to submit at a time."""
+    if args.dask:
+        with connect(args.dask, sources) as cluster:
+            yield cluster
+        return
+    is_live = any(spec.name == 'endpoint' for spec in sources)
+    jobs = args.jobs or (LIVE_JOBS if is_live else 1)
+    executor = ThreadPoolExecutor(jobs)
+    try:
+        yield executor, 2 * jobs
+    finally:
+        # Requests that are still in flight may take long, and nothing needs their answers now.
+        executor.shutdown(wait=False, cancel_futures=True)
+
+
+def run_into(
+    args: argparse.Namespace,
+    folder: ResultsFolder,
+    metadata: dict[str, Any],
+    tasks: TaskList | Iterator[Task],
+    pool: tuple[Executor, int],
+    *,
+    unit: str = 'sample',
+    keep: Callable[[Task, list[Outcome]], object] | None = None,
+) -> int:
+    """Run tasks into a results folder, with `keep` after each; return the exit code.
+
+    `pool` is what `make_executor` yields: made before a folder is touched, as it may fail.
+    Raises ResultsError where the folder cannot be written to, and what `keep` raises.
+    """
+    total = len(tasks) if isinstance(tasks, TaskList) else None
+    executor, at_once = pool
+    try:
+        with progress(total, unit) as step:
+
+            def finish(task: Task, outcomes: list[Outcome]) -> None:
+                if keep is not None:
+                    keep(task, outcomes)
+                step()
+
+            metadata['parameters']['jobs'] = args.dask or at_once // 2
+            # Tasks that are made one by one hold a map each, so fewer of them are queued.
+            queued = at_once if total is not None else max(1, at_once // 2)
+
+            def run(some: Iterable[Task]) -> None:
+                run_into_folder(folder, some, executor, queued, metadata=metadata, step=finish)
+
+            run(run_timed(tasks, run) if isinstance(tasks, TaskList) else tasks)
+    except KeyboardInterrupt:
+        message = 'interrupted: the rows so far are kept; continue with --resume'
+        return complain(args, message, INTERRUPTED)
+    return OK
+
+
+def run_timed(tasks: TaskList, run: Callable[[TaskList], None]) -> TaskList:
+    """Run the first tasks of each scale, say how long the others take, and return those."""
+    compile_once()
+    timed, others = split_timed(tasks.scales)
+    seconds = {}
+    for scale, first in timed.items():
+        begun = time.monotonic()
+        run(tasks.at(first))
+        seconds[scale] = (time.monotonic() - begun) / len(first)
+    left = tasks.at(others)
+    sentence = forecast(left.scales, seconds)
+    if sentence is not None:
+        tqdm.write(sentence, file=sys.stderr)
+    return left
+
+
+def close_run(
+    args: argparse.Namespace, folder: ResultsFolder, metadata: dict[str, Any], code: int
+) -> int:
+    """Write the reports of a run, print the table, and return the exit code."""
+    # Importing matplotlib takes most of a second, which bad usage should not wait for.
+    from llm_astar_lab.report.markdown import text_report  # noqa: PLC0415
+    from llm_astar_lab.report.write import write_report  # noqa: PLC0415
+
+    maps = load_kept_maps(folder.path / MAPS_FILE)
+    try:
+        folder.fold()
+        columns = RowColumns()
+        unanswered = describe_unanswered(columns.passing(folder.read()))
+        if 'map_costs' in metadata:
+            add_query_times(metadata['map_costs'], columns)
+        folder.write_json('metadata.json', metadata)
+        recorded = recorded_sentence(folder.read()) if metadata.get('bags') else None
+        lengths = reference_lengths(maps)
+        agreements = (
+            compare_with_reference(folder.read(), lengths, args.heuristic) if lengths else []
+        )
+        # Last, because figures take memory that is not given back.
+        summary = write_report(folder, metadata, maps)
+    except ResultsError as error:
+        return complain(args, str(error), INCOMPLETE)
+    print(json.dumps(summary) if args.json else text_report(columns, args.seed, recorded))
+    print(
+        f'{len(columns)} rows in {metadata["seconds"]:.1f} s: {folder.path}/report.html',
+        file=sys.stderr,
+    )
+    for line in unanswered:
+        code = complain(args, line, code or INCOMPLETE)
+    for agreement in agreements:
+        code = complain(args, str(agreement), code or (INCOMPLETE if agreement.first else OK))
+    for line in missed_thresholds(summarise(columns, args.seed), args.fail_under):
+        code = complain(args, line, code or MISSED)
+    return code
+
+
+def complain(args: argparse.Namespace, message: str, code: int) -> int:
+    """Write a message with the command's name to stderr; return `code`."""
+    sys.stderr.write(f'llm-astar {args.command}: {printable(message)}\n')
+    return code

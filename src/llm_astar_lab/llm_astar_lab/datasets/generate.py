@@ -1,0 +1,181 @@
+"""Generates a dataset by the recipe of the paper's appendix, from a seed.
+
+A map gets one to four horizontal and one to four vertical barriers at random. Start and goal are
+connected free cells whose straight line is blocked. The paper chose its maps by hand; here a map
+is kept if its barriers make the paths long enough (`MapRules`).
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from llm_astar_msgs_adapter.errors import LlmAstarError
+from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap, Point, Sample
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
+from llm_astar_planner.lazy import ndimage
+from llm_astar_planner.search.paper import SearchOptions, astar
+from llm_astar_planner.search.result import SearchStatus
+from llm_astar_planner.search.visibility import LineOfSightChecker
+from numpy.typing import NDArray
+
+# Random draws before a map is given up.
+TRIES = 2000
+
+
+class GenerationError(LlmAstarError, ValueError):
+    """A dataset cannot be generated as asked."""
+
+
+@dataclass(frozen=True)
+class MapRules:
+    """The rules that a generated map obeys; lengths are in cells.
+
+    The default `size` is the paper's: 50 x 30 spans the lattice points 0..50 and 0..30. Barriers
+    are at least `min_barrier` long, parallel ones at least `min_gap` apart, start and goal at
+    least `min_distance` apart. A map is kept if at least the share `min_reachable` of its free
+    cells is connected and the shortest paths of its pairs are on average at least `min_detour`
+    times as long as on an empty map.
+    """
+
+    size: Point = (50, 30)
+    pairs: int = 10
+    most_barriers: int = 4
+    min_barrier: int = 3
+    min_gap: int = 2
+    min_distance: float = 5.0
+    min_reachable: float = 0.9
+    min_detour: float = 1.15
+
+
+def generate(seed: int, maps: int = 100, rules: MapRules | None = None) -> Iterator[BarrierMap]:
+    """Yield `maps` maps with ids from 0; the first n maps of a seed are always the same.
+
+    Raises GenerationError where no map is found that obeys the rules.
+    """
+    rules = rules or MapRules()
+    if min(rules.size) < 10:
+        raise GenerationError(f'size: {rules.size} is too small; the minimum is 10 x 10')
+    for map_id in range(maps):
+        # random.Random gives the same sequence in every version of Python.
+        draw = random.Random(f'{seed}:{map_id}')  # noqa: S311 - no secret
+        yield draw_map(draw, map_id, rules)
+
+
+def detour(barrier_map: ProblemMap) -> float:
+    """Return the mean over the samples of shortest path / shortest path on an empty map.
+
+    It is infinite where a sample has no path, and 1 where no barrier is in the way. Corners may be
+    cut on barrier maps alone.
+    """
+    blocked = barrier_map.to_grid().blocked()
+    options = SearchOptions('octile', corner_cutting=isinstance(barrier_map, BarrierMap))
+    ratios = []
+    for sample in barrier_map.samples:
+        start, goal = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
+        result = astar(blocked, start, goal, [], options)
+        length = result.length if result.status is SearchStatus.FOUND else math.inf
+        ratios.append(length / max(octile(sample.start, sample.goal), 1e-9))
+    return float(np.mean(ratios)) if ratios else 1.0
+
+
+def octile(start: Point, goal: Point) -> float:
+    """Return the length of a shortest 8-connected path on an empty map, in cells."""
+    dx, dy = abs(start[0] - goal[0]), abs(start[1] - goal[1])
+    return max(dx, dy) + (math.sqrt(2.0) - 1.0) * min(dx, dy)
+
+
+def query_sentence(barrier_map: BarrierMap, start: Point, goal: Point) -> str:
+    """Return the query of a sample, worded as in the paper's dataset."""
+    width, height = barrier_map.size
+    horizontal = [list(barrier) for barrier in barrier_map.horizontal_barriers]
+    vertical = [list(barrier) for barrier in barrier_map.vertical_barriers]
+    return (
+        f'design a path from {list(start)} to {list(goal)} on a {width} by '
+        f'{height} grid that avoids horizontal barriers centered at {horizontal} '
+        f'and vertical barriers at {vertical}.'
+    )
+
+
+def draw_map(draw: random.Random, map_id: int, rules: MapRules) -> BarrierMap:
+    """Draw maps until one obeys the rules. Raises GenerationError after TRIES maps."""
+    for _ in range(TRIES):
+        empty = draw_barriers(draw, map_id, rules)
+        samples = draw_samples(draw, empty, rules)
+        if len(samples) < rules.pairs:
+            continue
+        barrier_map = BarrierMap(
+            empty.id,
+            empty.range_x,
+            empty.range_y,
+            empty.horizontal_barriers,
+            empty.vertical_barriers,
+            tuple(Sample(*pair, query_sentence(empty, *pair)) for pair in samples),
+        )
+        if detour(barrier_map) >= rules.min_detour:
+            return barrier_map
+    raise GenerationError(f'map {map_id}: none of {TRIES} random maps fits {rules}')
+
+
+def draw_barriers(draw: random.Random, map_id: int, rules: MapRules) -> BarrierMap:
+    """Draw a map without samples."""
+    width, height = rules.size
+    horizontal = draw_parallel_barriers(draw, height, width, rules)
+    vertical = draw_parallel_barriers(draw, width, height, rules)
+    return BarrierMap(map_id, (0, width + 1), (0, height + 1), horizontal, vertical)
+
+
+def draw_parallel_barriers(
+    draw: random.Random, across: int, along: int, rules: MapRules
+) -> tuple[Barrier, ...]:
+    """Draw barriers on inner lines, at least `min_gap` apart."""
+    wanted = draw.randint(1, rules.most_barriers)
+    barriers: list[Barrier] = []
+    lines: list[shapely.LineString] = []
+    for _ in range(TRIES):
+        first, last = sorted((draw.randint(0, along), draw.randint(0, along)))
+        barrier = Barrier(draw.randint(1, across - 1), first, last)
+        line = shapely.LineString([(first, barrier.line), (last, barrier.line)])
+        near = any(line.distance(other) < rules.min_gap for other in lines)
+        if last - first >= rules.min_barrier and not near:
+            barriers.append(barrier)
+            lines.append(line)
+        if len(barriers) == wanted:
+            break
+    return tuple(barriers)
+
+
+def draw_samples(
+    draw: random.Random, barrier_map: BarrierMap, rules: MapRules
+) -> list[tuple[Point, Point]]:
+    """Draw start-goal pairs; fewer than asked where the map has no more of them."""
+    blocked = barrier_map.to_grid().blocked()
+    labels, _ = ndimage.label(~blocked, structure=np.ones((3, 3)))
+    sizes = np.bincount(labels[~blocked])
+    if sizes.max() < rules.min_reachable * sizes.sum():
+        return []
+    line_of_sight = LineOfSightChecker(blocked)
+    pairs: list[tuple[Point, Point]] = []
+    for _ in range(TRIES):
+        start, goal = draw_free_cell(draw, blocked), draw_free_cell(draw, blocked)
+        solvable = labels[start[::-1]] == labels[goal[::-1]]
+        apart = math.dist(start, goal) >= rules.min_distance
+        if solvable and apart and (start, goal) not in pairs:
+            if not line_of_sight.clear([start], [goal])[0]:
+                pairs.append((start, goal))
+            if len(pairs) == rules.pairs:
+                break
+    return pairs
+
+
+def draw_free_cell(draw: random.Random, blocked: NDArray[np.bool_]) -> Point:
+    """Draw a free cell (x, y)."""
+    height, width = blocked.shape
+    while True:
+        x, y = draw.randrange(width), draw.randrange(height)
+        if not blocked[y, x]:
+            return x, y

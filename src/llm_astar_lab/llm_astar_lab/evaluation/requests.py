@@ -1,0 +1,316 @@
+"""Requests of a bag, each on the map of its time; also requests listed in a CSV or JSON file.
+
+Messages are read one by one. Only the current map, the newest poses and transforms, and the
+requests that wait for their recorded plan are kept.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from llm_astar_msgs_adapter.errors import LlmAstarError, short_repr
+from llm_astar_msgs_adapter.files import parse_json, read_text
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, BarrierMapError, parse_barrier_map
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, GridMapError, Pose2D
+from llm_astar_msgs_adapter.messages.fields import grid_from_message, updated
+
+from llm_astar_lab.bags.files import JUMP
+from llm_astar_lab.bags.reading import Bag, BagMessage
+from llm_astar_lab.evaluation.recorded_plans import BagRequest, Call, PendingRequests
+from llm_astar_lab.evaluation.robot_poses import PoseError, RobotPoseTracker
+from llm_astar_lab.evaluation.topics import TopicSelection, find_missing, topic_roles
+
+# The event types of service_msgs/ServiceEventInfo with a response: sent and received.
+RESPONSES = (2, 3)
+# How many calls are remembered, since both client and server may publish an event of one.
+MAX_CALLS = 1000
+# What a message may raise whose type the bag defines otherwise than ROS does.
+UNFIT = (LlmAstarError, AttributeError, TypeError, ValueError, LookupError, OverflowError)
+MAX_REQUESTS = 100_000
+MAX_LIST_BYTES = 8_000_000
+# Columns that a list of requests must have.
+COLUMNS = ('start_x', 'start_y', 'goal_x', 'goal_y')
+
+# A pose in the map's frame, a decoded geometry_msgs/Pose with its frame, or None for the robot's.
+Place = Pose2D | tuple[Any, str] | None
+
+
+class RequestListError(LlmAstarError, ValueError):
+    """A list that cannot be used; the message names the file, the entry and the field."""
+
+
+class ListedRequest(NamedTuple):
+    """A request of a list; `time` is in seconds after the bag's first message, inf at its end."""
+
+    number: int
+    time: float
+    start: Pose2D
+    goal: Pose2D
+
+
+class RequestReader:
+    """Reads the requests of one bag."""
+
+    def __init__(
+        self,
+        bag: Bag,
+        selection: TopicSelection,
+        window: float,
+        listed: Sequence[ListedRequest] = (),
+    ) -> None:
+        """Take an open bag; a recorded plan may come `window` seconds after its request."""
+        self.bag = bag
+        self._roles = topic_roles(bag, selection)
+        self._missing = find_missing(bag, self._roles, selection)
+        self._listed = deque(sorted(listed, key=lambda item: item.time))
+        roles = self._roles.values()
+        plans = 'plan' in roles or 'plan as request' in roles
+        self._pending = PendingRequests(int(window * 1e9), plans=plans, reports='report' in roles)
+        self._poses = RobotPoseTracker(selection.base_frame)
+        self._grid_map: GridMap | None = None
+        self._barriers: BarrierMap | None = None
+        self._calls: deque[Call] = deque(maxlen=MAX_CALLS)
+        self._now = 0
+        self._count = 0
+        self._resized = False
+        self._handlers: dict[str, Callable[[BagMessage], object]] = {
+            'map': self._on_map,
+            'map update': self._on_update,
+            'barriers': self._on_barriers,
+            'request': self._on_event,
+            'goal': self._on_goal,
+            'plan': lambda message: self._pending.take_plan(message.value),
+            'plan as request': self._on_plan,
+            'report': lambda message: self._pending.take_report(message.value),
+            **{
+                role: partial(self._poses.take, role)
+                for role in ('tf', 'static tf', 'odometry', 'start')
+            },
+        }
+
+    def requests(self) -> Iterator[BagRequest]:
+        """Yield the requests in the order they were made, each when its plan is known."""
+        if self._missing:
+            self.bag.problems.leave_out(self._missing)
+            return
+        topics = [name for name, role in self._roles.items() if role in self._handlers]
+        for message in self.bag.messages(topics):
+            self._advance(message.time)
+            try:
+                self._handlers[self._roles[message.topic]](message)
+            except UNFIT as error:
+                # The bag may define a type with other fields, or with numbers beyond all use.
+                what = f'is not what a {message.msgtype} holds: {type(error).__name__}: {error}'
+                self._leave_out(f'{self._when(message)}: {what}', 'messages')
+            yield from self._pending.pop_ready()
+        self._make_listed(math.inf)
+        self._pending.expire()
+        yield from self._pending.pop_ready()
+        if not self._count:
+            self._leave_out('no request in it could be read', 'requests')
+
+    def _advance(self, now: int) -> None:
+        """Set the time: make the listed requests that are due and expire waiting ones."""
+        if now < self._now - JUMP:
+            self.bag.problems.note(
+                f'{self.bag.path}: the clock jumps back by {(self._now - now) / 1e9:.3f} s; what '
+                "was known of the robot's pose before is forgotten"
+            )
+            self._poses.forget()
+            self._pending.expire()
+        self._make_listed(self.bag.seconds(now))
+        self._pending.expire(now)
+        self._now = now
+
+    def _on_map(self, message: BagMessage) -> None:
+        before = self._grid_map
+        try:
+            self._grid_map = grid_from_message(message.value)
+        except GridMapError as error:
+            self._leave_out(f'{self._when(message)}: a map is refused, {error}', 'maps')
+            return
+        if before and before.cells.shape != self._grid_map.cells.shape and not self._resized:
+            self._resized = True
+            old, new = (f'{item.width} x {item.height}' for item in (before, self._grid_map))
+            when = f'at {self.bag.seconds(message.time):.3f} s from {old} to {new} cells'
+            self.bag.problems.note(f'{self.bag.path}: the map changes its size; {when}')
+
+    def _on_update(self, message: BagMessage) -> None:
+        if self._grid_map is None:
+            self._leave_out(f'{self._when(message)}: a map update before any map', 'map updates')
+            return
+        try:
+            self._grid_map = updated(self._grid_map, message.value)
+        except GridMapError as error:
+            self._leave_out(f'{self._when(message)}: a map update, {error}', 'map updates')
+
+    def _on_barriers(self, message: BagMessage) -> None:
+        try:
+            self._barriers = parse_barrier_map(parse_json(message.value.data), 'its barriers')
+        except (BarrierMapError, ValueError) as error:
+            self._leave_out(f'{self._when(message)}: {error}', 'barrier maps')
+
+    def _on_event(self, message: BagMessage) -> None:
+        """Take a call of GetPlan or its response. Events without contents are left out."""
+        event = message.value
+        call = (bytes(bytearray(event.info.client_gid)), int(event.info.sequence_number))
+        if event.info.event_type in RESPONSES:
+            if len(event.response):
+                self._pending.take_response(call, event.response[0].plan)
+            return
+        if call in self._calls:
+            return
+        if not len(event.request):
+            self.bag.problems.leave_out(
+                f'{self.bag.path}: {message.topic}: its events are without contents; set '
+                'service introspection to `contents` to record requests'
+            )
+            return
+        self._calls.append(call)
+        request = event.request[0]
+        start, goal = (
+            (stamped.pose, stamped.header.frame_id) for stamped in (request.start, request.goal)
+        )
+        self._make_request(self._when(message), start, goal, call, float(request.tolerance))
+
+    def _on_goal(self, message: BagMessage) -> None:
+        goal = message.value
+        self._make_request(self._when(message), None, (goal.pose, goal.header.frame_id))
+
+    def _on_plan(self, message: BagMessage) -> None:
+        """Make a request of a path, unless the path improves the one before."""
+        plan = message.value
+        if not len(plan.poses) or self._pending.take_plan(plan):
+            return
+        frame = plan.header.frame_id
+        start, goal = ((stamped.pose, frame) for stamped in (plan.poses[0], plan.poses[-1]))
+        self._make_request(self._when(message), start, goal)
+        self._pending.take_plan(plan)
+
+    def _make_listed(self, now: float) -> None:
+        """Make the listed requests that are due `now` seconds after the first message."""
+        while self._listed and (now == math.inf or self._listed[0].time < now):
+            item = self._listed.popleft()
+            self._make_request(f'listed request {item.number}', item.start, item.goal)
+
+    def _make_request(
+        self,
+        when: str,
+        start: Place,
+        goal: Place,
+        call: Call | None = None,
+        tolerance: float = 0.0,
+    ) -> None:
+        """Make a request on the current map, or say why that is not possible."""
+        index, self._count = self._count, self._count + 1
+        grid_map = self._grid_map
+        if grid_map is None:
+            self._leave_out(f'{when}: a request before the first map', 'requests')
+            return
+        try:
+            start_pose = self._to_map(start, 'start', grid_map)
+            goal_pose = self._to_map(goal, 'goal', grid_map)
+        except PoseError as error:
+            self._leave_out(f'{when}: a request whose {error}', 'requests')
+            return
+        barriers = self._barriers
+        if barriers is not None and not are_barriers_of(barriers, grid_map):
+            barriers = None
+        poses = (start_pose, goal_pose)
+        request = BagRequest(index, self._now, *poses, grid_map, barriers, tolerance)
+        self._pending.add(request, call)
+
+    def _to_map(self, place: Place, name: str, grid_map: GridMap) -> Pose2D:
+        if place is None:
+            return self._poses.robot(grid_map.frame_id, self._now)
+        if isinstance(place, Pose2D):
+            return place
+        return self._poses.to_map(*place, grid_map.frame_id, self._now, name)
+
+    def _when(self, message: BagMessage) -> str:
+        return f'{message.topic} at {self.bag.seconds(message.time):.3f} s'
+
+    def _leave_out(self, what: str, kind: str) -> None:
+        path = self.bag.path
+        self.bag.problems.leave_out(f'{path}: {what}', f'{path}: {kind} left out')
+
+
+@lru_cache(maxsize=1)
+def are_barriers_of(barriers: BarrierMap, grid_map: GridMap) -> bool:
+    """Tell whether a map was made from barriers; the last answer is kept for the next request."""
+    return barriers.to_grid(frame_id=grid_map.frame_id).digest == grid_map.digest
+
+
+def load_requests(path: str | Path) -> list[ListedRequest]:
+    """Read a list of requests, in metres in the map's frame.
+
+    A `.json` file holds a list of `{"start": [x, y], "goal": [x, y], "time": t}`. Any other is CSV
+    with a first line that names `start_x, start_y, goal_x, goal_y` and optionally `time`. A
+    request without a time is made on the last map. Raises RequestListError.
+    """
+    path = Path(path)
+    text = read_text(path, RequestListError, 'utf-8-sig', limit=MAX_LIST_BYTES)
+    entries = read_json(text, path) if path.suffix == '.json' else read_csv(text, path)
+    requests = []
+    for number, entry in enumerate(entries, 1):
+        where = f'{path}: entry {number}'
+        start_x, start_y, goal_x, goal_y = (
+            read_number(entry[name], f'{where}: {name}') for name in COLUMNS
+        )
+        given = entry.get('time')
+        time = math.inf if given in (None, '') else read_number(given, f'{where}: time')
+        start, goal = Pose2D(start_x, start_y), Pose2D(goal_x, goal_y)
+        requests.append(ListedRequest(number, time, start, goal))
+        if number > MAX_REQUESTS:
+            raise RequestListError(f'{path}: over {MAX_REQUESTS} requests')
+    if not requests:
+        raise RequestListError(f'{path}: lists no requests')
+    return requests
+
+
+def read_csv(text: str, path: Path) -> Iterable[Mapping[str, Any]]:
+    """Return the entries of a CSV list. Raises RequestListError where a column is missing."""
+    reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
+    missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
+    if missing:
+        raise RequestListError(f'{path}: its first line must name {", ".join(missing)}, too')
+    return reader
+
+
+def read_json(text: str, path: Path) -> Iterable[Mapping[str, Any]]:
+    """Yield the entries of a JSON list with the columns of a CSV one. Raises RequestListError."""
+    try:
+        entries = parse_json(text)
+    except ValueError as error:
+        raise RequestListError(f'{path}: not JSON: {error}') from None
+    if not isinstance(entries, list):
+        raise RequestListError(f'{path}: a JSON list of requests is expected')
+    for number, entry in enumerate(entries, 1):
+        where = f'{path}: entry {number}'
+        if not isinstance(entry, dict):
+            raise RequestListError(f'{where}: an object with start and goal is expected')
+        values = {'time': entry.get('time')}
+        for name in ('start', 'goal'):
+            point = entry.get(name)
+            if not isinstance(point, list) or len(point) != 2:
+                raise RequestListError(f'{where}: {name}: [x, y] in metres is expected')
+            values[f'{name}_x'], values[f'{name}_y'] = point
+        yield values
+
+
+def read_number(value: Any, where: str) -> float:  # noqa: ANN401 - as the file has it
+    """Return a finite number. Raises RequestListError, which begins with `where`."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if isinstance(value, bool) or not math.isfinite(number):
+        raise RequestListError(f'{where}: a number is expected, not {short_repr(value)}')
+    return number

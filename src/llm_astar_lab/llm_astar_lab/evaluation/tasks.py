@@ -1,0 +1,169 @@
+"""Benchmark tasks from bags: each request is a sample on the map of its time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
+from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
+from llm_astar_msgs_adapter.maps.grid_map import GridMapError
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
+
+from llm_astar_lab.bags.reading import Bag
+from llm_astar_lab.datasets.samples import BenchmarkSample
+from llm_astar_lab.evaluation.recorded_plans import BagRequest, RecordedPlan
+from llm_astar_lab.evaluation.requests import ListedRequest, RequestReader
+from llm_astar_lab.evaluation.topics import TopicSelection
+from llm_astar_lab.results.row_keys import FinishedRows
+from llm_astar_lab.runner.engine import (
+    SearchSettings,
+    Task,
+    list_variants,
+    make_tasks,
+)
+from llm_astar_lab.runner.sources import SourceSpec
+
+# What a report may show: maps, cells on all of them together, and requests on each.
+MAX_MAPS, MAX_CELLS, MAX_REQUESTS = 100, 4_000_000, 100
+
+
+@dataclass(frozen=True)
+class EvaluationConfig:
+    """What an evaluation of bags covers.
+
+    `window` is how many seconds after its request a recorded plan may come. `listed` are further
+    requests, made in every bag. Without an instruction in `settings` a request has the one that
+    the bag recorded with its plan, on `places`.
+    """
+
+    bags: Sequence[Bag]
+    selection: TopicSelection
+    methods: Sequence[str]
+    sources: Sequence[SourceSpec]
+    settings: SearchSettings
+    window: float = 10.0
+    listed: Sequence[ListedRequest] = ()
+    places: Places = NO_PLACES
+
+
+@dataclass
+class SampleIdAllocator:
+    """Numbers maps and the requests on each map over all bags; the same bags give the same ids.
+
+    Equal maps have one id. A map of a dataset keeps its id where that is free, and a sample of
+    the dataset its number.
+    """
+
+    _maps: dict[str, int] = field(default_factory=dict)
+    _samples: dict[int, set[int]] = field(default_factory=dict)
+    _others: dict[int, range] = field(default_factory=dict)
+
+    def map_id(self, digest: str, preferred: int | None) -> int:
+        """Return the id of a map with this digest."""
+        if digest not in self._maps:
+            taken = set(self._maps.values())
+            if preferred is None or preferred in taken:
+                preferred = max(taken, default=-1) + 1
+            self._maps[digest] = preferred
+        return self._maps[digest]
+
+    def pair(self, map_id: int, preferred: int | None, reserved: int) -> int:
+        """Return the number of a request on a map; the first `reserved` are for its samples."""
+        samples = self._samples.setdefault(map_id, set())
+        others = self._others.setdefault(map_id, range(reserved, reserved))
+        if preferred is not None and preferred not in samples and preferred not in others:
+            samples.add(preferred)
+            return preferred
+        self._others[map_id] = range(others.start, others.stop + 1)
+        return others.stop
+
+
+class KeptMaps:
+    """The first maps of an evaluation and their requests, to be drawn in the report."""
+
+    def __init__(self) -> None:
+        """Begin without maps."""
+        self._maps: dict[int, ProblemMap] = {}
+
+    def add(self, sample: BenchmarkSample) -> None:
+        """Keep a request and its map while there is room."""
+        map_id = sample.barrier_map.id
+        kept = self._maps.get(map_id, sample.barrier_map)
+        cells = sum(map(count_cells, self._maps.values()))
+        full = len(self._maps) >= MAX_MAPS or cells + count_cells(kept) > MAX_CELLS
+        if map_id not in self._maps and full:
+            return
+        # The requests kept are those with the first numbers, so that each keeps its own.
+        if len(kept.samples) == sample.pair < MAX_REQUESTS:
+            kept = replace(kept, samples=(*kept.samples, sample.sample))
+        self._maps[map_id] = kept
+
+    def maps(self) -> list[ProblemMap]:
+        """Return the kept maps in order of their ids."""
+        return [self._maps[map_id] for map_id in sorted(self._maps)]
+
+
+class BagTasks:
+    """Makes the tasks of an evaluation while the bags are read, and keeps maps for the report."""
+
+    def __init__(self, config: EvaluationConfig) -> None:
+        """Take the configuration; nothing is read yet."""
+        self._config = config
+        self._variants = list_variants(config.methods, config.sources)
+        self._ids = SampleIdAllocator()
+        self.kept = KeptMaps()
+
+    def tasks(self, done: FinishedRows) -> Iterator[Task]:
+        """Yield the tasks that are not `done`, bag after bag."""
+        config = self._config
+        for bag in config.bags:
+            reader = RequestReader(bag, config.selection, config.window, config.listed)
+            for request in reader.requests():
+                try:
+                    sample, is_sample = self.sample(request)
+                except GridMapError as error:
+                    problem = f'{bag.path}: request {request.index}: {error}'
+                    bag.problems.leave_out(problem, f'{bag.path}: requests left out')
+                    continue
+                self.kept.add(sample)
+                settings = config.settings
+                if request.tolerance > 0.0:
+                    settings = replace(settings, tolerance=request.tolerance)
+                plan = RecordedPlan.of(bag.name, request)
+                if settings.instruction is None:
+                    settings = replace(settings, instruction=plan.asked(config.places))
+                samples = [(sample, 1)]
+                for task in make_tasks(samples, self._variants, config.sources, settings, done):
+                    yield replace(task, recorded_plan=plan, is_sample=is_sample)
+
+    def sample(self, request: BagRequest) -> tuple[BenchmarkSample, bool]:
+        """Return a request as a numbered sample, and whether its dataset has the same sample.
+
+        Raises GridMapError for a bad pose.
+        """
+        barriers, grid_map = request.barrier_map, request.grid_map
+        start, goal = (grid_map.world_to_cell(*pose[:2]) for pose in (request.start, request.goal))
+        if barriers is None:
+            map_id = self._ids.map_id(grid_map.digest, None)
+            pair = self._ids.pair(map_id, None, 0)
+            return BenchmarkSample(GridProblem(map_id, grid_map), pair, Sample(start, goal)), False
+        map_id = self._ids.map_id(grid_map.digest, barriers.id)
+        # A dataset's coordinates begin at its range; its cells at 0.
+        x_min, y_min = barriers.offset
+        sample = Sample((start[0] + x_min, start[1] + y_min), (goal[0] + x_min, goal[1] + y_min))
+        own = next((n for n, s in enumerate(barriers.samples) if s[:2] == sample[:2]), None)
+        pair = self._ids.pair(map_id, own, len(barriers.samples))
+        if own is not None:
+            sample = barriers.samples[own]
+        bare = replace(barriers, id=map_id, samples=())
+        return BenchmarkSample(bare, pair, sample), pair == own and map_id == barriers.id
+
+
+def count_cells(problem: ProblemMap) -> int:
+    """Return the number of cells of a map."""
+    if isinstance(problem, BarrierMap):
+        return math.prod(problem.size)
+    return problem.grid_map.cells.size

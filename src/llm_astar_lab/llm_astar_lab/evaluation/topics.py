@@ -1,0 +1,159 @@
+"""Which topics of a bag an evaluation uses, and the role of each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from llm_astar_lab.bags.messages import BARRIER_MAP, MAP
+from llm_astar_lab.bags.reading import Bag
+
+GRID, UPDATE = 'nav_msgs/msg/OccupancyGrid', 'map_msgs/msg/OccupancyGridUpdate'
+EVENT, PATH = 'nav_msgs/srv/GetPlan_Event', 'nav_msgs/msg/Path'
+POSE, POSE_GUESS = 'geometry_msgs/msg/PoseStamped', 'geometry_msgs/msg/PoseWithCovarianceStamped'
+ODOMETRY, TF, TEXT = 'nav_msgs/msg/Odometry', 'tf2_msgs/msg/TFMessage', 'std_msgs/msg/String'
+DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+# Topics that may have any name: their type, the end of their name, and their role.
+BY_ENDING = (
+    (EVENT, '/get_plan/_service_event', 'request'),
+    (DIAGNOSTICS, '/report', 'report'),
+    (DIAGNOSTICS, '/exchange', 'exchange'),
+)
+# Where requests come from: the role of such topics, and a description for error messages.
+REQUEST_ROLES = {
+    'service': ('request', 'events of GetPlan (service introspection)'),
+    'goals': ('goal', 'goals on goal_pose'),
+    'plans': ('plan as request', "paths of the robot's own"),
+}
+REQUEST_KINDS = ('auto', *REQUEST_ROLES)
+
+
+@dataclass(frozen=True)
+class TopicSelection:
+    """Which topics to read, and which requests: a member of REQUEST_KINDS, or `list` for a file's.
+
+    `namespace` is the robot's where a bag has several, '' or beginning with a slash. A topic that
+    is '' is the default one in that namespace. `base_frame` is the robot's frame in tf. `plans`
+    makes each recorded path a request from its first pose to its last; `auto` does so where the
+    bag has neither calls nor goals.
+    """
+
+    namespace: str = ''
+    map_topic: str = ''
+    plan_topic: str = ''
+    odom_topic: str = ''
+    requests: str = 'auto'
+    base_frame: str = 'base_link'
+
+    @property
+    def map(self) -> str:
+        """The topic of the map."""
+        return self.map_topic or f'{self.namespace}{MAP}'
+
+    @property
+    def plan(self) -> str:
+        """The topic of the robot's own plans."""
+        return self.plan_topic or f'{self.namespace}/plan'
+
+    def named_topics(self) -> Iterable[tuple[str, str, str]]:
+        """Yield role, name and message type of each topic that is known by name."""
+        own = self.namespace
+        yield 'map', self.map, GRID
+        yield 'map update', f'{self.map}_updates', UPDATE
+        yield 'barriers', BARRIER_MAP, TEXT
+        yield 'plan', self.plan, PATH
+        yield 'odometry', self.odom_topic or f'{own}/odom', ODOMETRY
+        if self.requests in ('auto', 'goals'):
+            yield 'goal', f'{own}/goal_pose', POSE
+            yield 'start', f'{own}/initialpose', POSE_GUESS
+            yield 'start', f'{own}/amcl_pose', POSE_GUESS
+        for prefix in dict.fromkeys(('', own)):
+            yield 'tf', f'{prefix}/tf', TF
+            yield 'static tf', f'{prefix}/tf_static', TF
+
+
+def topic_roles(bag: Bag, selection: TopicSelection) -> dict[str, str]:
+    """Return the role of each topic that is used, by topic.
+
+    A topic that has the name but not the type of a role is named in the bag's problems.
+    """
+    roles: dict[str, str] = {}
+    for role, name, msgtype in selection.named_topics():
+        topic = bag.topics.get(name)
+        if topic is None:
+            continue
+        if topic.msgtype == msgtype:
+            roles[name] = role
+        else:
+            bag.problems.leave_out(f'{bag.path}: {name} is a {topic.msgtype}, not a {msgtype}')
+    for name, topic in bag.topics.items():
+        for msgtype, ending, role in BY_ENDING:
+            fits = topic.msgtype == msgtype and name.endswith(ending)
+            used = role != 'request' or selection.requests in ('auto', 'service')
+            if fits and used and name.startswith(f'{selection.namespace}/'):
+                roles[name] = role
+    neither = selection.requests == 'auto' and not recorded_roles(bag, roles) & {'request', 'goal'}
+    plan = selection.plan
+    if roles.get(plan) == 'plan' and (neither or selection.requests == 'plans'):
+        roles[plan] = 'plan as request'
+        if neither and bag.topics[plan].count:
+            bag.problems.note(
+                f'{bag.path}: it has neither calls nor goals, and the goals of actions are not '
+                f'recorded: each path on {plan} is a request, from its first pose to its last'
+            )
+    return roles
+
+
+def recorded_roles(bag: Bag, roles: Mapping[str, str]) -> set[str]:
+    """Return the roles of the topics that have messages."""
+    return {role for name, role in roles.items() if bag.topics[name].count}
+
+
+def find_missing(bag: Bag, roles: Mapping[str, str], selection: TopicSelection) -> str | None:
+    """Say why a bag cannot be evaluated at all; None where it can."""
+    recorded = recorded_roles(bag, roles)
+    if 'map' not in recorded:
+        grids = [name for name, topic in bag.topics.items() if topic.msgtype == GRID]
+        hint = f'; name one with --map-topic: {", ".join(grids)}' if grids else ''
+        return f'{bag.path}: no map: there is no {GRID} on {selection.map}{hint}'
+    chosen = REQUEST_ROLES.get(selection.requests)
+    sources = [chosen] if chosen else list(REQUEST_ROLES.values())
+    if selection.requests != 'list' and not recorded & {role for role, _ in sources}:
+        none = ' and no '.join(name for _, name in sources)
+        return f'{bag.path}: no requests: it has no {none}; a file of them goes to --requests'
+    return None
+
+
+def describe(bag: Bag, selection: TopicSelection) -> dict[str, Any]:
+    """Return a bag's contents: times in seconds since 1970, topics, and the role of each."""
+    roles = topic_roles(bag, selection)
+    topics = [
+        {'name': t.name, 'type': t.msgtype, 'count': t.count, 'part': roles.get(t.name, '')}
+        for t in sorted(bag.topics.values(), key=lambda topic: topic.name)
+    ]
+    return {
+        'bag': bag.name,
+        'path': str(bag.path),
+        'start': bag.start / 1e9,
+        'seconds': bag.seconds(bag.end),
+        'messages': sum(topic.count for topic in bag.topics.values()),
+        'topics': topics,
+        'missing': find_missing(bag, roles, selection) or '',
+        'notes': bag.problems.notes,
+        'left_out': bag.problems.lines(),
+    }
+
+
+def describe_text(contents: Mapping[str, Any]) -> str:
+    """Return what `describe` found as lines for a person."""
+    head = f'{contents["path"]}: {contents["messages"]} messages in {contents["seconds"]:.3f} s'
+    width = max((len(topic['name']) for topic in contents['topics']), default=0)
+    type_width = max((len(topic['type']) for topic in contents['topics']), default=0)
+    lines = [
+        f'  {topic["name"]:<{width}}  {topic["type"]:<{type_width}}  {topic["count"]:>8}'
+        f'  {topic["part"]}'.rstrip()
+        for topic in contents['topics']
+    ]
+    problems = [*contents['notes'], *contents['left_out'], contents['missing']]
+    return '\n'.join([head, *lines, *filter(None, problems)])

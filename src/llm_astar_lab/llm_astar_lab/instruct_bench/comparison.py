@@ -1,0 +1,154 @@
+"""Whether two specifications ask the same: compared as normalised clauses.
+
+Normalised, places have their own names instead of aliases, defaults are written out, boxes that
+reach the map's edge are open, one avoided tag is each of its places, and a distance to keep from
+a region is a region to avoid with that margin. The order counts among visits alone. The words of
+unknown parts and the mark of guesses do not count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from llm_astar_planner.instructions.specification import (
+    AVOID_RADIUS,
+    VISIT_RADIUS,
+    WALLS,
+    Along,
+    Avoid,
+    Before,
+    Between,
+    Box,
+    Clause,
+    Disc,
+    EndAt,
+    Half,
+    KeepDistance,
+    NamedPlace,
+    Pass,
+    Region,
+    Specification,
+    StayIn,
+    Tagged,
+    Unknown,
+    Visit,
+)
+
+from llm_astar_lab.instruct_bench.regions import SuiteMap, find_place, find_tagged
+
+# Of lengths in metres: nobody asks for less than a centimetre.
+DIGITS = 2
+UNKNOWN = ('unknown',)
+
+
+@dataclass(frozen=True)
+class NormalForm:
+    """A specification to compare: its visits in order, its other clauses in any order."""
+
+    visits: tuple[Hashable, ...]
+    others: frozenset[Hashable]
+
+
+def same_specification(
+    specification: Specification, accepted: Iterable[Specification], suite_map: SuiteMap
+) -> bool:
+    """Tell whether a specification asks the same as one of the accepted ones."""
+    try:
+        found = normal_form(specification, suite_map)
+    except ValueError:  # it names what is not on the map
+        return False
+    return any(found == normal_form(other, suite_map) for other in accepted)
+
+
+def normal_form(specification: Specification, suite_map: SuiteMap) -> NormalForm:
+    """Return the normal form. Raises SuiteError for a place or tag that the map does not have."""
+    visits: list[Hashable] = []
+    others: set[Hashable] = set()
+    for clause in specification.clauses:
+        keys = list(clause_keys(clause, suite_map))
+        if isinstance(clause, Visit):
+            visits += keys
+        else:
+            others.update(keys)
+    return NormalForm(tuple(visits), frozenset(others))
+
+
+def clause_keys(clause: Clause, suite_map: SuiteMap) -> Iterator[Hashable]:
+    """Yield what a clause is compared by, several for an avoided tag. Raises SuiteError."""
+    kind, strength = clause.kind, clause.strength
+    match clause:
+        case Unknown():
+            yield UNKNOWN
+        case Avoid(region=Along(place, width), margin=0.0) if place == WALLS:
+            yield KeepDistance.kind, strength, round(width, DIGITS)
+        case KeepDistance(metres=metres, region=None):
+            yield kind, strength, round(metres, DIGITS)
+        case KeepDistance(metres=metres, region=Region() as region):
+            yield from avoid_keys(region, metres, strength, suite_map)
+        case Avoid(region=region, margin=margin):
+            yield from avoid_keys(region, margin, strength, suite_map)
+        case Visit(regions=regions):
+            yield kind, strength, frozenset(region_key(region, suite_map) for region in regions)
+        case Before(first=first, second=second):
+            yield kind, strength, region_key(first, suite_map), region_key(second, suite_map)
+        case StayIn(region=region) | EndAt(region=region):
+            yield kind, strength, region_key(region, suite_map)
+        case Pass(region=region, side=side):
+            yield kind, strength, region_key(region, suite_map), side
+
+
+def avoid_keys(
+    region: Region, margin: float, strength: str, suite_map: SuiteMap
+) -> Iterator[Hashable]:
+    """Yield what an avoided region is compared by: each place of a tag, a disc with its margin."""
+    if isinstance(region, Disc):
+        radius = region.radius + margin or AVOID_RADIUS
+        region, margin = Disc(region.x, region.y, radius), 0.0
+    parts: Sequence[Region] = (region,)
+    if isinstance(region, Tagged):
+        tagged = find_tagged(region.tag, 'tag', suite_map.places)
+        parts = [NamedPlace(place.name) for place in tagged]
+    for part in parts:
+        yield Avoid.kind, strength, region_key(part, suite_map), round(margin, DIGITS)
+
+
+def region_key(region: Region, suite_map: SuiteMap) -> Hashable:
+    """Return what a region is compared by. Raises SuiteError for an unknown place or tag."""
+    places = suite_map.places
+    key: Hashable = region
+    match region:
+        case NamedPlace(name):
+            key = NamedPlace(find_place(name, 'place', places).name)
+        case Tagged(tag):
+            tagged = find_tagged(tag, 'tag', places)
+            key = NamedPlace(tagged[0].name) if len(tagged) == 1 else Tagged(tag.casefold())
+        case Disc(x, y, radius):
+            key = Disc(*(round(value, DIGITS) for value in (x, y, radius or VISIT_RADIUS)))
+        case Box():
+            key = opened_box(region, suite_map)
+        case Half(side, of) if of:
+            key = Half(side, find_place(of, 'of', places).name)
+        case Between(first, second):
+            names = (find_place(name, 'between', places).name for name in (first, second))
+            key = frozenset(names)
+        case Along(place, width):
+            name = place if place == WALLS else find_place(place, 'along', places).name
+            key = Along(name, round(width, DIGITS))
+    return key
+
+
+def opened_box(box: Box, suite_map: SuiteMap) -> Box:
+    """Return a box with the sides open that reach the map's edge, to within a cell."""
+    x0, y0, x1, y1 = suite_map.extent
+    cell = suite_map.grid_map.resolution
+    low = [
+        -math.inf if side <= edge + cell else round(side, DIGITS)
+        for side, edge in ((box.x0, x0), (box.y0, y0))
+    ]
+    high = [
+        math.inf if side >= edge - cell else round(side, DIGITS)
+        for side, edge in ((box.x1, x1), (box.y1, y1))
+    ]
+    return Box(*low, *high)

@@ -1,0 +1,252 @@
+"""Suites of route instructions with their truth and machine checks: the format, read and checked.
+
+A suite is a JSON object; lengths are metres and points lie in the map's frame. On a barrier map
+a cell is one metre wide and lattice point (x, y) lies at (x, y), so metres and cells are the same.
+
+    {"version": 1, "note": "anything", "maps": {NAME: MAP, ...}, "instructions": [...]}
+
+Fields that are not named here are ignored in the suite, its maps and its instructions, and
+refused in checks and their regions, where a misspelt one would change the meaning.
+
+MAP, all fields optional:
+- `places`: {NAME: {"polygon": [[x, y], ...] or "point": [x, y], "aliases": [...],
+  "kind": "area", "tags": [...]}}. A place of kind or tag `object` is visited by coming near it.
+- `places_file`: a GeoJSON file of places, relative to the suite, instead of `places`. Without
+  both, NAME.places.geojson or places.geojson beside the map's yaml, if there is one.
+- `file`: a map_server yaml, relative to the suite.
+- `dataset`, `id`: a barrier map of a dataset, relative to the suite or of the package's `maps/`.
+Without `file` and `dataset`, a map NAME is NAME.yaml beside the suite or in a `--map-folder`,
+and a map pN is map N of samples_1000.json.
+
+INSTRUCTION, required: `id` (unique), `map`, `start`, `goal` ([x, y]), `text`; and, by default
+empty: `lang` ("en"), `tags`, `style` ("templated" or "free"), `writer` (any name).
+- `expect`: "ok" (default): can be met; "impossible": no path can; "contradiction": its clauses
+  exclude each other; "none": it asks nothing of the route.
+- `spec`: the truth, {"clauses": [...]} as in `instructions/route_spec.schema.json` (`via` with
+  `region` is `visit`, a text is a place); "none" has none but `unknown` ones, the others at
+  least one.
+- `accept`: other specifications that count as exactly understood.
+- `checks`: what a path that follows the instruction fulfils; "ok" has at least one. With
+  "impossible" and "contradiction" no path fulfils all of them.
+
+CHECK: {"check": KIND, ...}; every one may have `clause`, the index (from 0) of the clause of
+`spec` that it belongs to (without it the check belongs to all clauses), and `least_possible` and
+`note`, which are not read. Lengths are those of the path's own straight pieces.
+- `inside_max`: `region`, `metres`: at most so much of the path lies inside the region; a stretch
+  exactly on its edge is not inside.
+- `outside_max`: `region`, `metres`: at most so much lies outside of it.
+- `touch`: `region`, `tol` (0): the path comes within `tol` metres of the region; a negative `tol`
+  is how deep inside it must come.
+- `order`: `regions` (2 or more), `tol` (0): it touches them in this order, at other times too.
+- `visit_before`: `first`, `second`, `tol` (0, of `first`): the path's first entry of `second`
+  (more than its edge) comes after it touched `first`. Not entering `second` fulfils it.
+- `end_in`: `region`, `tol` (0): the last point.
+- `dist_min`: `region`, `metres`, `ends` (0): the path without its first and last `ends` metres
+  keeps so far from the region.
+- `wall_dist_min`: `metres`, `ends` (0): the same from all occupied cells of the map. Distances
+  are to the squares of the cells, not to their centres.
+- `cross`: `segment` [x0, y0, x1, y1], `times`: a number or "some" (1 or more): how often the path
+  meets the segment. A stretch along it is one time; touching it is one, too.
+- `length_max`: `of_direct` (the length is at most so many times that of the path without
+  instruction), `metres`, or both.
+
+REGION of a check:
+- {"place": NAME or alias}: its polygon; a point is a disc of 0.5 m.
+- {"tag": TAG}: all places of the kind or with the tag.
+- {"circle": [x, y, radius]}, {"rect": [x0, y0, x1, y1]} (null: open), {"polygon": [[x, y], ...]}.
+- {"half": "north", "of": NAME}: half of the map's extent, or of the place's bounding box within
+  the place; `left` and `right`, without `of`: of the line from start to goal.
+- {"union": [REGION, ...]}; {"between": [A, B]}: the convex hull of two regions without them.
+- {"near": REGION, "width": W}: all within W metres of the region, itself included;
+  {"walls": W}: all within W metres of occupied cells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from llm_astar_msgs_adapter.errors import short_repr
+from llm_astar_msgs_adapter.files import read_json
+from llm_astar_planner.instructions.specification import Specification, SpecificationError
+from llm_astar_planner.instructions.specification_json import (
+    as_choice,
+    as_mapping,
+    as_numbers,
+    as_text,
+    from_json,
+)
+from llm_astar_planner.search.result import Cell
+
+from llm_astar_lab.instruct_bench.checks import Check, read_check
+from llm_astar_lab.instruct_bench.comparison import normal_form
+from llm_astar_lab.instruct_bench.maps import MapFinder, read_texts
+from llm_astar_lab.instruct_bench.regions import Scene, SuiteError, SuiteMap
+
+VERSION = 1
+OK, IMPOSSIBLE, CONTRADICTION, NONE = 'ok', 'impossible', 'contradiction', 'none'
+EXPECTED = (OK, IMPOSSIBLE, CONTRADICTION, NONE)
+STYLES = ('templated', 'free')
+MAX_BYTES = 32_000_000
+MAX_MAPS = 500
+MAX_INSTRUCTIONS = 20_000
+MAX_TEXT_CHARS = 10_000
+MAX_CHECKS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class SuiteInstruction:
+    """One instruction of a suite with its truth; `start` and `goal` are cells of its map."""
+
+    id: str
+    suite_map: SuiteMap
+    start: Cell
+    goal: Cell
+    text: str
+    lang: str
+    tags: tuple[str, ...]
+    style: str
+    writer: str
+    expect: str
+    truth: Specification
+    accepted: tuple[Specification, ...]
+    checks: tuple[Check, ...]
+
+    @property
+    def clause_kinds(self) -> tuple[str, ...]:
+        """The kinds of the truth's clauses, each once, in their order."""
+        return tuple(dict.fromkeys(clause.kind for clause in self.truth.clauses))
+
+
+@dataclass(frozen=True, eq=False)
+class Suite:
+    """A suite: where it was read from, and its instructions in the file's order."""
+
+    path: Path
+    instructions: tuple[SuiteInstruction, ...]
+
+    def find(self, name: str) -> SuiteInstruction:
+        """Return the instruction with an id. Raises SuiteError."""
+        for instruction in self.instructions:
+            if instruction.id == name:
+                return instruction
+        raise SuiteError(f'{self.path}: has no instruction {name!r}')
+
+
+def load_suite(path: str | Path, folders: Sequence[Path] = ()) -> Suite:
+    """Read and check a whole suite; `folders` are searched for its maps, too.
+
+    Raises SuiteError, which names the file, the map or instruction, and the field.
+    """
+    path = Path(path)
+    fields = read_object(path)
+    if fields.get('version') != VERSION:
+        version = short_repr(fields.get('version'))
+        raise SuiteError(f'{path}: version: {version} is not {VERSION}')
+    entries, listed = fields.get('maps'), fields.get('instructions')
+    if not isinstance(entries, dict) or not 1 <= len(entries) <= MAX_MAPS:
+        raise SuiteError(f'{path}: maps: is not an object of 1 to {MAX_MAPS} maps')
+    if not isinstance(listed, list) or not 1 <= len(listed) <= MAX_INSTRUCTIONS:
+        raise SuiteError(f'{path}: instructions: is not a list of 1 to {MAX_INSTRUCTIONS}')
+    finder = MapFinder(path, folders)
+    maps = {name: finder.load(name, entry) for name, entry in entries.items()}
+    found: dict[str, SuiteInstruction] = {}
+    for index, item in enumerate(listed):
+        instruction = named_instruction(item, index, maps, path)
+        if instruction.id in found:
+            raise SuiteError(f'{path}: instruction {instruction.id!r}: id: is used twice')
+        found[instruction.id] = instruction
+    return Suite(path, tuple(found.values()))
+
+
+def read_object(path: Path) -> Mapping[str, Any]:
+    """Return the JSON object in a file. Raises SuiteError."""
+    fields = read_json(path, SuiteError, MAX_BYTES)
+    if not isinstance(fields, dict):
+        raise SuiteError(f'{path}: a JSON object is expected')
+    return fields
+
+
+def named_instruction(
+    value: object, index: int, maps: Mapping[str, SuiteMap], path: Path
+) -> SuiteInstruction:
+    """Read an instruction. Raises SuiteError, which names the file and the id or the index."""
+    name = value.get('id') if isinstance(value, dict) else None
+    which = short_repr(name) if isinstance(name, str) else f'at {index}'
+    try:
+        return read_instruction(as_mapping(value, 'entry'), maps)
+    except (SuiteError, SpecificationError) as error:
+        raise SuiteError(f'{path}: instruction {which}: {error}') from None
+
+
+def read_instruction(fields: Mapping[str, Any], maps: Mapping[str, SuiteMap]) -> SuiteInstruction:
+    """Read an instruction. Raises SuiteError or SpecificationError, which name the field."""
+    suite_map = maps[as_choice(fields.get('map'), 'map', list(maps))]
+    ends = {name: read_point(fields, name, suite_map) for name in ('start', 'goal')}
+    text = fields.get('text')
+    if not isinstance(text, str) or len(text) > MAX_TEXT_CHARS:
+        raise SuiteError(f'text: is not a text of up to {MAX_TEXT_CHARS} characters')
+    expect = as_choice(fields.get('expect', OK), 'expect', EXPECTED)
+    truth = read_specification(fields.get('spec'), 'spec', suite_map)
+    if bool(truth.enforceable) == (expect == NONE):
+        raise SuiteError(f'spec: {len(truth.enforceable)} clauses do not go with expect {expect}')
+    style = fields.get('style') or ''
+    scene = Scene(suite_map, *(suite_map.position(cell) for cell in ends.values()))
+    return SuiteInstruction(
+        id=as_text(fields.get('id'), 'id'),
+        suite_map=suite_map,
+        **ends,
+        text=text,
+        lang=as_text(fields.get('lang', 'en'), 'lang'),
+        tags=read_texts(fields, 'tags', 'instruction'),
+        style=as_choice(style, 'style', ('', *STYLES)),
+        writer=as_text(fields['writer'], 'writer') if fields.get('writer') else '',
+        expect=expect,
+        truth=truth,
+        accepted=read_accepted(fields.get('accept', []), suite_map),
+        checks=read_checks(fields.get('checks', []), scene, expect, len(truth.clauses)),
+    )
+
+
+def read_point(fields: Mapping[str, Any], name: str, suite_map: SuiteMap) -> Cell:
+    """Return the cell of start or goal. Raises SuiteError where it is off the map or occupied."""
+    x, y = as_numbers(fields.get(name), name, 2)
+    grid_map = suite_map.grid_map
+    cell = grid_map.world_to_cell(x, y)
+    if not grid_map.contains(cell):
+        raise SuiteError(f'{name}: ({x:g}, {y:g}) lies off map {suite_map.name!r}')
+    if grid_map.cells[cell[1], cell[0]] >= suite_map.occupied_threshold:
+        raise SuiteError(f'{name}: ({x:g}, {y:g}) is occupied on map {suite_map.name!r}')
+    return cell
+
+
+def read_specification(value: object, where: str, suite_map: SuiteMap) -> Specification:
+    """Read a specification whose places are all on the map. Raises SuiteError."""
+    try:
+        specification = from_json(value)
+        normal_form(specification, suite_map)
+    except (SuiteError, SpecificationError) as error:
+        raise SuiteError(f'{where}: {error}') from None
+    return specification
+
+
+def read_accepted(value: object, suite_map: SuiteMap) -> tuple[Specification, ...]:
+    """Read the other specifications that count as understood. Raises SuiteError."""
+    if not isinstance(value, list) or len(value) > MAX_CHECKS:
+        raise SuiteError(f'accept: is not a list of up to {MAX_CHECKS} specifications')
+    return tuple(
+        read_specification(item, f'accept[{index}]', suite_map) for index, item in enumerate(value)
+    )
+
+
+def read_checks(value: object, scene: Scene, expect: str, clauses: int) -> tuple[Check, ...]:
+    """Read the checks of an instruction. Raises SuiteError or SpecificationError."""
+    if not isinstance(value, list) or len(value) > MAX_CHECKS:
+        raise SuiteError(f'checks: is not a list of up to {MAX_CHECKS} checks')
+    if expect == OK and not value:
+        raise SuiteError('checks: an instruction that can be met has at least one')
+    return tuple(
+        read_check(item, f'checks[{index}]', scene, clauses) for index, item in enumerate(value)
+    )

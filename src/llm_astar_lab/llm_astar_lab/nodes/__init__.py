@@ -1,0 +1,1 @@
+"""The ROS nodes and clients of the laboratory."""

@@ -1,0 +1,291 @@
+"""benchmark_node: plans the samples of a dataset through a running graph, one GetPlan each.
+
+It writes the same results as `llm-astar bench`, plus the round-trip time of every call.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import asdict
+from itertools import groupby
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from llm_astar_msgs_adapter.errors import LlmAstarError, printable
+from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.maps.problem_maps import format_kept_maps, load_kept_maps, load_maps
+from llm_astar_msgs_adapter.messages.fields import path_from_message
+from llm_astar_msgs_adapter.messages.writing import grid_to_message
+from llm_astar_planner.nodes.common.asking import setting
+from llm_astar_planner.nodes.common.qos import LATCHED
+from llm_astar_planner.nodes.common.spin import joined
+from llm_astar_planner.nodes.tools.planner_client import PlannerClient, PlannerClientError
+from llm_astar_planner.resources import SAMPLES_FILE, find_file
+from llm_astar_planner.search.methods import METHODS, WAYPOINT_METHODS
+from nav_msgs.msg import OccupancyGrid
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.parameter import parameter_value_to_python
+from rclpy.utilities import remove_ros_args
+
+from llm_astar_lab.analysis.columns import RowColumns
+from llm_astar_lab.datasets.samples import BenchmarkSample, SelectionError, select_samples
+from llm_astar_lab.report.markdown import text_report
+from llm_astar_lab.report.write import write_report
+from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
+from llm_astar_lab.results.row import (
+    PAPER_ASTAR,
+    ResultsError,
+    Row,
+    RowKey,
+    Variant,
+    format_points,
+    plan_columns,
+)
+from llm_astar_lab.results.row_keys import FinishedRows
+from llm_astar_lab.runner.config import choose_folder, open_folder, progress
+
+# Parameters of the planner that a run sets and restores; the paper's paths may cut corners.
+RULES = {'corner_cutting': True}
+TOUCHED = ('method', 'use_waypoints', *RULES)
+OK, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 2, 3, 130
+DEFAULT_OUT = 'out/live'
+EPILOG = """\
+Start planner_node and llm_client_node first, but no map_node: this node publishes the maps. It
+sets the planner's parameters `method`, `use_waypoints` and `corner_cutting` and restores them at
+the end.
+
+exit codes: 0 ok, 2 bad usage or input, 3 the graph stopped answering, 130 interrupted
+"""
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run benchmark_node and return its exit code."""
+    arguments = parse_arguments(remove_ros_args(sys.argv if args is None else args)[1:])
+    try:
+        dataset = find_file(arguments.dataset, 'maps')
+        maps = load_maps(dataset)
+        samples = select_samples(
+            maps, str(dataset), arguments.maps, arguments.limit, arguments.seed
+        )
+        if any(isinstance(sample.barrier_map, GridProblem) for sample in samples):
+            message = (
+                f'{dataset}: a grid dataset cannot be run through the graph; use llm-astar bench'
+            )
+            raise SelectionError(message)
+        folder = choose_folder(arguments.out, DEFAULT_OUT, resume=arguments.resume)
+        parameters = {'methods': arguments.methods, 'limit': arguments.limit}
+        parameters |= {'maps': arguments.maps, 'seed': arguments.seed, 'live': True}
+        metadata = describe_run([dataset], parameters)
+        done = open_folder(
+            folder, metadata, resume=arguments.resume, overwrite=arguments.overwrite
+        )
+        folder.write_text(MAPS_FILE, format_kept_maps(maps))
+    except (LlmAstarError, FileNotFoundError) as error:
+        return report_error(str(error), BAD_INPUT)
+    begun = time.monotonic()
+    code = plan_samples(args, arguments, folder, samples, done)
+    metadata['seconds'] = float(metadata.get('seconds', 0.0)) + time.monotonic() - begun
+    return close_run(folder, metadata, arguments.seed, code)
+
+
+def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
+    """Parse the command line without the ROS arguments."""
+    parser = argparse.ArgumentParser(
+        prog='benchmark_node',
+        description='Plan samples through a running graph and write a results folder.',
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        '--map', '--dataset', dest='dataset', default=SAMPLES_FILE, metavar='FILE',
+        help='barrier maps: a path, or a name in maps/ (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--map-ids', '--maps', dest='maps', metavar='RANGES', help='such as 50-99 or 0-9,12'
+    )
+    parser.add_argument('--limit', type=int, metavar='N', help='draw N of the samples')
+    parser.add_argument('--seed', type=int, default=0, help='seed of the draw (0)')
+    parser.add_argument(
+        '--methods', default=['llm_astar'], type=lambda text: text.split(','), metavar='NAMES',
+        help=f'run besides astar; of {", ".join(METHODS)} (default: llm_astar)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--out', metavar='DIR',
+        help=f'(default: {DEFAULT_OUT}, or {DEFAULT_OUT}-2 and so on where that has results)',
+    )  # fmt: skip
+    again = parser.add_mutually_exclusive_group()
+    again.add_argument('--resume', action='store_true', help='continue an interrupted run')
+    again.add_argument('--overwrite', action='store_true', help='replace the results in --out')
+    parser.add_argument('--planner', default='planner_node', help='name of the planner node')
+    parser.add_argument(
+        '--client', default='llm_client_node', help="name of the waypoint client; '' for none"
+    )
+    arguments = parser.parse_args(argv)
+    if arguments.limit is not None and arguments.limit < 1:
+        parser.error(f'--limit {arguments.limit} is not 1 or more')
+    for name in arguments.methods:
+        if name not in METHODS:
+            parser.error(f'--methods {name!r} is unknown; available are {", ".join(METHODS)}')
+    return arguments
+
+
+def plan_samples(
+    args: Sequence[str] | None,
+    arguments: argparse.Namespace,
+    folder: ResultsFolder,
+    samples: Sequence[BenchmarkSample],
+    done: FinishedRows,
+) -> int:
+    """Plan the samples; every row is written as soon as it arrives."""
+    # Python must get Ctrl-C, so that the planner's parameters are restored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with (
+            joined('benchmark_node', args=args) as node,
+            PlannerClient(node, arguments.planner) as caller,
+        ):
+            caller.wait_for_planner()
+            with LiveRun(caller, arguments.planner, arguments.client) as run:
+                variants = run.variants(arguments.methods)
+                with progress(len(samples) * len(variants) - len(done), 'plan') as step:
+                    for row in run.rows(samples, variants, done):
+                        folder.append([row])
+                        step()
+    except (PlannerClientError, ResultsError) as error:
+        return report_error(str(error), INCOMPLETE)
+    except KeyboardInterrupt:
+        sys.stderr.write('interrupted: the rows so far are kept; continue with --resume\n')
+        return INTERRUPTED
+    return OK
+
+
+def close_run(folder: ResultsFolder, metadata: dict[str, Any], seed: int, code: int) -> int:
+    """Write the reports of a run and print the table."""
+    try:
+        columns = RowColumns(folder.read())
+        if not len(columns):
+            return code
+        folder.write_json('metadata.json', metadata)
+        write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
+    except ResultsError as error:
+        return report_error(str(error), INCOMPLETE)
+    sys.stdout.write(text_report(columns, seed) + '\n')
+    sys.stderr.write(f'{len(columns)} rows: {folder.path}/report.html\n')
+    return code
+
+
+def report_error(message: str, code: int) -> int:
+    """Write an error to stderr; return `code`."""
+    sys.stderr.write(f'error: {printable(message)}\n')
+    return code
+
+
+class LiveRun:
+    """Plans samples with the planner of a running graph. A context manager.
+
+    It publishes the maps and sets the planner's parameters; leaving the context restores them.
+    """
+
+    def __init__(self, caller: PlannerClient, planner: str, client: str) -> None:
+        """Use a running caller; `planner` and `client` are the names of the two nodes."""
+        self._caller = caller
+        self._planner = planner
+        self._client = client
+        self._maps = caller.node.create_publisher(OccupancyGrid, 'map', LATCHED)
+        self._before: dict[str, Any] = {}
+
+    def __enter__(self) -> LiveRun:
+        self._before = self._get(self._planner, TOUCHED)
+        self._set(RULES)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._set(self._before)
+
+    def variants(self, methods: Sequence[str]) -> list[Variant]:
+        """Return A* and the methods without waypoints and with the source of the graph.
+
+        Raises PlannerClientError where the waypoint client does not have these parameters.
+        """
+        names = ('source', 'prompt', 'model')
+        source = tuple(self._get(self._client, names).values()) if self._client else ('none',)
+        variants = [PAPER_ASTAR]
+        for method in methods:
+            variants.append(Variant(method))
+            if method in WAYPOINT_METHODS and source[0] != 'none':
+                variants.append(Variant(method, *source))
+        return list(dict.fromkeys(variants))
+
+    def rows(
+        self,
+        samples: Sequence[BenchmarkSample],
+        variants: Sequence[Variant],
+        done: Container[RowKey],
+    ) -> Iterator[Row]:
+        """Plan what is not `done`, map by map and variant by variant; yield each row."""
+        for _, group in groupby(samples, key=lambda sample: sample.barrier_map.id):
+            of_map = list(group)
+            left = [
+                (variant, sample)
+                for variant in variants
+                for sample in of_map
+                if (*sample.key, 1, variant) not in done
+            ]
+            if not left:
+                continue
+            grid_map = of_map[0].barrier_map.to_grid()
+            self._publish_map(grid_map)
+            for variant, of_variant in groupby(left, key=lambda pair: pair[0]):
+                self._set({'method': variant.method, 'use_waypoints': variant.source != 'none'})
+                for _, sample in of_variant:
+                    yield self._plan(sample, grid_map, variant)
+
+    def _publish_map(self, grid_map: GridMap) -> None:
+        """Publish a map and wait until planner and client have received it."""
+        self._maps.publish(grid_to_message(grid_map, self._caller.node.get_clock().now().to_msg()))
+        self._caller.wait_until_ready(grid_map.digest, client=self._client)
+
+    def _plan(self, sample: BenchmarkSample, grid_map: GridMap, variant: Variant) -> Row:
+        cells = [sample.barrier_map.to_cell(point) for point in sample.sample[:2]]
+        start, goal = (Pose2D(*pose) for pose in grid_map.grid_to_world(cells).tolist())
+        path, report, round_trip = self._caller.call(start, goal)
+        values = asdict(report)
+        if report.length is not None:
+            values['length'] = report.length / grid_map.resolution
+        points = grid_map.world_to_grid(path_from_message(path))
+        waypoints = grid_map.world_to_grid([(x, y) for x, y, _ in report.waypoints])
+        columns = plan_columns(
+            values, [status for _, _, status in report.waypoints], np.rint(points).astype(np.int32)
+        )
+        columns['waypoints'] = format_points(waypoints.round(6).tolist())
+        columns['family'] = sample.barrier_map.family
+        return Row(*sample.key, 1, *variant, seconds_round_trip=round_trip, **columns)
+
+    def _get(self, node: str, names: Sequence[str]) -> dict[str, Any]:
+        client = self._caller.node.create_client(GetParameters, f'{node}/get_parameters')
+        values = self._caller.ask(client, GetParameters.Request(names=list(names))).values
+        if len(values) != len(names):
+            raise PlannerClientError(f'{node} has no parameters {", ".join(names)}')
+        return {name: parameter_value_to_python(value) for name, value in zip(names, values)}
+
+    def _set(self, values: dict[str, Any]) -> None:
+        client = self._caller.node.create_client(SetParameters, f'{self._planner}/set_parameters')
+        results = self._caller.ask(client, setting(values)).results
+        for name, result in zip(values, results):
+            if not result.successful:
+                raise PlannerClientError(f'{self._planner} refused {name}: {result.reason}')
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,108 @@
+"""Draws a plan of a running graph: its map, its path, and the cells that were expanded for it."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import suppress
+
+import numpy as np
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+from llm_astar_msgs_adapter.messages.fields import grid_from_message, path_from_message, stamp_of
+from llm_astar_msgs_adapter.messages.markers import expanded_from_message
+from llm_astar_msgs_adapter.messages.report import PlanReport
+from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
+from llm_astar_planner.nodes.tools.planner_client import (
+    CalledPlan,
+    PlannerClient,
+    PlannerClientError,
+)
+from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.search.result import describe_expansions
+from nav_msgs.msg import GridCells, OccupancyGrid, Path
+
+from llm_astar_lab.pictures.figures import Picture, describe_guidance, save_picture
+
+# Longest wait for the expanded cells of a plan, which are published after it.
+EXPANDED_SECONDS = 1.0
+
+
+class PlanView:
+    """Collects the newest map of a graph and the expanded cells of a planner's plans."""
+
+    def __init__(self, client: PlannerClient, planner: str, map_topic: str = 'map') -> None:
+        """Subscribe; names are relative to the client's namespace."""
+        self._client = client
+        self._map_topic = map_topic
+        self._maps: list[OccupancyGrid] = []
+        self._expanded: dict[int, GridCells] = {}
+        client.listen(OccupancyGrid, map_topic, self.on_map, LATCHED)
+        client.listen(GridCells, f'{planner}/explored', self.on_expanded, RELIABLE)
+
+    def on_map(self, message: OccupancyGrid) -> None:
+        """Keep the newest map."""
+        self._maps = [message]
+
+    def on_expanded(self, message: GridCells) -> None:
+        """Keep the cells of the newest plan."""
+        self._expanded = {stamp_of(message): message}
+
+    def grid_map(self, seconds: float) -> GridMap:
+        """Return the newest map. Raises PlannerClientError if none comes within `seconds`."""
+        self._client.wait_for(lambda: bool(self._maps), f'a map on {self._map_topic}', seconds)
+        return grid_from_message(self._maps[-1])
+
+    def has_expanded(self, path: Path) -> bool:
+        """Tell whether the expanded cells of a plan arrive.
+
+        They are published only once the planner has discovered a subscriber.
+        """
+        with suppress(PlannerClientError):
+            what = 'the expanded cells'
+            self._client.wait_for(lambda: stamp_of(path) in self._expanded, what, EXPANDED_SECONDS)
+        return stamp_of(path) in self._expanded
+
+    def picture(
+        self,
+        grid_map: GridMap,
+        endpoints: tuple[Pose2D, Pose2D],
+        path: Path,
+        report: PlanReport,
+    ) -> Picture:
+        """Return the picture of a plan; without expanded cells if none have arrived.
+
+        Start and goal are in metres, in the map's frame.
+        """
+        start, goal = (grid_map.world_to_cell(place.x, place.y) for place in endpoints)
+        points = grid_map.world_to_grid([(x, y) for x, y, _ in report.waypoints]).tolist()
+        cells = self._expanded.get(stamp_of(path))
+        length = 'no path' if report.length is None else f'{report.length:.2f} m'
+        outcome = f'{length}, {describe_expansions(report.operation)}'
+        return Picture(
+            grid_map,
+            start,
+            goal,
+            np.rint(grid_map.world_to_grid(path_from_message(path))).astype(np.int32),
+            np.zeros(grid_map.cells.shape, dtype=np.bool_)
+            if cells is None
+            else expanded_from_message(cells, grid_map),
+            [(x, y, status) for (x, y), (_, _, status) in zip(points, report.waypoints)],
+            f'{describe_guidance(report.method, report.guided_by)}: {outcome}',
+        )
+
+    def draw(
+        self, plan: CalledPlan, endpoints: tuple[Pose2D, Pose2D], arguments: argparse.Namespace
+    ) -> None:
+        """Draw a plan that was called for on the map of the graph, by the options of `call`.
+
+        Raises PlannerClientError without a map, ParameterError for endpoints in another frame.
+        """
+        grid_map = self.grid_map(arguments.time_limit)
+        if plan.points:
+            endpoints = Pose2D(*plan.points[0]), Pose2D(*plan.points[-1])
+        elif arguments.frame not in ('', grid_map.frame_id):
+            raise ParameterError(
+                f'--png: without a path, start and goal in frame {arguments.frame!r} cannot be '
+                f'drawn on a map in {grid_map.frame_id!r}'
+            )
+        self.has_expanded(plan.path)
+        save_picture(self.picture(grid_map, endpoints, plan.path, plan.report), arguments.png)

@@ -1,0 +1,322 @@
+"""Records topics of the live graph into a bag, as serialized messages."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import rclpy
+from llm_astar_planner.nodes.common.spin import leave, prepare_log_folder
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.expand_topic_name import expand_topic_name
+from rclpy.node import Node
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
+from rclpy.signals import SignalHandlerOptions
+from rclpy.subscription import Subscription
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+
+from llm_astar_lab.bags.messages import NANOSECONDS
+from llm_astar_lab.bags.types import BagTypeError, TypeDefinition, define
+from llm_astar_lab.bags.writing import BagWriter, OfferedTopic
+
+# What is subscribed to at once, as it may be published only once, by who appears for that: the
+# type, and whether it is latched. The names are relative to the recorded namespace.
+EXPECTED = {
+    'map': ('nav_msgs/msg/OccupancyGrid', True),
+    'map_updates': ('map_msgs/msg/OccupancyGridUpdate', False),
+    'goal_pose': ('geometry_msgs/msg/PoseStamped', False),
+    'initialpose': ('geometry_msgs/msg/PoseWithCovarianceStamped', False),
+    'amcl_pose': ('geometry_msgs/msg/PoseWithCovarianceStamped', True),
+    'plan': ('nav_msgs/msg/Path', False),
+    'planner_node/get_plan/_service_event': ('nav_msgs/srv/GetPlan_Event', False),
+    'planner_node/raw_plan': ('nav_msgs/msg/Path', False),
+    'planner_node/report': ('diagnostic_msgs/msg/DiagnosticArray', True),
+    'planner_node/instruction': ('std_msgs/msg/String', False),
+    'planner_node/interpret': ('std_msgs/msg/String', False),
+    'planner_node/interpretation': ('std_msgs/msg/String', True),
+    'planner_node/goal_place': ('std_msgs/msg/String', False),
+    'planner_node/places': ('visualization_msgs/msg/MarkerArray', True),
+    'planner_node/places_geojson': ('std_msgs/msg/String', True),
+    'llm_client_node/exchange': ('diagnostic_msgs/msg/DiagnosticArray', True),
+    'llm_client_node/interpret': ('std_msgs/msg/String', False),
+    'llm_client_node/interpretation': ('std_msgs/msg/String', True),
+}
+# The topics that an evaluation reads.
+TOPICS = (
+    *EXPECTED,
+    'odom',
+    'tf',
+    'tf_static',
+    '/tf',
+    '/tf_static',
+    '/diagnostics',
+)
+NAME = 'llm_astar_recorder'
+# How often to look for new topics, and to report the number of messages (s).
+DISCOVERY_PERIOD_S = 0.25
+REPORT_PERIOD_S = 10.0
+# How long to wait for each message that has arrived when the recording ends (s).
+DRAIN_TIMEOUT_S = 0.05
+# How many messages of a topic wait while others are written.
+DEPTH = 100
+
+# What a type raises that is not installed here.
+UNKNOWN_TYPE = (BagTypeError, ImportError, AttributeError)
+
+# Prints a line for the user.
+PrintLine = Callable[[str], None]
+
+
+class Recorder(Node):
+    """Subscribes to topics, those of EXPECTED at once and others when their publishers appear.
+
+    Every message is written as it comes.
+    """
+
+    def __init__(
+        self, bag: BagWriter, topics: Sequence[str], namespace: str, report: PrintLine
+    ) -> None:
+        """Record topics with these full names into an open bag, as a node in `namespace`."""
+        super().__init__(NAME, namespace=namespace)
+        self._bag = bag
+        self._report = report
+        self._waiting = dict.fromkeys(topics)
+        self._subscribed: dict[str, Subscription] = {}
+        self._definitions: dict[str, TypeDefinition] = {}
+        for relative, (msgtype, is_latched) in EXPECTED.items():
+            name = expand_topic_name(relative, NAME, namespace)
+            if name in self._waiting:
+                self._expect(name, msgtype, is_latched=is_latched)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(DISCOVERY_PERIOD_S, self._discover, clock=steady)
+
+    def _expect(self, name: str, msgtype: str, *, is_latched: bool) -> None:
+        """Subscribe to a topic that may have no publisher yet, if its type is installed."""
+        with contextlib.suppress(*UNKNOWN_TYPE):
+            self._definitions[name] = define(msgtype)
+            qos = recorder_qos(is_reliable=True, is_latched=is_latched)
+            self._subscribe(name, import_message_class(msgtype), qos)
+
+    def _discover(self) -> None:
+        """Record topics that have a publisher by now, with a QoS that fits all of them."""
+        for name in dict.fromkeys((*self._waiting, *self._subscribed)):
+            publishers = self.get_publishers_info_by_topic(name)
+            if not publishers:
+                continue
+            offered = [publisher.qos_profile for publisher in publishers]
+            if name in self._waiting:
+                self._begin(name, publishers[0].topic_type, offered)
+            elif requests_too_much(self._subscribed[name].qos_profile, offered):
+                self._subscribe(name, self._subscribed[name].msg_type, matching_qos(offered))
+                self._report(f'subscribed to {name} again, since a new publisher offers less')
+
+    def _begin(self, name: str, msgtype: str, offered: list[QoSProfile]) -> None:
+        """Add a topic to the bag and subscribe to it as it is offered, if its type is installed.
+
+        No message has come yet: one that a new subscription receives again is written once.
+        """
+        try:
+            definition, message_class = define(msgtype), import_message_class(msgtype)
+        except UNKNOWN_TYPE as error:
+            del self._waiting[name]
+            self._unsubscribe(name)
+            self._report(f'not recorded: {name} ({msgtype}): {error}')
+            return
+        self._add_topic(name, definition, offered)
+        qos, subscribed = matching_qos(offered), self._subscribed.get(name)
+        if subscribed is None or (subscribed.msg_type, subscribed.qos_profile) != (
+            message_class,
+            qos,
+        ):
+            self._subscribe(name, message_class, qos)
+
+    def _add_topic(self, name: str, definition: TypeDefinition, offered: list[QoSProfile]) -> None:
+        """Add a topic to the bag."""
+        del self._waiting[name]
+        self._bag.add_topic(
+            OfferedTopic(name, definition, tuple(dict.fromkeys(map(bag_qos, offered))))
+        )
+        self._report(f'recording {name} ({definition.msgtype})')
+
+    def _subscribe(self, name: str, message_class: type, qos: QoSProfile) -> None:
+        """Subscribe; replace an earlier subscription, since two would write each message twice."""
+        self._unsubscribe(name)
+        self._subscribed[name] = self.create_subscription(
+            message_class, name, partial(self._on_message, name), qos, raw=True
+        )
+
+    def _unsubscribe(self, name: str) -> None:
+        if name in self._subscribed:
+            self.destroy_subscription(self._subscribed.pop(name))
+
+    def _on_message(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
+        """Write a message with the time at which it arrived."""
+        if topic in self._waiting:
+            # Its publisher has not been looked for yet, and may have left already.
+            publishers = self.get_publishers_info_by_topic(topic)
+            offered = [publisher.qos_profile for publisher in publishers]
+            requested = self._subscribed[topic].qos_profile
+            self._add_topic(topic, self._definitions[topic], offered or [requested])
+        # 0 where the middleware does not know that time.
+        self._bag.write(topic, info['received_timestamp'] or time.time_ns(), data)
+
+    def report_progress(self, total: int, new: int) -> None:
+        """Report the number of messages; without any, the namespace and domain searched."""
+        if total:
+            self._report(f'{total} messages, {new} of them in the last {REPORT_PERIOD_S:g} s')
+            return
+        domain = os.environ.get('ROS_DOMAIN_ID', '0')
+        self._report(
+            f'no message yet in namespace {self.get_namespace()}, ROS_DOMAIN_ID {domain}; '
+            'is the graph up?'
+        )
+
+    @property
+    def missing(self) -> list[str]:
+        """The topics that had no publisher so far."""
+        return list(self._waiting)
+
+
+def record(
+    writer: BagWriter,
+    topics: Sequence[str],
+    namespace: str,
+    duration: float,
+    report: PrintLine,
+) -> None:
+    """Record topics into a bag until SIGINT, SIGTERM or the end of `duration` (s).
+
+    `report` gets a line for every topic found, and regularly one on the number of messages. Raises
+    BagWriteError where the disk is full or fails, OSError where the bag's folder cannot be made,
+    ValueError for invalid names.
+    """
+    namespace = '/' + namespace.strip('/')
+    topics = full_names(topics, namespace)
+    stopped = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopped.set())
+    prepare_log_folder()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        with writer as bag:
+            recorder = Recorder(bag, topics, namespace, report)
+            spin_until(stopped, recorder, bag, duration)
+            if recorder.missing:
+                report(f'never there: {", ".join(recorder.missing)}')
+        # After the bag is closed, since this may end the process.
+        leave(recorder)
+    finally:
+        rclpy.try_shutdown()
+
+
+def spin_until(
+    stopped: threading.Event, recorder: Recorder, bag: BagWriter, duration: float
+) -> None:
+    """Record until `stopped` is set or `duration` seconds have passed, then write what arrived."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(recorder)
+    end = time.monotonic() + duration
+    reported, next_report = 0, time.monotonic() + REPORT_PERIOD_S
+    while not stopped.is_set() and time.monotonic() < end:
+        executor.spin_once(timeout_sec=DISCOVERY_PERIOD_S)
+        if time.monotonic() >= next_report:
+            recorder.report_progress(bag.total, bag.total - reported)
+            reported, next_report = bag.total, time.monotonic() + REPORT_PERIOD_S
+    # Bounded by the queues, since a busy graph publishes for ever. The timer takes turns, too, so
+    # one turn without a message does not mean that all are written.
+    quiet = 0
+    for _ in range(DEPTH * len(bag.counts)):
+        count = bag.total
+        executor.spin_once(timeout_sec=DRAIN_TIMEOUT_S)
+        quiet = quiet + 1 if bag.total == count else 0
+        if quiet == 4:
+            break
+    executor.shutdown()
+
+
+def full_names(topics: Sequence[str], namespace: str) -> list[str]:
+    """Return the full names of topics; those without a leading slash are in the namespace.
+
+    Raises ValueError for invalid names.
+    """
+    try:
+        return list(dict.fromkeys(expand_topic_name(name, NAME, namespace) for name in topics))
+    except ValueError as error:
+        # The rest of the message is a line of rcl's source code.
+        raise ValueError(str(error).partition(', at /')[0]) from None
+
+
+def import_message_class(msgtype: str) -> type:
+    """Return the class of `package/msg/Name` or `package/srv/Name_Event`.
+
+    Raises ImportError or AttributeError where its package is not installed here.
+    """
+    package, kind, name = msgtype.split('/')
+    module = importlib.import_module(f'{package}.{kind}')
+    if kind == 'srv':
+        return getattr(module, name.removesuffix('_Event')).Event
+    return getattr(module, name)
+
+
+def requests_too_much(requested: QoSProfile, offered: list[QoSProfile]) -> bool:
+    """Tell whether a subscription requests more than one of these publishers offers."""
+    return any(
+        qos_check_compatible(qos, requested)[0] == QoSCompatibility.ERROR for qos in offered
+    )
+
+
+def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
+    """Return the QoS of a subscription that receives most from all of these publishers."""
+    reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
+    latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
+    return recorder_qos(is_reliable=reliable, is_latched=latched)
+
+
+def recorder_qos(*, is_reliable: bool, is_latched: bool) -> QoSProfile:
+    """Return the QoS of a subscription whose messages wait while others are written."""
+    return QoSProfile(
+        depth=DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if is_reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def bag_qos(offered: QoSProfile) -> Qos:
+    """Return a publisher's QoS as a bag holds it."""
+
+    def time_of(duration: Duration) -> QosTime:
+        return QosTime(*divmod(duration.nanoseconds, NANOSECONDS))
+
+    return Qos(
+        history=QosHistory[offered.history.name],
+        depth=offered.depth,
+        reliability=QosReliability[offered.reliability.name],
+        durability=QosDurability[offered.durability.name],
+        deadline=time_of(offered.deadline),
+        lifespan=time_of(offered.lifespan),
+        liveliness=QosLiveliness[offered.liveliness.name],
+        liveliness_lease_duration=time_of(offered.liveliness_lease_duration),
+        avoid_ros_namespace_conventions=offered.avoid_ros_namespace_conventions,
+    )

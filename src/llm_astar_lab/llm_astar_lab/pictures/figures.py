@@ -1,0 +1,411 @@
+"""Pictures of plans: obstacles, waypoints, expanded cells and path on one map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from textwrap import fill
+
+import numpy as np
+from llm_astar_msgs_adapter.maps.grid_map import FREE, OCCUPIED, GridMap
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.costmap.costmap import Costmap
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.planning.footprint import Footprint
+from llm_astar_planner.planning.types import Plan
+from llm_astar_planner.search.methods import WAYPOINT_METHODS
+from llm_astar_planner.search.result import Cell, describe_expansions
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patheffects import Normal, Stroke
+from matplotlib.transforms import Affine2D, offset_copy
+from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
+from numpy.typing import ArrayLike, NDArray
+
+from llm_astar_lab.pictures import raster, style
+from llm_astar_lab.pictures.instructions import (
+    InstructedPath,
+    add_instruction_legend,
+    draw_instruction,
+)
+from llm_astar_lab.pictures.labels import Labels
+from llm_astar_lab.pictures.places import draw_places, write_names
+from llm_astar_lab.pictures.style import Mark
+
+# Inches and dots: 1280 pixels, of which a README shows 880, with text that is read there.
+WIDTH, MIN_WIDTH, MAX_MAP_HEIGHT, DPI = 8.0, 5.0, 7.0, 160
+# What surrounds the map: title, labels of the axes, legend.
+FRAME_WIDTH, FRAME_HEIGHT = 0.9, 1.55
+# An expanded cell is drawn at least so many pixels wide.
+MIN_PIXELS = 5.0
+# Of a title in its font.
+CHARACTERS_PER_INCH = 11
+SIZE = 10.0
+# Of methods, for titles.
+METHOD_NAMES = {
+    'astar': 'A*',
+    'exact_astar': 'exact A*',
+    'weighted_astar': 'weighted A*',
+    'dynamic_weighted_astar': 'dynamic weighted A*',
+    'llm_astar': 'LLM-A*',
+}
+# Outlines of the robot drawn along one path.
+MAX_OUTLINES = 100
+# The order of a legend; what is not here comes first.
+LEGEND = (
+    'path',
+    "robot's own plan",
+    'footprint',
+    'expanded',
+    'inflated zone',
+    'obstacle',
+    'unknown',
+)
+CASING = [Stroke(linewidth=4.4, foreground=style.PATH_OUTLINE), Normal()]
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What to draw, in grid coordinates: `path` [n, 2], `expanded` bool [height, width].
+
+    `waypoints` are (x, y, status). `offset` is the map coordinate of cell (0, 0), for the axes of
+    a map whose cells are one metre; those of other maps are in metres. `places` are drawn with
+    their names, `instructed` says what became of an instruction, the `footprint` is drawn along
+    the path, and `inflated`, bool [height, width], is what the robot's body closes. `shown` is
+    the part of the map that is drawn, None to choose it; `has_scale_bar` is for maps in metres.
+    `recorded` [n, 2] is another path, the one that a bag holds.
+    """
+
+    grid_map: GridMap
+    start: Cell
+    goal: Cell
+    path: NDArray[np.int32]
+    expanded: NDArray[np.bool_]
+    waypoints: Sequence[tuple[float, float, str]]
+    title: str
+    offset: Cell = (0, 0)
+    places: Places = NO_PLACES
+    instructed: InstructedPath | None = None
+    footprint: Footprint | None = None
+    inflated: NDArray[np.bool_] | None = None
+    via: Sequence[Cell] = ()
+    shown: raster.Window | None = None
+    has_scale_bar: bool = True
+    recorded: NDArray[np.float64] | None = None
+
+    @property
+    def in_metres(self) -> bool:
+        """Whether the axes are in metres: on the maps of robots."""
+        return self.grid_map.resolution != 1.0
+
+    def on_axes(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return points [n, 2] in grid coordinates in the coordinates of the axes."""
+        cells = np.asarray(points, dtype=float).reshape(-1, 2)
+        return self.grid_map.grid_to_world(cells) if self.in_metres else cells + self.offset
+
+    def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points [n, 2] in metres of the map's frame in the coordinates of the axes."""
+        if self.in_metres:
+            return points
+        return self.grid_map.world_to_grid(points) + self.offset
+
+    @cached_property
+    def codes(self) -> NDArray[np.uint8]:
+        """What each cell shows; see `raster`."""
+        return raster.cell_codes(self.grid_map, self.expanded, self.inflated)
+
+    @cached_property
+    def window(self) -> raster.Window:
+        """The part of the map that is drawn: all that is known of it, or where something is."""
+        if self.shown is not None:
+            return self.shown
+        guides = [(x, y) for x, y, _ in self.waypoints]
+        ends = [self.start, self.goal, *self.via, *guides]
+        points = np.array([point for point in ends if self.is_on_map(*point)], dtype=float)
+        if self.instructed is not None or len(self.places) or not len(points):
+            height, width = self.codes.shape
+            points = np.array([(0, 0), (width - 1, height - 1)], dtype=float)
+        return raster.choose_window(self.codes, np.concatenate([points, self.path]))
+
+    def is_on_map(self, x: float, y: float) -> bool:
+        """Tell whether a point in grid coordinates is on the map."""
+        height, width = self.grid_map.cells.shape
+        return bool(-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5)
+
+
+def picture_of(
+    plan: Plan,
+    grid_map: GridMap,
+    start: Cell,
+    goal: Cell,
+    offset: Cell = (0, 0),
+    *,
+    route: Route | None = None,
+    costmap: Costmap | None = None,
+) -> Picture:
+    """Return the picture of a plan, with places and instruction if its route is given.
+
+    The zone that the robot's body closes is drawn if the costmap, or the route, is given.
+    """
+    waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
+    guidance = describe_guidance(plan.method, plan.guided_by)
+    if plan.guided_by == 'none':
+        guidance = describe_plan(plan)
+    outcome = describe_outcome(plan, grid_map.resolution)
+    places = NO_PLACES if route is None else route.places
+    path, instructed = plan.path, None
+    if plan.any_angle is not None and len(path):
+        # The path that leaves the planner, on which the instruction is verified too.
+        path = plan.any_angle.points
+    if route is not None and plan.instruction is not None and len(path):
+        instructed = InstructedPath(plan.instruction, route, grid_map.grid_to_world(path))
+    costmap = route.costmap if costmap is None and route is not None else costmap
+    inflated = None if costmap is None else costmap.blocked & ~grid_map.blocked()
+    return Picture(
+        grid_map, start, goal, path, plan.expanded, waypoints, f'{guidance}: {outcome}', offset,
+        places, instructed, plan.footprint, inflated, plan.via,
+    )  # fmt: skip
+
+
+def drawable_map(grid_map: GridMap, costmap: CostmapConfig | None) -> GridMap:
+    """Return a map for drawing: lethal cells by the rules are occupied, other known ones free."""
+    threshold = (costmap or CostmapConfig()).occupied_threshold
+    cells = np.where(grid_map.cells >= threshold, OCCUPIED, np.minimum(grid_map.cells, FREE))
+    return replace(grid_map, cells=cells.astype(np.int8))
+
+
+def describe_guidance(method: str, guided_by: str) -> str:
+    """Name the method of a plan and the source whose waypoints it followed, for a title."""
+    guide = 'no waypoints' if guided_by == 'none' else f'waypoints by {guided_by}'
+    return f'{METHOD_NAMES.get(method, method)}, {guide}'
+
+
+def describe_plan(plan: Plan) -> str:
+    """Name the method of a plan and its source, in few words, for the title of one of several."""
+    if plan.method not in WAYPOINT_METHODS and plan.guided_by == 'none':
+        return METHOD_NAMES.get(plan.method, plan.method)
+    if plan.checked_waypoints and plan.guided_by == 'none':
+        return f'{METHOD_NAMES.get(plan.method, plan.method)}, waypoints not used'
+    return describe_guidance(plan.method, 'none' if plan.guided_by == 'none' else plan.source)
+
+
+def describe_length(plan: Plan, resolution: float) -> str:
+    """Return the length of a plan's path, in metres on the maps of robots."""
+    length = plan.length if plan.any_angle is None else plan.any_angle.length
+    return f'{length:.2f} cells' if resolution == 1.0 else f'{length * resolution:.2f} m'
+
+
+def short_title(plan: Plan, resolution: float) -> str:
+    """Return two lines about a plan, for the title of one of several."""
+    outcome = 'no path' if plan.code else describe_length(plan, resolution)
+    return f'{describe_plan(plan)}\n{outcome}, {describe_expansions(plan.expansions)}'
+
+
+def describe_outcome(plan: Plan, resolution: float) -> str:
+    """Return length and expansions of a plan, for a title, or why there is no path."""
+    if plan.code:
+        return f'no path: {plan.message} [{plan.code.name} {int(plan.code)}]'
+    text = f'{describe_length(plan, resolution)}, {describe_expansions(plan.expansions)}'
+    if math.isfinite(plan.suboptimality_bound):
+        is_short = math.isclose(plan.cost, plan.length, rel_tol=1e-6)
+        best = 'shortest' if is_short else 'cheapest'
+        text += f', proven within {plan.suboptimality_bound:.4f} of the {best}'
+    return text
+
+
+def save_picture(picture: Picture, path: str | Path) -> None:
+    """Draw into an image file, whose ending chooses the format; missing folders are created.
+
+    Raises OSError where the file cannot be written, ValueError for an unknown ending.
+    """
+    figure = Figure(figsize=figure_size(picture.window), layout='constrained')
+    axes = figure.add_subplot()
+    draw(axes, picture)
+    add_legend(figure, [axes])
+    if picture.instructed is not None:
+        add_instruction_legend(figure, picture.instructed)
+    write_labels(axes, picture)
+    write_figure(figure, path)
+
+
+def figure_size(window: raster.Window) -> tuple[float, float]:
+    """Return the size in inches of the picture of a part of a map."""
+    aspect = window.height / window.width
+    height = min((WIDTH - FRAME_WIDTH) * aspect, MAX_MAP_HEIGHT)
+    return max(MIN_WIDTH, min(WIDTH, height / aspect + FRAME_WIDTH)), height + FRAME_HEIGHT
+
+
+def write_figure(figure: Figure, path: str | Path) -> None:
+    """Write a figure to a file of exactly this name; raises as `save_picture` does."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # Without a format matplotlib adds an ending to a name that has none.
+    figure.savefig(
+        path, dpi=DPI, format=path.suffix[1:] or 'png', bbox_inches='tight', pad_inches=0.08
+    )
+
+
+def draw(axes: Axes, picture: Picture) -> None:
+    """Draw on axes in map coordinates, in metres or with cell centres at whole numbers."""
+    draw_cells(axes, picture)
+    draw_places(axes, picture.places, picture.project)
+    if picture.recorded is not None and len(picture.recorded):
+        x, y = picture.on_axes(picture.recorded).T
+        axes.plot(x, y, color=style.RECORDED, linewidth=5, alpha=0.6, label="robot's own plan")
+    if len(picture.path):
+        x, y = picture.on_axes(picture.path).T
+        axes.plot(x, y, color=style.PATH, linewidth=2.4, path_effects=CASING, label='path')
+    if picture.footprint is not None and len(picture.path) > 1:
+        draw_footprints(axes, picture, picture.footprint)
+    if picture.instructed is not None:
+        draw_instruction(axes, picture.instructed, picture.project)
+    for mark, points in marks_of(picture):
+        x, y = picture.on_axes(points).T
+        axes.plot(
+            x, y, mark.marker, color=mark.colour, label=mark.name, zorder=4.8, clip_on=False,
+            markersize=14 if mark.marker == '*' else 9, markeredgecolor=style.MARK_EDGE,
+        )  # fmt: skip
+    place = axes.get_subplotspec()
+    columns = 1 if place is None else place.get_gridspec().ncols
+    inches = axes.figure.bbox.width / axes.figure.dpi / columns
+    axes.set_title(wrap_title(picture.title, inches), parse_math=False, fontsize=SIZE)
+
+
+def marks_of(picture: Picture) -> list[tuple[Mark, list[tuple[float, float]]]]:
+    """Return what is marked on a picture: each mark with its points in grid coordinates."""
+    marks: list[tuple[Mark, list[tuple[float, float]]]] = [
+        (style.START, [picture.start]),
+        (style.GOAL, [picture.goal]),
+        (style.VIA, [*picture.via]),
+    ]
+    for status, mark in style.WAYPOINTS.items():
+        marks.append((mark, [(x, y) for x, y, found in picture.waypoints if found == status]))
+    on_map = [
+        (mark, [point for point in points if picture.is_on_map(*point)]) for mark, points in marks
+    ]
+    return [(mark, points) for mark, points in on_map if points]
+
+
+def write_labels(axes: Axes, picture: Picture) -> None:
+    """Write the numbers of waypoints and via points and the names of places, clear of the marks.
+
+    Call it last: the axes must have their final limits and size.
+    """
+    labels = Labels(axes, picture.on_axes(picture.path))
+    marks = [picture.on_axes(points) for _, points in marks_of(picture)]
+    labels.take(np.concatenate([np.empty((0, 2)), *marks]))
+    for number, (x, y, _) in enumerate(picture.waypoints, start=1):
+        if picture.is_on_map(x, y):
+            labels.add_number(str(number), *picture.on_axes([(x, y)])[0])
+    for number, point in enumerate(picture.via, start=1):
+        if not picture.is_on_map(*point):
+            continue
+        labels.add_number(f'via {number}', *picture.on_axes([point])[0])
+    write_names(labels, picture.places, picture.project)
+
+
+def draw_footprints(axes: Axes, picture: Picture, footprint: Footprint) -> None:
+    """Draw the robot's outline along the path, about its own size apart."""
+    resolution = picture.grid_map.resolution
+    path = picture.path
+    steps = np.diff(path, axis=0, append=2 * path[-1:] - path[-2:-1])
+    apart = max(1.0, 1.5 * footprint.circumscribed_radius / resolution, len(path) / MAX_OUTLINES)
+    outlines = []
+    for index in np.arange(0.0, len(path), apart).astype(int):
+        cos, sin = steps[index] / max(np.hypot(*steps[index]), 1.0)
+        turned = footprint.array / resolution @ np.array([[cos, sin], [-sin, cos]])
+        outlines.append(picture.on_axes(turned + path[index]))
+    drawn = PolyCollection(
+        outlines, facecolors='none', edgecolors=style.FOOTPRINT, linewidths=0.9, zorder=2.9,
+        label='footprint',
+    )  # fmt: skip
+    axes.add_collection(drawn)
+
+
+def wrap_title(title: str, inches: float) -> str:
+    """Break a title that is wider than `inches`, first after its colon."""
+    width = int(CHARACTERS_PER_INCH * inches)
+    lines = title.split('\n')
+    parts = title.split(': ', 1) if len(lines) == 1 and len(title) > width else lines
+    return '\n'.join(fill(part, width) for part in parts)
+
+
+def draw_cells(axes: Axes, picture: Picture) -> None:
+    """Draw the cells of the part of the map that is worth drawing, with its axes."""
+    window = picture.window
+    codes = window.cut(picture.codes)
+    box = axes.get_window_extent()
+    pixels = box.width / axes.figure.dpi * DPI / window.width
+    codes = raster.widen_expanded(codes, math.ceil(MIN_PIXELS / pixels))
+    if pixels < 1.0:
+        codes = raster.resize(
+            codes, max(1, int(window.width * pixels)), max(1, int(window.height * pixels))
+        )
+    axes.imshow(
+        raster.PALETTE[codes], origin='lower', interpolation='nearest',
+        extent=(window.left - 0.5, window.right - 0.5, window.bottom - 0.5, window.top - 0.5),
+        transform=cells_to_axes(picture) + axes.transData,
+    )  # fmt: skip
+    corners = picture.on_axes(
+        [
+            (x - 0.5, y - 0.5)
+            for x in (window.left, window.right)
+            for y in (window.bottom, window.top)
+        ]
+    )
+    (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
+    axes.set(xlim=(left, right), ylim=(bottom, top), aspect='equal')
+    for code in np.unique(codes):
+        if name := raster.NAMES[code]:
+            colour = raster.COLOURS[code]
+            axes.plot([], [], 's', color=colour, mec=style.SOFT, mew=0.5, ms=10, label=name)
+    unit = 'm' if picture.in_metres else 'cells'
+    axes.set_xlabel(f'x ({unit})')
+    axes.set_ylabel(f'y ({unit})')
+    axes.locator_params(integer=not picture.in_metres, steps=[1, 2, 5, 10])
+    if picture.in_metres and picture.has_scale_bar:
+        add_scale_bar(axes, right - left)
+
+
+def cells_to_axes(picture: Picture) -> Affine2D:
+    """Return the transform from grid coordinates to the coordinates of the axes."""
+    grid_map = picture.grid_map
+    if not picture.in_metres:
+        return Affine2D().translate(*picture.offset)
+    size, origin = grid_map.resolution, grid_map.origin
+    corner = Affine2D().translate(0.5, 0.5).scale(size)
+    return corner.rotate(origin.yaw).translate(origin.x, origin.y)
+
+
+def add_scale_bar(axes: Axes, width: float) -> None:
+    """Draw a scale bar below axes that are `width` metres wide."""
+    power = 10.0 ** math.floor(math.log10(width / 4))
+    metres = next(step * power for step in (5.0, 2.0, 1.0) if step * power <= width / 4)
+    below = offset_copy(axes.transAxes, axes.get_figure(root=True), y=-19.0, units='points')
+    bar = AnchoredSizeBar(
+        axes.transData, metres, f'{metres:g} m', 'upper right', pad=0, borderpad=0, sep=2,
+        frameon=False, size_vertical=width / 250, label_top=True, color=style.INK,
+        bbox_to_anchor=(1.0, 0.0), bbox_transform=below,
+    )  # fmt: skip
+    axes.add_artist(bar)
+
+
+def add_legend(figure: Figure, panels: Sequence[Axes]) -> None:
+    """Explain what is drawn on the panels of a figure, below them."""
+    handles: dict[str, Artist] = {}
+    for axes in panels:
+        for handle, name in zip(*axes.get_legend_handles_labels()):
+            handles.setdefault(name, handle)
+    names = sorted(handles, key=lambda name: LEGEND.index(name) if name in LEGEND else -1)
+    rows = max(1, math.ceil(len(names) / int(figure.get_figwidth() / 1.25)))
+    figure.legend(
+        [handles[name] for name in names], names, loc='outside lower center',
+        ncols=max(1, math.ceil(len(names) / rows)),
+        frameon=False, fontsize=SIZE - 1, handlelength=1.4, columnspacing=1.4,
+    )  # fmt: skip

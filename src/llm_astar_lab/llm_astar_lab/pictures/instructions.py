@@ -1,0 +1,204 @@
+"""Draws what became of an instruction: its regions, where the path violates it, what it visited.
+
+The regions and the parts of the path are those that the verification measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+import shapely
+from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
+from llm_astar_planner.instructions.route import Route
+from llm_astar_planner.instructions.specification import (
+    WALLS,
+    Along,
+    Avoid,
+    Before,
+    Clause,
+    EndAt,
+    KeepDistance,
+    Pass,
+    Region,
+    StayIn,
+    Unknown,
+    Visit,
+)
+from llm_astar_planner.instructions.verification.geometry import Area, polyline
+from llm_astar_planner.instructions.verification.measurement import Measurement
+from llm_astar_planner.instructions.verification.regions import RegionError
+from llm_astar_planner.instructions.verification.visits import BEFORE_THE_PATH, attempts
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from llm_astar_lab.pictures import style
+from llm_astar_lab.pictures.places import Projection, draw_region
+
+COLOURS = {status: style.CLAUSES[status.name] for status in ClauseStatus}
+FAILED = (ClauseStatus.VIOLATED, ClauseStatus.IMPOSSIBLE)
+# Where the path is not to be is hatched, where it is to be is not.
+HATCH = '////'
+TINT = 0.16
+# Of the text above the picture: its size in points, the height of a line, and its characters.
+SIZE = 9.0
+LINE_INCHES = 0.18
+CHARACTERS_PER_INCH = 13
+
+
+@dataclass(frozen=True, eq=False)
+class InstructedPath:
+    """A path with what became of its instruction; `points` [n, 2], n > 0, are metres."""
+
+    outcome: InstructionOutcome
+    route: Route
+    points: NDArray[np.float64]
+
+    @cached_property
+    def measurement(self) -> Measurement:
+        """The path as the verification measures it."""
+        specification = self.outcome.interpretation.specification
+        return Measurement(specification, polyline(self.points), self.route)
+
+    def shown_areas(self, clause: Clause) -> Iterator[Area]:
+        """Yield the areas that a clause is about; those of unknown names are left out."""
+        for region in regions_of(clause):
+            try:
+                if isinstance(clause, Avoid):
+                    yield self.measurement.regions.resolve_avoided(region).area.grown(
+                        clause.margin
+                    )
+                    continue
+                area = self.measurement.regions.resolve(region).area
+            except RegionError:
+                continue
+            yield area.grown(clause.metres) if isinstance(clause, KeepDistance) else area
+        if isinstance(clause, KeepDistance) and clause.region is None:
+            yield self.measurement.walls.zone(clause.metres)
+
+    def violating_parts(self, outcome: ClauseOutcome) -> Iterator[NDArray[np.float64]]:
+        """Yield the stretches of the path, points [n, 2], that violate a clause about lengths."""
+        if outcome.status not in FAILED:
+            return
+        path = self.measurement.path
+        for area in self.shown_areas(outcome.clause):
+            spans = area.spans(path)
+            if isinstance(outcome.clause, StayIn):
+                edges = np.concatenate(([0.0], spans.ravel(), [path.length]))
+                spans = edges.reshape(-1, 2)
+            elif not isinstance(outcome.clause, (Avoid, KeepDistance)):
+                continue
+            for first, last in spans:
+                if last > first:
+                    yield path.part(first, last).corners
+
+    def visited_points(self) -> Iterator[tuple[float, float]]:
+        """Yield the points at which the path visits regions, in the order of the clauses."""
+        for group in attempts(self.measurement):
+            for attempt in group:
+                if attempt.done and attempt.place > BEFORE_THE_PATH:
+                    yield self.measurement.path.point(attempt.place)
+
+
+def regions_of(clause: Clause) -> tuple[Region, ...]:
+    """Return the regions of a clause that can be drawn; all walls together cannot."""
+    match clause:
+        case Visit(regions=regions):
+            return regions
+        case Before(first=first, second=second):
+            return first, second
+        case Avoid(region=region) | StayIn(region=region) | Pass(region=region):
+            found: Region | None = region
+        case EndAt(region=region) | KeepDistance(region=region):
+            found = region
+        case _:
+            found = None
+    is_walls = isinstance(found, Along) and found.place == WALLS
+    return () if found is None or is_walls else (found,)
+
+
+def draw_instruction(axes: Axes, path: InstructedPath, project: Projection) -> None:
+    """Draw the regions of all clauses, the violating parts of the path, and the visits."""
+    map_outline = path.measurement.regions.map_outline
+    for outcome in path.outcome.clauses:
+        for area in path.shown_areas(outcome.clause):
+            shape = shapely.intersection(area.outline, map_outline)
+            draw_clause_region(axes, outcome, shapely.transform(shape, project))
+    for outcome in path.outcome.clauses:
+        colour = COLOURS[outcome.status]
+        for points in path.violating_parts(outcome):
+            axes.plot(*project(points).T, color=colour, linewidth=4.5, zorder=3.5)
+        if outcome.status in FAILED and outcome.where is not None:
+            point = project(np.array([outcome.where]))
+            axes.plot(*point.T, 'X', color=colour, markersize=11, mec='white', zorder=3.8)
+    for visit in path.visited_points():
+        x, y = project(np.array([visit]))[0]
+        green = COLOURS[ClauseStatus.SATISFIED]
+        axes.plot(x, y, 'o', color=green, markersize=13, mec='white', zorder=4.5)
+        axes.plot(x, y, marker='$✓$', color='white', markersize=7, zorder=4.6)
+
+
+def draw_clause_region(axes: Axes, outcome: ClauseOutcome, shape: BaseGeometry) -> None:
+    """Draw a region in the colour of what became of its clause."""
+    draw_region(axes, shape, **region_style(outcome), zorder=2.2)
+
+
+def region_style(outcome: ClauseOutcome) -> dict[str, Any]:
+    """Return how the region of a clause is drawn: red is filled only where no path should be."""
+    colour = COLOURS[outcome.status]
+    is_closed = isinstance(outcome.clause, (Avoid, KeepDistance))
+    tint = 0.0 if outcome.status in FAILED and not is_closed else TINT
+    hatch = HATCH if is_closed else None
+    return {'facecolor': (colour, tint), 'edgecolor': colour, 'hatch': hatch, 'linewidth': 1.6}
+
+
+def add_instruction_legend(figure: Figure, path: InstructedPath) -> None:
+    """Write the instruction and what became of each clause above the picture.
+
+    The figure grows by as much as that takes.
+    """
+    handles: list[Artist] = [Patch(**region_style(outcome)) for outcome in path.outcome.clauses]
+    labels = clause_lines(path.outcome)
+    if any(outcome.status in FAILED for outcome in path.outcome.clauses):
+        red = COLOURS[ClauseStatus.VIOLATED]
+        handles.append(Line2D([], [], color=red, linewidth=4.5, marker='X', mec='white'))
+        labels.append('where the path violates a clause')
+    if next(path.visited_points(), None) is not None:
+        green = COLOURS[ClauseStatus.SATISFIED]
+        handles.append(Line2D([], [], color=green, linestyle='', marker='o', markersize=9))
+        labels.append('visited in its turn')
+    width, height = figure.get_size_inches()
+    columns = int(CHARACTERS_PER_INCH * width)
+    title = fill(f'instruction: "{path.outcome.interpretation.text}"', columns)
+    labels = [fill(label, columns) for label in labels]
+    lines = sum(text.count('\n') + 1 for text in (title, *labels))
+    figure.set_size_inches(width, height + LINE_INCHES * lines)
+    legend = figure.legend(
+        handles, labels, title=title, loc='outside upper center', frameon=False, fontsize=SIZE,
+        title_fontsize=SIZE, labelspacing=0.3,
+    )  # fmt: skip
+    for text in (legend.get_title(), *legend.get_texts()):
+        # Words of an instruction are no formulas.
+        text.set_parse_math(False)
+
+
+def clause_lines(outcome: InstructionOutcome) -> list[str]:
+    """Return a line for each clause: what it asks, its status and the measured fact."""
+    lines = []
+    for clause in outcome.clauses:
+        entry = clause.to_json()
+        if isinstance(clause.clause, Unknown):
+            lines.append(entry['clause'])
+            continue
+        detail = f' ({entry["detail"]})' if entry['detail'] else ''
+        lines.append(f'{entry["clause"]}: {entry["status"]}{detail}')
+    return lines

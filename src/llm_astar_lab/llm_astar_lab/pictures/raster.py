@@ -1,0 +1,133 @@
+"""Maps as images: what each cell shows, which part of a map is drawn, and at which size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from llm_astar_msgs_adapter.maps.grid_map import FREE, GridMap
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
+
+from llm_astar_lab.pictures import style
+
+# What a cell shows. Where cells share a pixel, the one with the highest number is seen.
+OPEN, UNKNOWN, EXPANDED, INFLATED, OBSTACLE = range(5)
+COLOURS = (style.FREE, style.UNKNOWN, style.EXPANDED, style.INFLATED, style.OBSTACLE)
+PALETTE = np.array([tuple(bytes.fromhex(colour[1:])) for colour in COLOURS], dtype=np.uint8)
+NAMES = ('', 'unknown', 'expanded', 'inflated zone', 'obstacle')
+# A part of a map with so many columns or rows is drawn alone if it is less than this part of the
+# whole. It has a margin of this part of its longer side.
+LARGE, WORTH_CROPPING, MARGIN = 150, 0.6, 0.15
+# It is no slimmer strip than this, where there is more to show.
+SLIMMEST = 0.5
+
+
+class Window(NamedTuple):
+    """A part of a map: columns `left` to `right` and rows `bottom` to `top`, ends excluded."""
+
+    left: int
+    bottom: int
+    right: int
+    top: int
+
+    @property
+    def width(self) -> int:
+        """Columns."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> int:
+        """Rows."""
+        return self.top - self.bottom
+
+    def cut(self, codes: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return this part of an array [height, width]."""
+        return codes[self.bottom : self.top, self.left : self.right]
+
+
+def cell_codes(
+    grid_map: GridMap, expanded: NDArray[np.bool_], inflated: NDArray[np.bool_] | None = None
+) -> NDArray[np.uint8]:
+    """Return what each cell shows: uint8 [height, width].
+
+    `expanded` and `inflated`, the cells that the robot's body closes, are bool [height, width];
+    an empty array and None stand for no cells.
+    """
+    cells = grid_map.cells
+    codes = np.where(cells < FREE, UNKNOWN, OPEN).astype(np.uint8)
+    if expanded.size:
+        codes[expanded] = EXPANDED
+    if inflated is not None:
+        codes[inflated & (cells >= FREE)] = INFLATED
+    codes[grid_map.blocked()] = OBSTACLE
+    return codes
+
+
+def choose_window(codes: NDArray[np.uint8], points: NDArray[np.float64]) -> Window:
+    """Return the part of a map worth drawing: around expanded cells and points [n, 2].
+
+    It is the part that is known, where what happens takes most of that.
+    """
+    known = surroundings(np.argwhere(codes != UNKNOWN)[:, ::-1], codes, 1)
+    busy = np.concatenate([np.argwhere(codes == EXPANDED)[:, ::-1], points])
+    if not len(busy):
+        return known
+    part = surroundings(busy, codes, int(MARGIN * max(LARGE / 2, np.ptp(busy, axis=0).max())))
+    part = no_strip(part, known)
+    is_small = part.width * part.height < WORTH_CROPPING * known.width * known.height
+    return part if is_small and max(known.width, known.height) > LARGE else known
+
+
+def no_strip(part: Window, known: Window) -> Window:
+    """Return a part of what is known with both sides at least SLIMMEST of the other, if it can."""
+    wide = max(0, int(SLIMMEST * part.height) - part.width) // 2
+    high = max(0, int(SLIMMEST * part.width) - part.height) // 2
+    return Window(
+        max(min(known.left, part.left), part.left - wide),
+        max(min(known.bottom, part.bottom), part.bottom - high),
+        min(max(known.right, part.right), part.right + wide),
+        min(max(known.top, part.top), part.top + high),
+    )
+
+
+def surroundings(
+    places: NDArray[np.float64] | NDArray[np.int64], codes: NDArray[np.uint8], margin: int
+) -> Window:
+    """Return the part of a map within `margin` cells of the box of `places` [n, 2]."""
+    height, width = codes.shape
+    if not len(places):
+        return Window(0, 0, width, height)
+    left, bottom = np.floor(places.min(axis=0)).astype(int) - margin
+    right, top = np.ceil(places.max(axis=0)).astype(int) + margin + 1
+    return Window(max(0, left), max(0, bottom), min(width, right), min(height, top))
+
+
+def union(windows: Sequence[Window]) -> Window:
+    """Return the smallest part of a map that holds all windows, at least one."""
+    left, bottom, right, top = zip(*windows)
+    return Window(min(left), min(bottom), max(right), max(top))
+
+
+def widen_expanded(codes: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
+    """Return codes whose expanded cells are `size` cells wide, so that single ones can be seen."""
+    if size < 2:
+        return codes
+    wide = maximum_filter(codes == EXPANDED, size=size)
+    return np.where(wide & (codes < EXPANDED), np.uint8(EXPANDED), codes)
+
+
+def resize(codes: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
+    """Return codes at another size; no obstacle is lost where cells share a pixel."""
+    return resize_rows(resize_rows(codes, height).T, width).T
+
+
+def resize_rows(codes: NDArray[np.uint8], rows: int) -> NDArray[np.uint8]:
+    """Return codes with another number of rows: of several the highest codes, or repeated."""
+    count = len(codes)
+    firsts = np.arange(rows) * count // rows
+    if rows >= count:
+        return codes[firsts]
+    resized: NDArray[np.uint8] = np.maximum.reduceat(codes, firsts, axis=0)
+    return resized

@@ -1,0 +1,188 @@
+"""What the page gets, as JSON values."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+import shapely
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.places import Place
+from llm_astar_planner.instructions.outcome import InstructionOutcome
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import Plan, finite_or_none
+from llm_astar_planner.search.methods import HEURISTIC_NAMES, METHODS
+from numpy.typing import NDArray
+
+from llm_astar_lab.pictures.style import page_colours
+from llm_astar_lab.play.command import EDITED, command_of
+from llm_astar_lab.play.maps import MAX_CELLS, Maps, PlayMap
+from llm_astar_lab.play.planning import PlayedPlan
+from llm_astar_lab.play.request import MAX_REPLY, PARAMETERS, SOURCES, PlayRequest
+from llm_astar_planner import __version__
+
+# Cells of an expansion order that are sent, at most.
+MAX_ORDER = 1_000_000
+ABOUT_METHODS = {
+    'guided': 'follows waypoints, and proves how good its path is',
+    'exact_astar': 'shortest path, with costs',
+    'astar': "the paper's A*",
+    'weighted_astar': "the paper's A* with a weighted heuristic",
+    'dynamic_weighted_astar': "the paper's A* with a weight that decays",
+    'llm_astar': "the paper's LLM-A*: follows waypoints, proves nothing",
+}
+ABOUT_SOURCES = {
+    'none': 'no waypoints',
+    'embedded': 'the learned waypoint model that comes with the planner',
+    'coarse': 'the cheapest route on a coarser map',
+    'straight': 'points on the straight line',
+    'oracle': 'points on a shortest path',
+    'noisy': 'points on a shortest path, moved at random',
+    'random': 'random free cells',
+    'reversed': 'points on a shortest path, in reverse order',
+    'reply': "a model's answer, as you type it",
+}
+
+
+def options_json(maps: Maps, *, live: bool) -> dict[str, Any]:
+    """Return what the page offers to choose from."""
+    between = PARAMETERS['robot_radius'].between
+    return {
+        'version': __version__,
+        'live': live,
+        'colours': page_colours(),
+        'methods': [{'name': name, 'about': ABOUT_METHODS[name]} for name in METHODS],
+        'sources': [{'name': name, 'about': ABOUT_SOURCES[name]} for name in SOURCES],
+        'heuristics': list(HEURISTIC_NAMES),
+        'limits': {
+            'cells': MAX_CELLS,
+            'text': MAX_REPLY,
+            'radius_m': between[1] if between else 0.0,
+        },
+        'maps': [map_summary(play_map) for play_map in maps],
+    }
+
+
+def map_summary(play_map: PlayMap) -> dict[str, Any]:
+    """Return a map without its cells."""
+    grid_map = play_map.grid_map
+    return {
+        'id': play_map.id,
+        'name': play_map.name,
+        'kind': 'grid' if play_map.barriers is None else 'barriers',
+        'width': grid_map.width,
+        'height': grid_map.height,
+        'resolution': grid_map.resolution,
+        'unit': 'm' if play_map.is_metric else 'cells',
+        'pairs': len(play_map.pairs()),
+        'places': bool(len(play_map.places)),
+    }
+
+
+def map_json(play_map: PlayMap) -> dict[str, Any]:
+    """Return a map with its cells, pairs and places."""
+    grid_map = play_map.grid_map
+    return grid_json(grid_map) | {
+        'id': play_map.id,
+        'name': play_map.name,
+        'unit': 'm' if play_map.is_metric else 'cells',
+        'offset': list(play_map.offset),
+        'pairs': [{'start': list(start), 'goal': list(goal)} for start, goal in play_map.pairs()],
+        'places': [place_json(place, grid_map) for place in play_map.places],
+    }
+
+
+def grid_json(grid_map: GridMap) -> dict[str, Any]:
+    """Return a grid: its cells are 0 to 100 or 255 for unknown, row by row from y = 0."""
+    return {
+        'width': grid_map.width,
+        'height': grid_map.height,
+        'resolution': grid_map.resolution,
+        'origin': list(grid_map.origin),
+        'cells': encoded(grid_map.cells.astype(np.uint8)),
+    }
+
+
+def place_json(place: Place, grid_map: GridMap) -> dict[str, Any]:
+    """Return a place with its outline, or its point, in cells."""
+    geometry = place.geometry
+    outline = geometry.exterior if geometry.geom_type == 'Polygon' else geometry
+    points = grid_map.world_to_grid(shapely.get_coordinates(outline))
+    return {'name': place.name, 'polygon': points.round(3).tolist()}
+
+
+def reply_json(request: PlayRequest, planner: Planner, plans: list[PlayedPlan]) -> dict[str, Any]:
+    """Return the answer to a request for a plan."""
+    costmap = planner.costmap
+    obstacles = planner.grid_map.blocked(
+        costmap.config.occupied_threshold, allow_unknown=costmap.config.allow_unknown
+    )
+    command = command_of(request)
+    return {
+        'plans': [plan_json(played, planner.grid_map) for played in plans],
+        'lethal': encoded(np.packbits(costmap.blocked & ~obstacles)),
+        'command': command,
+        'command_note': EDITED if command is None else '',
+    }
+
+
+def plan_json(played: PlayedPlan, grid_map: GridMap) -> dict[str, Any]:
+    """Return one plan."""
+    plan = played.plan
+    return {
+        'role': played.role,
+        'title': played.title,
+        'found': plan.code == 0,
+        'code': plan.code.name,
+        'message': plan.message,
+        'warnings': list(plan.warnings),
+        'start': list(plan.start),
+        'goal': list(plan.goal),
+        'path': plan.path.tolist(),
+        'any_angle': None if plan.any_angle is None else plan.any_angle.points.tolist(),
+        'waypoints': [
+            {'number': number, 'x': point.x, 'y': point.y, 'status': point.status.value}
+            for number, point in enumerate(plan.checked_waypoints, start=1)
+        ],
+        'via': [list(cell) for cell in plan.via],
+        'expanded': {'order': encoded(played.order[:MAX_ORDER].astype('<i4'))},
+        'order_is_known': played.order_is_known,
+        'figures': figures_json(plan, grid_map.resolution),
+        'instruction': instruction_json(plan.instruction),
+    }
+
+
+def figures_json(plan: Plan, resolution: float) -> dict[str, Any]:
+    """Return the figures of a plan: lengths in cells and metres, times in milliseconds."""
+    return {
+        'expansions': plan.expansions,
+        'length': finite_or_none(plan.length),
+        'length_m': finite_or_none(plan.length * resolution),
+        'bound': finite_or_none(plan.suboptimality_bound),
+        'search_ms': 1000.0 * plan.seconds_search,
+        'source_ms': 1000.0 * plan.seconds_source,
+        'turns': plan.turns,
+        'clearance_m': finite_or_none(plan.clearance),
+    }
+
+
+def instruction_json(outcome: InstructionOutcome | None) -> dict[str, Any] | None:
+    """Return what became of an instruction, clause by clause."""
+    if outcome is None:
+        return None
+    read = outcome.interpretation
+    return {
+        'sentence': read.sentence,
+        'status': read.status.value,
+        'clauses': [
+            {key: clause.to_json()[key] for key in ('clause', 'status', 'detail')}
+            for clause in outcome.clauses
+        ],
+        'note': '; '.join(filter(None, (outcome.note, read.detail))),
+    }
+
+
+def encoded(array: NDArray[Any]) -> str:
+    """Return the bytes of an array in base64."""
+    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode('ascii')

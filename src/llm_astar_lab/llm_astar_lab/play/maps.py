@@ -1,0 +1,125 @@
+"""The maps that the page offers: the shipped ones and those of the user."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, load_places, places_beside
+from llm_astar_msgs_adapter.maps.problem_maps import BARE_MAP, YAML, ProblemMap, load_maps
+from llm_astar_planner.resources import SAMPLES_FILE, find_file
+
+from llm_astar_lab.play.errors import PlayError
+
+# What the page can still draw and the server plan on while somebody waits.
+MAX_CELLS = 4_000_000
+# Maps taken of one file, and start-goal pairs of one map.
+MAX_MAPS = 10
+MAX_PAIRS = 10
+# The files in maps/ that the page offers, those of robots first.
+SHIPPED = (
+    'demo.json',
+    *(
+        f'instructions/{name}.yaml'
+        for name in ('house', 'office', 'warehouse', 'museum', 'market', 'ward', 'workshop')
+    ),
+    SAMPLES_FILE,
+)
+
+
+@dataclass(frozen=True)
+class PlayMap:
+    """One map of the page.
+
+    `file` and `map_id` are what `--map` and `--map-id` of `llm-astar plan` take; `map_id` is None
+    where the file holds one map only.
+    """
+
+    id: str
+    name: str
+    file: str
+    map_id: int | None
+    problem: ProblemMap
+    grid_map: GridMap
+    places: Places
+
+    @property
+    def barriers(self) -> BarrierMap | None:
+        """The barriers, where the map is given by them."""
+        return self.problem if isinstance(self.problem, BarrierMap) else None
+
+    @property
+    def is_metric(self) -> bool:
+        """Whether its points are given in metres: on maps of robots, from map_server."""
+        return Path(self.file).suffix.lower() in YAML
+
+    @property
+    def offset(self) -> Point:
+        """The map coordinates of cell (0, 0)."""
+        return self.problem.offset
+
+    def pairs(self) -> list[tuple[Point, Point]]:
+        """Return the first start-goal pairs, in cells."""
+        to_cell = self.problem.to_cell
+        return [
+            (to_cell(sample.start), to_cell(sample.goal))
+            for sample in self.problem.samples[:MAX_PAIRS]
+        ]
+
+
+class Maps:
+    """The maps by id, in the order in which the page lists them."""
+
+    def __init__(self, files: Sequence[str] = ()) -> None:
+        """Load the user's files and then the shipped ones.
+
+        Raises what reading a file raises, and PlayError for one that is too large.
+        """
+        self._maps: dict[str, PlayMap] = {}
+        for file in (*files, *SHIPPED):
+            for play_map in read_maps(file):
+                self._maps.setdefault(play_map.id, play_map)
+
+    def __iter__(self) -> Iterator[PlayMap]:
+        """Iterate over the maps."""
+        return iter(self._maps.values())
+
+    def get(self, map_id: str) -> PlayMap:
+        """Return the map with an id. Raises PlayError (404) where there is none."""
+        play_map = self._maps.get(map_id)
+        if play_map is None:
+            known = ', '.join(list(self._maps)[:20])
+            raise PlayError(f'map: there is no map {map_id[:80]!r}; there is {known}', 'map', 404)
+        return play_map
+
+
+def read_maps(file: str) -> Iterator[PlayMap]:
+    """Yield the first maps of a file, a path or a name in maps/; raises as `Maps` does."""
+    path = find_file(file, 'maps')
+    scenarios = Path(f'{path}.scen')
+    if path.suffix.lower() in BARE_MAP and scenarios.is_file():
+        file, path = f'{file}.scen', scenarios
+    beside = places_beside(path)
+    places = NO_PLACES if beside is None else load_places(beside)
+    problems = load_maps(path, MAX_PAIRS)
+    several = len(problems) > 1
+    for problem in problems[:MAX_MAPS]:
+        grid_map = problem.to_grid()
+        if grid_map.cells.size > MAX_CELLS:
+            raise PlayError(
+                f'{file}: {grid_map.width} x {grid_map.height} cells are over the {MAX_CELLS} '
+                'that the page can show; cut out or coarsen the map'
+            )
+        name = path.name.split('.')[0]
+        yield PlayMap(
+            f'{file}:{problem.id}' if several else file,
+            f'{name}, map {problem.id}' if several else name,
+            file,
+            problem.id if several else None,
+            problem,
+            grid_map,
+            places,
+        )

@@ -1,0 +1,165 @@
+"""Plans for the page: the chosen one, and those to compare it with."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+
+import numpy as np
+from cachetools import LRUCache
+from llm_astar_planner.instructions.chain import make_interpreter
+from llm_astar_planner.instructions.interpretation import Interpreter, RouteInstruction
+from llm_astar_planner.planning.compile import compile_progress
+from llm_astar_planner.planning.parameters import costmap_config, request_fields
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import Plan, PlanRequest
+from llm_astar_planner.search.methods import WAYPOINT_METHODS
+from llm_astar_planner.search.stop import StopFlag
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
+from llm_astar_planner.waypoints.replay import FixedReply
+from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
+from numpy.typing import NDArray
+
+from llm_astar_lab.pictures.retrace import retrace
+from llm_astar_lab.play.request import REPLY, PlayRequest
+
+# Seconds that one plan may take, and that an instruction may take to be understood.
+TIME_LIMIT_S = 10.0
+INTERPRETATION_S = 5.0
+# Cells of the maps whose planners are kept, each with the landmarks of its map.
+MAX_KEPT_CELLS = 8_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedPlan:
+    """A plan, what part it plays (`chosen`, `no_waypoints`, `astar`) and its title.
+
+    `order` is int32 [n]: the cells y * width + x in the order of their expansion, where
+    `order_is_known`, else in no order.
+    """
+
+    role: str
+    title: str
+    plan: Plan
+    order: NDArray[np.int32]
+    order_is_known: bool
+
+
+class PlanningService:
+    """Plans what the page asks for, on one thread; it keeps the planners of the last maps."""
+
+    def __init__(self) -> None:
+        """Start without planners."""
+        self._planners: LRUCache[tuple[object, ...], Planner] = LRUCache(
+            MAX_KEPT_CELLS, getsizeof=lambda planner: planner.grid_map.cells.size
+        )
+        self._interpreter: Interpreter = make_interpreter({})
+
+    def compile(self, planner: Planner, request: PlanRequest) -> None:
+        """Compile what such requests take, so that the times of plans are for planning.
+
+        Says so where it takes long.
+        """
+        with compile_progress():
+            planner.compile(request)
+
+    def planner_for(self, request: PlayRequest) -> Planner:
+        """Return a prepared planner for the map, the rules and the walls of a request."""
+        config = costmap_config(request.values)
+        walls = hashlib.sha256(request.walls.blocked.tobytes() + b'|')
+        walls.update(request.walls.freed.tobytes())
+        key = request.play_map.id, config, walls.digest()
+        planner = self._planners.get(key)
+        if planner is None:
+            barriers = None if request.walls.are_edited else request.play_map.barriers
+            grid_map = request.walls.apply(request.play_map.grid_map)
+            planner = Planner(grid_map, config, barriers).prepare()
+            self._planners[key] = planner
+        return planner
+
+    def plan(self, request: PlayRequest, stop: StopFlag) -> tuple[Planner, list[PlayedPlan]]:
+        """Return the planner, the chosen plan and those to compare it with, until stopped."""
+        planner = self.planner_for(request)
+        requests = compared(self.plan_request(request))
+        plans = []
+        for role, wanted in requests.items():
+            self.compile(planner, wanted)
+            plans.append(played(role, planner, wanted, stop))
+        return planner, plans
+
+    def plan_request(self, request: PlayRequest) -> PlanRequest:
+        """Return the request for the chosen plan."""
+        fields = request_fields(request.values) | {'time_limit': TIME_LIMIT_S}
+        return PlanRequest(
+            request.start,
+            request.goal,
+            source=waypoint_source(request),
+            sample=sample_key(request),
+            via=request.via,
+            instruction=self.instruction(request),
+            **fields,
+        )
+
+    def instruction(self, request: PlayRequest) -> RouteInstruction | None:
+        """Return what is understood of the instruction, None if there is none."""
+        text = request.values['instruction']
+        if not text:
+            return None
+        places = request.play_map.places
+        read = self._interpreter.interpret(text, places, INTERPRETATION_S)
+        return RouteInstruction(read, places, request.values['instruction_policy'])
+
+
+def compared(chosen: PlanRequest) -> dict[str, PlanRequest]:
+    """Return by role the chosen request, and others to compare it with where they differ.
+
+    `no_waypoints` is the same without a source. `astar` is the paper's A*, which knows nothing of
+    waypoints, instructions or angles; via points and the rules of the costmap stay.
+    """
+    requests = {'chosen': chosen}
+    if chosen.source is not None and not chosen.via:
+        requests['no_waypoints'] = replace(chosen, source=None)
+    if chosen.method != 'astar' or chosen.instruction is not None:
+        requests['astar'] = replace(
+            chosen, method='astar', source=None, instruction=None, any_angle=False
+        )
+    return requests
+
+
+def played(role: str, planner: Planner, request: PlanRequest, stop: StopFlag) -> PlayedPlan:
+    """Plan, and find out in which order the cells were expanded."""
+    plan = planner.plan(request, stop)
+    traced = None if stop[0] else retrace(planner, request, plan)
+    order = np.flatnonzero(plan.expanded).astype(np.int32) if traced is None else traced.order
+    return PlayedPlan(role, title_of(request), plan, order, order_is_known=traced is not None)
+
+
+def title_of(request: PlanRequest) -> str:
+    """Name a request's method, and what guides it."""
+    title = request.method
+    if request.source is not None:
+        title += f', waypoints by {request.source.name}'
+    elif request.method in WAYPOINT_METHODS:
+        title += ', no waypoints'
+    return title + (', by the instruction' if request.instruction else '')
+
+
+def waypoint_source(request: PlayRequest) -> WaypointSource | None:
+    """Return the source of waypoints, None where none is asked."""
+    if request.values['method'] not in WAYPOINT_METHODS:
+        return None
+    if request.reply is not None:
+        return FixedReply(request.reply, request.play_map.offset)
+    if request.source in ('none', REPLY):
+        return None
+    return make_source(SourceSettings(source=request.source))
+
+
+def sample_key(request: PlayRequest) -> SampleKey | None:
+    """Return the key of the map's sample with this start and goal, None if it has none."""
+    problem = request.play_map.problem
+    for pair, sample in enumerate(problem.samples):
+        ends = problem.to_cell(sample.start), problem.to_cell(sample.goal)
+        if ends == (request.start, request.goal):
+            return SampleKey(problem.id, pair)
+    return None

@@ -1,0 +1,165 @@
+"""States the results in sentences: what the waypoints added over none, even if that is nothing."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from llm_astar_planner.search.methods import WAYPOINT_METHODS
+
+from llm_astar_lab.analysis.statistics import Interval
+from llm_astar_lab.analysis.summary import (
+    Growth,
+    PairedComparison,
+    is_baseline,
+    is_learned,
+)
+from llm_astar_lab.results.row import WAYPOINTS_ONLY, Row, Variant
+
+# A slope of log work over log scale below this counts as near linear.
+NEAR_LINEAR = 1.25
+METHOD_LABELS = {
+    'astar': 'A*',
+    'exact_astar': 'exact A* (ours)',
+    'weighted_astar': 'weighted A* (w = 2)',
+    'dynamic_weighted_astar': 'dynamic weighted A* (w = 2)',
+    WAYPOINTS_ONLY: 'waypoints alone',
+    'llm_astar': 'LLM-A*',
+    'guided': 'guided (ours)',
+}
+SOURCE_LABELS = {
+    'coarse': 'the turns of the cheapest route on a coarser map',
+    'straight': 'three points on the straight line',
+    'oracle': 'the corners of the best path',
+    'noisy': 'corners displaced by up to 3 cells',
+    'reversed': 'the corners in reverse order',
+    'random': 'random points',
+}
+EFFECT_SENTENCES = {
+    'help': 'The waypoints saved work:',
+    'harm': 'The waypoints did harm:',
+    'nothing': 'The waypoints added nothing that can be told from chance:',
+}
+
+
+def method_label(method: str) -> str:
+    """Return a method's name for people."""
+    # Of a plug-in it may be code.
+    plain = method if ':' in method else method.replace('_', ' ')
+    return METHOD_LABELS.get(method, plain)
+
+
+def variant_label(variant: Variant) -> str:
+    """Return a variant's name for people."""
+    guide = ', '.join(part for part in variant[1:] if part and part != 'none')
+    has_none = variant.method in WAYPOINT_METHODS and variant.source == 'none'
+    name = method_label(variant.method) + (', no waypoints' if has_none else '')
+    return f'{name}, {guide}' if guide else name
+
+
+def counted(number: int, thing: str) -> str:
+    """Return a number with its noun, in the plural except for 1."""
+    return f'{number} {thing}' if number == 1 else f'{number} {thing}s'
+
+
+def recorded_sentence(rows: Iterable[Row]) -> str | None:
+    """Say for how many requests the bags hold a plan; None where they hold none."""
+    requests = {
+        row.key[:2]: (row.recorded_length >= 0, bool(row.recorded_problem))
+        for row in rows
+        if row.bag
+    }
+    counts = Counter(requests.values())
+    plans, broken = counts[True, False] + counts[True, True], counts[True, True]
+    # An empty path has a problem but no length.
+    empty = counts[False, True]
+    if not plans and not empty:
+        return None
+    none = f' (it found none for {empty})' if empty else ''
+    return (
+        f"The robot's own plan is in the bags for {plans} of "
+        f'{counted(len(requests), "request")}{none}; not valid on their map by these rules: '
+        f'{broken} (`recorded_problem` in results.csv says why).'
+    )
+
+
+def headline(comparisons: Sequence[PairedComparison]) -> str:
+    """Say in one sentence what waypoints added: those of a model for LLM-A*, else the oracle's."""
+    usable = [comparison for comparison in comparisons if comparison.samples]
+    if not usable:
+        return 'No method was run both with waypoints and without any: nothing to compare.'
+
+    def rank(comparison: PairedComparison) -> tuple[bool, bool, bool]:
+        variant = comparison.variant
+        return is_baseline(variant), variant.method != 'llm_astar', variant.source != 'oracle'
+
+    return sentence(min(usable, key=rank))
+
+
+def sentence(comparison: PairedComparison) -> str:
+    """Say what the waypoints of one variant added over none, with the confidence intervals."""
+    work, length, variant = comparison.operation, comparison.length, comparison.variant
+    return (
+        f'{EFFECT_SENTENCES[effect_on(work)]} {method_label(variant.method)} with '
+        f'{describe_waypoints(variant)} expanded {describe_change(work.value, "more", "fewer")} '
+        f'nodes than with no waypoints ({describe_interval(work, "more", "fewer")}), on paths '
+        f'{describe_change(length.value, "longer", "shorter")} '
+        f'({describe_interval(length, "longer", "shorter")}), '
+        f'over {counted(comparison.samples, "sample")} of {counted(comparison.maps, "map")}.'
+    )
+
+
+def growth_sentence(growths: Sequence[Growth]) -> str | None:
+    """Say how the work of A* and LLM-A* grows with the map; None where either was not run."""
+    work = [item for item in growths if item.quantity == 'operation' and item.samples]
+    guided = [item for item in work if item.variant.method == 'llm_astar']
+    plain = next((item for item in work if item.variant.method == 'astar'), None)
+    if plain is None or not guided:
+        return None
+    chosen = min(
+        guided, key=lambda item: (is_baseline(item.variant), item.variant.source != 'oracle')
+    )
+    near = 'near' if chosen.slope < NEAR_LINEAR else 'not near'
+    return (
+        f'From scale 1 to {chosen.scales[-1]} the work of LLM-A* with `{chosen.variant.source}` '
+        f'waypoints grew {chosen.factors[-1]:.1f} times (slope {chosen.slope:.2f}) and that of A* '
+        f'{plain.factors[-1]:.1f} times (slope {plain.slope:.2f}), over '
+        f'{counted(chosen.samples, "sample")}: '
+        f'{near} linear in the scale, which would be slope 1.'
+    )
+
+
+def effect_on(work: Interval) -> str:
+    """Classify an effect on work: help, harm, or nothing where the interval holds 1."""
+    if work.high < 1.0:
+        return 'help'
+    return 'harm' if work.low > 1.0 else 'nothing'
+
+
+def describe_waypoints(variant: Variant) -> str:
+    """Say whose waypoints a variant was given."""
+    if is_baseline(variant):
+        what = SOURCE_LABELS.get(variant.source, variant.source)
+        return f'`{variant.source}` waypoints ({what})'
+    if is_learned(variant):
+        return f'the waypoints of `{variant.source}` (a learned model, not an LLM)'
+    named = ', '.join(part for part in (variant.model, variant.prompt) if part)
+    return f'the waypoints of `{variant.source}`' + (f' ({named})' if named else '')
+
+
+def describe_change(ratio: float, more: str, less: str) -> str:
+    """Write a ratio as a change in percent, such as `5.00 % fewer`."""
+    return f'{100.0 * abs(ratio - 1.0):.2f} % {more if ratio >= 1.0 else less}'
+
+
+def describe_interval(interval: Interval, more: str, less: str) -> str:
+    """Write an interval of a ratio as changes in percent."""
+    if math.isnan(interval.low):
+        return 'one map gives no interval'
+    low, high = (describe_change(end, more, less) for end in (interval.low, interval.high))
+    if (interval.low < 1.0) == (interval.high < 1.0):
+        # Both limits have the same direction: name it once, the smaller number first.
+        ends = sorted(100.0 * abs(end - 1.0) for end in (interval.low, interval.high))
+        low, high = f'{ends[0]:.2f}', f'{ends[1]:.2f} % {more if interval.low >= 1.0 else less}'
+    return f'95 % interval: {low} to {high}'

@@ -1,0 +1,1 @@
+"""The rows of results and the folders that hold them."""

@@ -1,0 +1,403 @@
+"""The results folder of a run: one CSV row per sample and variant, and the run's metadata.
+
+Rows are appended to `results.csv` as samples finish, failures included, so an interrupted run
+keeps every finished row. `--resume` continues after the last complete one.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import math
+import os
+import platform
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError, version
+from itertools import chain, groupby
+from pathlib import Path
+from types import NoneType
+from typing import Any
+
+import numpy as np
+from llm_astar_msgs_adapter.errors import short_repr
+from llm_astar_msgs_adapter.files import read_json
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, load_places
+from numpy.typing import NDArray
+
+import llm_astar_planner
+from llm_astar_lab.results.csv_rows import CsvRows, replacing
+from llm_astar_lab.results.parquet_rows import ParquetRows
+from llm_astar_lab.results.row import ResultsError, Row
+from llm_astar_lab.results.row_keys import FinishedRows, RowKeys
+
+# Costmap parameters that 0.1.0 wrote under another name.
+RULE_ALIASES = {'cost_multiplier': 'cost_travel_multiplier'}
+# Costmap parameters that 0.1.0 did not have, with the values that it planned by.
+OLD_RULES = {'unknown_cost': 0}
+# A run is resumed only with equal values of these parameters: they change the rows.
+COMPARED_PARAMETERS = (
+    'seed', 'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'grid', 'rules', 'tolerance',
+    'start_tolerance', 'paper_corners', 'requests', 'plan_window', 'topics', 'instruction',
+    'instruction_policy', 'samples', 'examples_file',
+)  # fmt: skip
+# What runs that do not say it had.
+UNSTATED = {'examples_file': ''}
+# The maps of the rows, stored in the folder so that a report needs no dataset.
+MAPS_FILE = 'maps.json'
+# The places that instructions of the run name, if there were any.
+PLACES_FILE = 'places.geojson'
+
+# What a report consists of, besides its pictures.
+REPORT_FILES = ('summary.json', 'report.md', 'report.html')
+# The folders that this process has claimed, with the descriptors that hold the locks.
+CLAIMED: dict[Path, int] = {}
+
+# Rows of a Parquet part: so many wait in results.csv first, where a crash does not lose them.
+PART_ROWS = 16_384
+# What the fields of metadata.json are, where they are there.
+METADATA_TYPES: dict[str, tuple[type, ...]] = {
+    'version': (str,), 'parameters': (dict,), 'dataset': (dict,), 'machine': (dict,),
+    'seconds': (int, float), 'bags': (list,), 'left_out': (list,), 'notes': (list,),
+    'map_costs': (list,), 'files': (dict,), 'packages': (dict,),
+}  # fmt: skip
+PARAMETER_TYPES: dict[str, tuple[type, ...]] = {
+    'seed': (int,), 'rules': (dict, NoneType), 'price': (list, NoneType), 'heuristic': (str,),
+    'weight': (int, float), 'time_limit': (int, float), 'tolerance': (int, float),
+    'start_tolerance': (int, float), 'max_suboptimality': (int, float, NoneType),
+    'paper_corners': (bool,),
+}  # fmt: skip
+DATASET_TYPES: dict[str, tuple[type, ...]] = {'file': (str,), 'sha256': (str,)}
+
+
+class ResultsFolder:
+    """The results folder of one run, new or resumed."""
+
+    def __init__(self, path: str | Path) -> None:
+        """Set the paths; nothing is read or written yet."""
+        self.path = Path(path)
+        self.results = self.path / 'results.csv'
+        self.transcript = self.path / 'transcript.jsonl'
+        self._csv = CsvRows(self.results)
+        self._parquet = ParquetRows(self.path / 'results.parquet')
+        # Rows of results.csv that are not in a part yet; None before they are counted.
+        self._waiting: int | None = None
+
+    @property
+    def has_rows(self) -> bool:
+        """Whether there are rows."""
+        return self._csv.has_rows or bool(self._parquet.parts)
+
+    @property
+    def is_parquet(self) -> bool:
+        """Whether the rows go into Parquet parts, PART_ROWS at a time, by way of results.csv."""
+        return self._parquet.path.is_dir()
+
+    def claim(self) -> None:
+        """Keep the runs of other processes out until this one ends. Raises ResultsError."""
+        with writing(self.path):
+            self.path.mkdir(parents=True, exist_ok=True)
+            key = self.path.resolve()
+            if key in CLAIMED:
+                return
+            number = os.open(key, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(number)
+            message = f'{self.path}: another run writes to it; wait for it, or name another --out'
+            raise ResultsError(message) from None
+        except OSError:
+            pass  # a file system without locks
+        CLAIMED[key] = number
+
+    def require_own(self) -> None:
+        """Raise ResultsError where files that a run would replace are not those of a run."""
+        if (self.path / 'metadata.json').exists():
+            return
+        for name in REPORT_FILES:
+            if (self.path / name).exists():
+                message = f'{self.path / name}: is there, but of no run; name another --out'
+                raise ResultsError(message)
+
+    def require_new(self) -> None:
+        """Raise ResultsError where the folder already has rows."""
+        if self.has_rows:
+            message = (
+                f'{self.results}: exists; continue it with --resume, replace it with --overwrite, '
+                'or name another --out'
+            )
+            raise ResultsError(message)
+
+    def discard_results(self) -> None:
+        """Remove rows and reports of an earlier run; a transcript stays. Raises ResultsError."""
+        tables = [*self.path.glob('tables/*.tex'), *self.path.glob('tables/*.csv')]
+        with writing(self.path):
+            self._parquet.clear()
+            for name in ('results.csv', *REPORT_FILES, PLACES_FILE):
+                (self.path / name).unlink(missing_ok=True)
+            for path in filter(Path.is_file, tables):
+                path.unlink()
+
+    def start(self, *, parquet: bool = False) -> None:
+        """Create an empty results.csv, and for Parquet the folder of the parts.
+
+        Raises ResultsError where there are rows or the folder cannot be written to.
+        """
+        self.require_new()
+        with writing(self.path):
+            self._parquet.clear()
+            if parquet:
+                self._parquet.path.mkdir(parents=True)
+            self._csv.clear()
+
+    def append(self, rows: Iterable[Row]) -> None:
+        """Append rows to results.csv.
+
+        Raises ResultsError, for example on a full disk; the rows written before are kept.
+        """
+        added = list(rows)
+        with writing(self.results, 'the rows before are kept: free some space and continue with '
+                                   '--resume'):  # fmt: skip
+            self._csv.append(added)
+            if self.is_parquet:
+                if self._waiting is None:
+                    self._waiting = sum(1 for _ in self._csv.stored_keys())
+                else:
+                    self._waiting += len(added)
+                if self._waiting >= PART_ROWS:
+                    self._fold()
+
+    def fold(self) -> None:
+        """Move the rows that wait in results.csv into a Parquet part, if the run writes parts.
+
+        Raises ResultsError; no row is lost then.
+        """
+        with writing(self.path):
+            if self.is_parquet:
+                self._fold()
+
+    def read(self) -> Iterator[Row]:
+        """Yield all complete rows once, sorted by map, pair and scale, without holding them.
+
+        A last row that was cut short by a crash is skipped. Of rows with the same key, which two
+        simultaneous runs leave behind, the last one counts. Raises ResultsError: at once where
+        keys cannot be read, for other columns when their row is due.
+        """
+        return self._rows_at(self._keys().positions)
+
+    def keep_answered(self) -> FinishedRows:
+        """Drop the rows whose source never answered and return the keys of the others.
+
+        Raises ResultsError; no answered row is lost then.
+        """
+        with writing(self.path):
+            self._parquet.keep(is_answered)
+            self._csv.keep(is_answered)
+        return FinishedRows(self._keys())
+
+    def _fold(self) -> None:
+        positions = RowKeys.of(self._csv.stored_keys()).positions
+        rows = list(self._csv.rows(map(int, positions)))
+        if rows:
+            # A crash between the two leaves rows twice, and the last of equal rows counts.
+            self._parquet.add_part(rows)
+            self._csv.clear()
+        self._waiting = 0
+
+    def _keys(self) -> RowKeys:
+        """Return the keys of all rows; positions in parts are negative, beginning at -1."""
+        parts = ((~position, key) for position, key in self._parquet.stored_keys())
+        return RowKeys.of(chain(parts, self._csv.stored_keys()))
+
+    def _rows_at(self, positions: NDArray[np.int64]) -> Iterator[Row]:
+        for in_part, some in groupby(map(int, positions), key=lambda position: position < 0):
+            if in_part:
+                yield from self._parquet.rows(~position for position in some)
+            else:
+                yield from self._csv.rows(some)
+
+    def write_json(self, name: str, values: Mapping[str, Any]) -> None:
+        """Write a JSON file into the folder; NaN and infinities become null."""
+        text = json.dumps(without_nan(values), indent=1, allow_nan=False, default=str)
+        self.write_text(name, text + '\n')
+
+    def write_text(self, name: str, text: str) -> Path:
+        """Write a file into the folder, whole or not at all; return its path.
+
+        `name` may be in a subfolder, which is made. Raises ResultsError.
+        """
+        path = self.path / name
+        with writing(path), replacing(path) as file:
+            file.write(text)
+        return path
+
+    def write_places(self, places: Places) -> None:
+        """Keep the places of a run, so that a report shows them; nothing where there are none."""
+        if len(places):
+            self.write_text(PLACES_FILE, json.dumps(places.to_geojson()) + '\n')
+
+    def read_places(self) -> Places:
+        """Read the places of the run. Raises PlacesError where the file is malformed."""
+        path = self.path / PLACES_FILE
+        return load_places(path) if path.exists() else NO_PLACES
+
+    def read_json(self, name: str) -> dict[str, Any]:
+        """Read a JSON object from the folder. Raises ResultsError."""
+        path = self.path / name
+        values = read_json(path, ResultsError)
+        if not isinstance(values, dict):
+            raise ResultsError(f'{path}: a JSON object is expected')
+        return values
+
+    def read_metadata(self) -> dict[str, Any]:
+        """Read metadata.json in the parameters of today, not 0.1.0's. Raises ResultsError."""
+        metadata, path = self.read_json('metadata.json'), self.path / 'metadata.json'
+        for name in ('version', 'parameters', 'dataset', 'machine'):
+            if name not in metadata:
+                raise ResultsError(f'{path}: {name} is missing')
+        check_types(metadata, METADATA_TYPES, str(path))
+        parameters = metadata['parameters']
+        check_types(parameters, PARAMETER_TYPES, f'{path}: parameters')
+        check_types(metadata['dataset'], DATASET_TYPES, f'{path}: dataset')
+        for name in ('bags', 'left_out', 'notes'):
+            for item in metadata.get(name) or ():
+                check_types({name: item}, {name: (str,)}, f'{path}: each of')
+        check_price(parameters.get('price'), f'{path}: parameters')
+        if parameters.get('seed', 0) < 0:
+            raise ResultsError(f'{path}: parameters: seed: 0 or more is expected')
+        if rules := parameters.get('rules'):
+            parameters['rules'] = OLD_RULES | {
+                RULE_ALIASES.get(name, name): value for name, value in rules.items()
+            }
+        return metadata
+
+
+@contextmanager
+def writing(path: Path, advice: str = '') -> Iterator[None]:
+    """Raise ResultsError, which names the file and what to do, for an OSError."""
+    try:
+        yield
+    except OSError as error:
+        message = f'{path}: {error.strerror or error}' + (f'; {advice}' if advice else '')
+        raise ResultsError(message) from None
+
+
+def is_answered(row: Row) -> bool:
+    """Tell whether a row is final, so that a resumed run need not ask its source again."""
+    return row.answered
+
+
+def check_types(
+    fields: Mapping[str, Any], types: Mapping[str, tuple[type, ...]], where: str
+) -> None:
+    """Raise ResultsError, which begins with `where`, for a field of another type."""
+    for name, kinds in types.items():
+        value = fields.get(name, '')
+        if name in fields and (
+            not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds)
+        ):
+            expected = ' or '.join('null' if kind is NoneType else kind.__name__ for kind in kinds)
+            raise ResultsError(f'{where}: {name}: {expected} is expected, not {short_repr(value)}')
+
+
+def check_price(price: Sequence[Any] | None, where: str) -> None:
+    """Raise ResultsError for a price that is not two numbers, nor None."""
+    if price is None:
+        return
+    for item in price:
+        check_types({'price': item}, {'price': (int, float)}, where)
+    if len(price) != 2:
+        raise ResultsError(f'{where}: price: two numbers are expected, not {short_repr(price)}')
+
+
+def describe_run(
+    datasets: Sequence[str | Path], parameters: Mapping[str, Any], files: Sequence[str | Path] = ()
+) -> dict[str, Any]:
+    """Return the metadata of a run: version, parameters, digests of its input, machine.
+
+    A dataset may be a folder. `files` are other inputs that the rows depend on, such as
+    transcripts and prompts; two of the same name go by their paths. Raises OSError.
+    """
+    count = Counter(Path(file).name for file in dict.fromkeys(files))
+    names = {file: Path(file).name if count[Path(file).name] == 1 else str(file) for file in files}
+    return {
+        'version': llm_astar_planner.__version__,
+        'parameters': dict(parameters),
+        'dataset': {
+            'file': ', '.join(Path(dataset).name for dataset in datasets),
+            'sha256': digest_files(*datasets),
+        },
+        'files': {names[file]: digest_files(file) for file in names},
+        'machine': describe_machine(),
+        'packages': {
+            name: package_version(name) for name in ('numpy', 'numba', 'scipy', 'shapely')
+        },
+    }
+
+
+def describe_machine() -> dict[str, Any]:
+    """Return processor, cores, memory in GiB, operating system and Python version."""
+    try:
+        lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
+    except OSError:
+        lines = []
+    models = (line.partition(':')[2].strip() for line in lines if line.startswith('model name'))
+    return {
+        'processor': next(models, platform.processor() or 'unknown'),
+        'cores': os.cpu_count(),
+        'memory_gib': round(os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES') / 2**30, 1),
+        'system': f'{platform.system()} {platform.machine()}',
+        'python': platform.python_version(),
+    }
+
+
+def run_differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Return what differs between two runs' metadata and forbids mixing their rows."""
+    changed = []
+    if before.get('version') != now['version']:
+        changed.append(f'version ({before.get("version")} before, {now["version"]} now)')
+    if before.get('dataset', {}).get('sha256') != now['dataset']['sha256']:
+        changed.append('dataset')
+    old = before['parameters']
+    return changed + [
+        f'{name} ({old.get(name)} before)'
+        for name in COMPARED_PARAMETERS
+        if old.get(name, UNSTATED.get(name)) != now['parameters'].get(name, UNSTATED.get(name))
+    ]
+
+
+def without_nan(value: Any) -> Any:  # noqa: ANN401 - any JSON value
+    """Replace NaN and infinities, which JSON cannot hold, by None."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): without_nan(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without_nan(item) for item in value]
+    return value
+
+
+def digest_files(*paths: str | Path) -> str:
+    """Return the SHA-256 of the concatenated files; a folder counts as its files by name.
+
+    SQLite's `-shm` files are skipped, because reading a bag changes them.
+    """
+    digest = hashlib.sha256()
+    for path in map(Path, paths):
+        for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+            if file.is_file() and not file.name.endswith('-shm'):
+                with file.open('rb') as stream:
+                    while block := stream.read(1 << 20):
+                        digest.update(block)
+    return digest.hexdigest()
+
+
+def package_version(package: str) -> str:
+    """Return the installed version of a package, or `missing`."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return 'missing'

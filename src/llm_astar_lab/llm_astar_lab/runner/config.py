@@ -1,0 +1,243 @@
+"""What one run covers, and how it is started, resumed, shown and written to its folder."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from llm_astar_lab.datasets.samples import BenchmarkSample, sample_pairs
+from llm_astar_lab.results.folder import ResultsFolder, describe_run, run_differences
+from llm_astar_lab.results.parquet_rows import has_pyarrow
+from llm_astar_lab.results.row import ResultsError, Row, Variant
+from llm_astar_lab.results.row_keys import FinishedRows
+from llm_astar_lab.runner.engine import (
+    Outcome,
+    SearchSettings,
+    Task,
+    TaskList,
+    list_variants,
+    make_tasks,
+    run_tasks,
+)
+from llm_astar_lab.runner.recorded import Coverage
+from llm_astar_lab.runner.sources import SourceSpec
+
+# How rows are stored; a run of at least so many is large.
+FORMATS = CSV, PARQUET = 'csv', 'parquet'
+LARGE_RUN = 200_000
+# What the report says of a file that changed before a run was resumed.
+ANOTHER_INPUT = ': was another file when earlier rows were made'
+# Steps between two lines where the total is unknown.
+UNKNOWN_STRIDE = 100
+
+
+@dataclass(frozen=True)
+class BenchmarkConfig:
+    """What a run covers.
+
+    Scale 1 runs all `samples`. To compare scales, `scale_samples` drawn samples are run at every
+    scale, 1 included. `files` are the transcripts and prompts whose digests go into the metadata;
+    `coverage` says which samples replays lack. `identity` is what the metadata says of a dataset
+    that is not the one file `dataset`.
+    """
+
+    dataset: Path
+    samples: Sequence[BenchmarkSample]
+    methods: Sequence[str]
+    sources: Sequence[SourceSpec]
+    settings: SearchSettings
+    scales: Sequence[int] = (1,)
+    scale_samples: int = 10
+    seed: int = 0
+    files: Sequence[Path] = ()
+    coverage: Sequence[Coverage] = ()
+    identity: Mapping[str, str] | None = None
+
+    @property
+    def row_count(self) -> int:
+        """The number of rows of the whole run, or a little more."""
+        larger = min(self.scale_samples, len(self.samples)) * len(self.scales)
+        return (len(self.samples) + larger) * len(list_variants(self.methods, self.sources))
+
+    def tasks(self, done: FinishedRows | None = None) -> TaskList:
+        """Return the tasks without the rows that are `done`."""
+        pairs = sample_pairs(self.samples, self.scales, self.scale_samples, self.seed)
+        variants = list_variants(self.methods, self.sources)
+        return make_tasks(pairs, variants, self.sources, self.settings, done)
+
+
+def choose_folder(out: str | None, default: str, *, resume: bool) -> ResultsFolder:
+    """Return the results folder of a run.
+
+    Without `out` every run gets its own: the default one, or the next by number without rows; to
+    resume it is the last with rows.
+    """
+    folder = following = ResultsFolder(out or default)
+    if out is None:
+        for number in count(2):
+            if not following.has_rows:
+                break
+            folder, following = following, ResultsFolder(f'{default}-{number}')
+    return folder if resume else following
+
+
+def start_run(
+    folder: ResultsFolder,
+    config: BenchmarkConfig,
+    parameters: dict[str, Any],
+    *,
+    resume: bool,
+    overwrite: bool = False,
+    file_format: str | None = None,
+) -> tuple[TaskList, dict[str, Any]]:
+    """Start or resume a results folder; return the tasks left and the run's metadata.
+
+    Raises ResultsError where the folder holds rows of another dataset, version or seed.
+    """
+    if config.identity is None:
+        metadata = describe_run([config.dataset], parameters, config.files)
+    else:
+        metadata = describe_run([], parameters, config.files) | {'dataset': dict(config.identity)}
+    if config.coverage:
+        metadata['replays'] = [item.to_json() for item in config.coverage]
+        metadata['notes'] = [item.sentence() for item in config.coverage]
+    parquet = is_parquet_run(file_format, config.row_count)
+    done = open_folder(folder, metadata, resume=resume, overwrite=overwrite, parquet=parquet)
+    return config.tasks(done), metadata
+
+
+def is_parquet_run(file_format: str | None, rows: int = 0) -> bool:
+    """Tell whether a new run of so many rows is written to Parquet parts.
+
+    Without a format in FORMATS large runs are, if pyarrow is installed. Raises ResultsError for
+    parquet where it is not.
+    """
+    if file_format == PARQUET and not has_pyarrow():
+        raise ResultsError('--format parquet needs pyarrow: pip install pyarrow')
+    return file_format == PARQUET or (file_format is None and rows >= LARGE_RUN and has_pyarrow())
+
+
+def open_folder(
+    folder: ResultsFolder,
+    metadata: dict[str, Any],
+    *,
+    resume: bool,
+    overwrite: bool = False,
+    parquet: bool = False,
+) -> FinishedRows:
+    """Start, replace or resume a results folder; return the keys of the finished rows.
+
+    A resumed folder keeps its format. Resuming drops the rows whose source never answered, so
+    that it is asked again, and adds the seconds spent before to `metadata`. Raises ResultsError.
+    """
+    folder.claim()
+    folder.require_own()
+    if not (resume and folder.results.exists()):
+        if overwrite:
+            folder.discard_results()
+        folder.require_new()
+        # Before results.csv: a run that is killed between the two is started again by --resume.
+        folder.write_json('metadata.json', metadata)
+        folder.start(parquet=parquet)
+        return FinishedRows()
+    before = folder.read_metadata()
+    changed = run_differences(before, metadata)
+    if changed:
+        message = f'{folder.path}: cannot be resumed, because these differ: {", ".join(changed)}'
+        raise ResultsError(message)
+    changed = changed_inputs(before, metadata)
+    if changed:
+        metadata['notes'] = [*metadata.get('notes', []), *changed]
+    finished = folder.keep_answered()
+    metadata['seconds'] = float(before.get('seconds') or 0.0)
+    return finished
+
+
+def changed_inputs(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Return a sentence for each input, such as a transcript, that earlier rows had another of."""
+    files, notes = before.get('files') or {}, before.get('notes') or []
+    changed = [
+        f'{name}{ANOTHER_INPUT}'
+        for name, digest in (now.get('files') or {}).items()
+        if files.get(name, digest) != digest
+    ]
+    return list(dict.fromkeys([*(note for note in notes if ANOTHER_INPUT in note), *changed]))
+
+
+def run_into_folder(
+    folder: ResultsFolder,
+    tasks: Iterable[Task],
+    executor: Executor,
+    max_pending: int,
+    *,
+    metadata: dict[str, Any],
+    step: Callable[[Task, list[Outcome]], object],
+) -> None:
+    """Run tasks and append their rows; call `step` after each.
+
+    The elapsed time is added to `metadata` even when the run is interrupted.
+    """
+
+    def keep(task: Task, outcomes: list[Outcome]) -> None:
+        folder.append(outcome.row for outcome in outcomes)
+        step(task, outcomes)
+
+    begun = time.monotonic()
+    try:
+        run_tasks(tasks, executor, max_pending, keep)
+    finally:
+        metadata['seconds'] = float(metadata.get('seconds', 0.0)) + time.monotonic() - begun
+
+
+def describe_unanswered(rows: Iterable[Row]) -> list[str]:
+    """Return one line per variant whose source left samples unanswered; read rows once."""
+    counts: dict[Variant, Counter[str]] = {}
+    firsts: dict[Variant, str] = {}
+    for row in rows:
+        if not row.answered:
+            counts.setdefault(row.variant, Counter())[row.source_status] += 1
+            firsts.setdefault(row.variant, f'map {row.map}, pair {row.pair}, scale {row.scale}')
+    lines = []
+    for variant, found in counts.items():
+        how = ', '.join(f'{status} {count}' for status, count in found.items())
+        lines.append(
+            f'{variant}: {found.total()} samples without an answer ({how}), '
+            f'the first {firsts[variant]}'
+        )
+    return lines
+
+
+@contextmanager
+def progress(total: int | None, unit: str = 'sample') -> Iterator[Callable[[], object]]:
+    """Yield the function to call after each of `total` steps; None where the total is unknown.
+
+    Without a terminal a line is written after every tenth of the steps.
+    """
+    if sys.stderr.isatty():
+        with tqdm(total=total, unit=unit, file=sys.stderr) as bar:
+            yield lambda: bool(bar.update())
+        return
+    done = 0
+
+    def step() -> None:
+        nonlocal done
+        done += 1
+        if total is None:
+            is_due, of_total = done % UNKNOWN_STRIDE == 0, ''
+        else:
+            is_due, of_total = done * 10 // total > (done - 1) * 10 // total, f' of {total}'
+        if is_due:
+            sys.stderr.write(f'{done}{of_total} {unit}s\n')
+            sys.stderr.flush()
+
+    yield step

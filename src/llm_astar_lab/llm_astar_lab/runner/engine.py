@@ -1,0 +1,374 @@
+"""Runs methods with waypoint sources over samples.
+
+A task is one sample at one scale with all its variants. Each source is asked once per task and
+its answer is given to every method, so a run costs one request per sample, prompt and model.
+Tasks can be pickled and `run_task` is a plain function, so that any concurrent.futures executor
+can run them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from threading import Lock
+from typing import Any, NamedTuple, overload
+
+import numpy as np
+from cachetools import LRUCache, cached
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Sample
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.instructions.interpretation import RouteInstruction
+from llm_astar_planner.planning.compile import compile_kernels
+from llm_astar_planner.planning.planner import Planner
+from llm_astar_planner.planning.types import NOT_ASKED, Plan, PlanRequest, ResultCode
+from llm_astar_planner.search.methods import METHODS, SEARCH_METHODS, uses_waypoints
+from llm_astar_planner.search.result import Cell
+from llm_astar_planner.waypoints.async_query import query_source
+from llm_astar_planner.waypoints.source import (
+    SampleKey,
+    SourceStatus,
+    WaypointQuery,
+    WaypointReply,
+)
+from numpy.typing import NDArray
+
+from llm_astar_lab.analysis.replies import problems_column
+from llm_astar_lab.datasets.samples import GRID_CONFIG, BenchmarkSample
+from llm_astar_lab.evaluation.recorded_plans import RecordedPlan
+from llm_astar_lab.results.row import (
+    PAPER_ASTAR,
+    WAYPOINTS_ONLY,
+    Row,
+    Variant,
+    format_points,
+    parse_points,
+    plan_columns,
+)
+from llm_astar_lab.results.row_keys import FinishedRows
+from llm_astar_lab.runner.sources import SourceSpec
+
+ALL_METHODS = (*METHODS, WAYPOINTS_ONLY)
+NOTHING_EXPANDED = np.zeros((0, 0), dtype=np.bool_)
+# Bounds of the planner cache. A cell of a planner takes about 40 bytes with its landmarks.
+MAX_CACHED_CELLS = 2_000_000
+MAX_CACHED_PLANNERS = 16
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """The search parameters that all variants of a run share; see PlanRequest and CostmapConfig.
+
+    Without `costmap` the kind of map decides: the paper's rules on barrier maps, MovingAI's on
+    grids. With `paper_corners` paths may cut corners on maps whose barriers are known, whatever
+    `costmap` says.
+    """
+
+    heuristic: str = 'euclidean'
+    weight: float = 2.0
+    time_limit: float = 60.0
+    max_suboptimality: float | None = None
+    costmap: CostmapConfig | None = None
+    tolerance: float = 0.0
+    start_tolerance: float = 0.0
+    paper_corners: bool = False
+    instruction: RouteInstruction | None = None
+
+    def costmap_for(self, problem: ProblemMap) -> CostmapConfig:
+        """Return the costmap rules for a map."""
+        has_barriers = isinstance(problem, BarrierMap)
+        if self.costmap is None:
+            return CostmapConfig(corner_cutting=True) if has_barriers else GRID_CONFIG
+        if self.paper_corners and has_barriers:
+            return replace(self.costmap, corner_cutting=True)
+        return self.costmap
+
+
+@dataclass(frozen=True)
+class Task:
+    """One sample at one scale; `variants` pairs each variant with the index of its source.
+
+    `recorded_plan` belongs to a request from a bag. Sources see the sample's key only if
+    `is_sample`, that is if the request is a sample of a known dataset.
+    """
+
+    sample: BenchmarkSample
+    scale: int
+    variants: tuple[tuple[Variant, int], ...]
+    sources: tuple[SourceSpec, ...]
+    settings: SearchSettings = field(default_factory=SearchSettings)
+    recorded_plan: RecordedPlan | None = None
+    is_sample: bool = True
+
+
+class Outcome(NamedTuple):
+    """The result of one variant of a task: its row, and the plan if a planner was called."""
+
+    row: Row
+    plan: Plan | None = None
+
+
+@dataclass(frozen=True)
+class AnsweredSource:
+    """A waypoint source that returns an answer which is already known."""
+
+    name: str
+    reply: WaypointReply
+
+    def waypoints(self, query: WaypointQuery) -> WaypointReply:
+        """Return the known answer."""
+        del query
+        return self.reply
+
+
+def list_variants(
+    methods: Sequence[str], sources: Sequence[SourceSpec]
+) -> list[tuple[Variant, int]]:
+    """Combine methods with sources and return each variant with the index of its source.
+
+    A* comes first. Methods that use waypoints are combined with every source, the others only
+    with `sources[0]`, which must be the one without waypoints; `waypoints_only` skips that one.
+    """
+    variants = [(PAPER_ASTAR, 0)]
+    for method in methods:
+        if method != WAYPOINTS_ONLY and not uses_waypoints(method):
+            variants.append((Variant(method), 0))
+            continue
+        for index, spec in enumerate(sources):
+            if spec.source is not None or method != WAYPOINTS_ONLY:
+                variants.append((Variant(method, spec.name, spec.prompt, spec.model), index))
+    return list(dict.fromkeys(variants))
+
+
+class TaskList(Sequence[Task]):
+    """The tasks of a run, each made when it is taken; listed they take a few bytes a row.
+
+    `left` [n, variants] says which variants a task still has.
+    """
+
+    def __init__(
+        self,
+        samples: Sequence[tuple[BenchmarkSample, int]],
+        left: NDArray[np.bool_],
+        variants: Sequence[tuple[Variant, int]],
+        sources: tuple[SourceSpec, ...],
+        settings: SearchSettings,
+    ) -> None:
+        """Take each sample with its scale, and what all tasks share."""
+        self._samples = samples
+        self._left = left
+        self._shared = variants, sources, settings
+
+    def __len__(self) -> int:
+        """Return the number of tasks."""
+        return len(self._samples)
+
+    @overload
+    def __getitem__(self, index: int) -> Task: ...
+    @overload
+    def __getitem__(self, index: slice) -> TaskList: ...
+    def __getitem__(self, index: int | slice) -> Task | TaskList:
+        """Make a task, or return a part of the list."""
+        if isinstance(index, slice):
+            return self.at(range(len(self))[index])
+        (sample, scale), (variants, sources, settings) = self._samples[index], self._shared
+        left = tuple(variants[column] for column in np.flatnonzero(self._left[index]).tolist())
+        return Task(sample, scale, left, sources, settings)
+
+    @property
+    def scales(self) -> list[int]:
+        """The scale of each task."""
+        return [scale for _, scale in self._samples]
+
+    def at(self, indices: Sequence[int]) -> TaskList:
+        """Return the tasks at some indices."""
+        left = self._left[np.asarray(indices, dtype=np.intp)]
+        return TaskList([self._samples[i] for i in indices], left, *self._shared)
+
+
+def make_tasks(
+    samples: Iterable[tuple[BenchmarkSample, int]],
+    variants: Sequence[tuple[Variant, int]],
+    sources: Sequence[SourceSpec],
+    settings: SearchSettings,
+    done: FinishedRows | None = None,
+) -> TaskList:
+    """Make one task per pair of sample and scale, without the rows whose keys are in `done`.
+
+    A source with `samples` is run on these alone.
+    """
+    pairs = list(samples)
+    keys = np.array([(*sample.key, scale) for sample, scale in pairs], np.int64).reshape(-1, 3)
+    _, first = np.unique(keys, axis=0, return_index=True)
+    first.sort()
+    pairs, keys = [pairs[i] for i in first], keys[first]
+    left = np.ones((len(keys), len(variants)), dtype=np.bool_)
+    for column, (variant, index) in enumerate(variants):
+        limit = sources[index].samples
+        if limit is not None:
+            left[:, column] = [SampleKey(*key) in limit for key in keys.tolist()]
+        if done is not None:
+            left[:, column] &= ~done.mask(keys, variant)
+    # A task goes to its worker without the samples of the others.
+    plain = tuple(replace(spec, samples=None) for spec in sources)
+    every = TaskList(pairs, left, variants, plain, settings)
+    return every.at(np.flatnonzero(left.any(axis=1)).tolist())
+
+
+def run_tasks(
+    tasks: Iterable[Task],
+    executor: Executor,
+    max_pending: int,
+    keep: Callable[[Task, list[Outcome]], None],
+) -> None:
+    """Run tasks with at most `max_pending` submitted at a time; call `keep` as each finishes.
+
+    An exception, KeyboardInterrupt included, cancels the tasks that have not started and
+    propagates.
+    """
+    pending: dict[Future[list[Outcome]], Task] = {}
+    left = iter(tasks)
+    try:
+        while True:
+            while len(pending) < max_pending and (task := next(left, None)) is not None:
+                pending[executor.submit(run_task, task)] = task
+            if not pending:
+                return
+            done, _ = wait(pending, return_when=FIRST_COMPLETED)
+            # `done` is a set; rows are kept in the order of the tasks.
+            for future in [future for future in pending if future in done]:
+                keep(pending.pop(future), future.result())
+    finally:
+        for future in pending:
+            future.cancel()
+
+
+def run_task(task: Task) -> list[Outcome]:
+    """Ask each source of the task once and plan every variant."""
+    compile_once()
+    for variant, _ in task.variants:
+        # In another process than the command's.
+        SEARCH_METHODS.admit(variant.method)
+    scaled = replace(task.sample.barrier_map, samples=(task.sample.sample,)).scale(task.scale)
+    planner = planner_for(replace(scaled, samples=()), task.settings.costmap_for(scaled))
+    sample = scaled.samples[0]
+    endpoints = scaled.to_cell(sample.start), scaled.to_cell(sample.goal)
+    key = SampleKey(*task.sample.key, task.scale)
+    replies: dict[int, tuple[WaypointReply, dict[str, Any]]] = {}
+    recorded = {} if task.recorded_plan is None else task.recorded_plan.columns(planner)
+    outcomes = []
+    for variant, index in task.variants:
+        source = task.sources[index].source
+        if source is not None and index not in replies:
+            sample_key = key if task.is_sample else None
+            query = WaypointQuery(
+                planner.costmap, *endpoints, task.settings.time_limit, sample_key
+            )
+            answer, seconds = query_source(source, query)
+            replies[index] = answer, reply_columns(answer, seconds, query)
+        reply, of_reply = replies.get(index, (NOT_ASKED, {'source_status': 'NONE'}))
+        if variant.method == WAYPOINTS_ONLY:
+            columns = waypoints_only_columns(planner, endpoints, reply)
+            plan = None
+        else:
+            known = None if reply is NOT_ASKED else AnsweredSource(variant.source, reply)
+            request = make_request(
+                endpoints, variant.method, known, task.settings, want_expanded=False, sample=key
+            )
+            plan = replace(planner.plan(request), expanded=NOTHING_EXPANDED)
+            statuses = [point.status.value for point in plan.checked_waypoints]
+            columns = plan_columns(plan.to_dict(), statuses, plan.path)
+        columns |= of_reply | recorded | {'family': task.sample.barrier_map.family}
+        row = Row(*task.sample.key, task.scale, *variant, **columns)
+        outcomes.append(Outcome(row, plan))
+    return outcomes
+
+
+def reply_columns(reply: WaypointReply, seconds: float, query: WaypointQuery) -> dict[str, Any]:
+    """Return the columns of a row that describe the reply to a query, which took `seconds`."""
+    problems = problems_column(reply, query.costmap, query.start, query.goal)
+    return {
+        'seconds_source': seconds,
+        'source_status': reply.status.value,
+        'prompt_tokens': reply.prompt_tokens,
+        'completion_tokens': reply.completion_tokens,
+        'waypoints': format_points(reply.waypoints),
+        'reply_problems': problems,
+        'seconds_reply': reply.seconds if problems and reply.seconds > 0 else math.nan,
+    }
+
+
+def request_again(
+    barrier_map: ProblemMap, sample: Sample, row: Row, settings: SearchSettings
+) -> tuple[Planner, PlanRequest]:
+    """Return the planner and the request of a row of scale 1, with its recorded waypoints."""
+    planner = planner_for(replace(barrier_map, samples=()), settings.costmap_for(barrier_map))
+    endpoints = barrier_map.to_cell(sample.start), barrier_map.to_cell(sample.goal)
+    reply = WaypointReply(parse_points(row.waypoints), label=row.source)
+    source = AnsweredSource(row.source, reply) if row.waypoints else None
+    return planner, make_request(endpoints, row.method, source, settings)
+
+
+def make_request(
+    endpoints: tuple[Cell, Cell],
+    method: str,
+    source: AnsweredSource | None,
+    settings: SearchSettings,
+    **options: Any,  # noqa: ANN401 - further fields of PlanRequest
+) -> PlanRequest:
+    """Return the request for a sample with the settings of the run."""
+    return PlanRequest(
+        *endpoints,
+        method,
+        source,
+        settings.heuristic,
+        settings.weight,
+        settings.time_limit,
+        max_suboptimality=settings.max_suboptimality,
+        tolerance=settings.tolerance,
+        start_tolerance=settings.start_tolerance,
+        instruction=settings.instruction,
+        **options,
+    )
+
+
+def waypoints_only_columns(
+    planner: Planner, endpoints: tuple[Cell, Cell], reply: WaypointReply
+) -> dict[str, Any]:
+    """Take the waypoints as the path: valid if every straight segment is a line of sight.
+
+    An answer without waypoints is the straight line; without an answer there is no path.
+    """
+    start, goal = endpoints
+    points = [start, *(point for point in reply.waypoints if point not in endpoints), goal]
+    answered = reply.status in (SourceStatus.OK, SourceStatus.NO_WAYPOINTS)
+    if not (answered and planner.costmap.line_of_sight.clear_along(points)):
+        return {'code': ResultCode.NO_VALID_PATH.name}
+    steps = np.diff(np.array(points, dtype=float), axis=0)
+    return {
+        'code': ResultCode.NONE.name,
+        'length': float(np.hypot(*steps.T).sum()),
+        'path': format_points(points),
+    }
+
+
+def cache_size(planner: Planner) -> int:
+    """Return the share of the cache that a planner takes, at most all of it."""
+    cells = planner.grid_map.cells.size
+    return min(max(cells, MAX_CACHED_CELLS // MAX_CACHED_PLANNERS), MAX_CACHED_CELLS)
+
+
+@cached(LRUCache(MAX_CACHED_CELLS, getsizeof=cache_size), lock=Lock())
+def planner_for(problem: ProblemMap, costmap: CostmapConfig) -> Planner:
+    """Return the planner for a map, from the cache of the last ones. Thread-safe."""
+    barriers = problem if isinstance(problem, BarrierMap) else None
+    return Planner(problem.to_grid(), costmap, barriers).prepare()
+
+
+@lru_cache(maxsize=1)
+def compile_once() -> None:
+    """Compile the search kernels before anything is timed."""
+    compile_kernels()

@@ -1,0 +1,14 @@
+"""Build for both worlds: ament_python under colcon, a wheel under pip."""
+
+from setuptools import setup
+
+NAME = 'llm_astar_lab'
+
+setup(
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        # `ros2 run` looks here; pip and colcon have put it into bin/ with llm_astar_planner.
+        (f'lib/{NAME}', ['scripts/benchmark_node']),
+    ]
+)

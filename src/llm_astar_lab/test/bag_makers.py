@@ -1,0 +1,156 @@
+"""Helpers that make the messages of a robot and write them as small bags."""
+
+import json
+
+import numpy as np
+from llm_astar_lab.bags.messages import (
+    NANOSECONDS,
+    get_plan_request,
+    occupancy_grid,
+    path,
+    status,
+)
+from llm_astar_lab.bags.types import bag_types, define
+from llm_astar_lab.bags.writing import BagWriter, OfferedTopic
+from llm_astar_msgs_adapter.maps.grid_map import GridMap, Pose2D
+
+TYPES = {
+    '/map': 'nav_msgs/msg/OccupancyGrid',
+    '/planner_node/get_plan/_service_event': 'nav_msgs/srv/GetPlan_Event',
+    '/goal_pose': 'geometry_msgs/msg/PoseStamped',
+    '/initialpose': 'geometry_msgs/msg/PoseWithCovarianceStamped',
+    '/amcl_pose': 'geometry_msgs/msg/PoseWithCovarianceStamped',
+    '/plan': 'nav_msgs/msg/Path',
+    '/planner_node/report': 'diagnostic_msgs/msg/DiagnosticArray',
+    '/llm_client_node/exchange': 'diagnostic_msgs/msg/DiagnosticArray',
+    '/tf': 'tf2_msgs/msg/TFMessage',
+    '/tf_static': 'tf2_msgs/msg/TFMessage',
+    '/odom': 'nav_msgs/msg/Odometry',
+    '/chatter': 'std_msgs/msg/String',
+    '/llm_astar/barrier_map': 'std_msgs/msg/String',
+}
+EVENT = '/planner_node/get_plan/_service_event'
+
+
+def make(msgtype, **fields):
+    return bag_types().types[msgtype](**fields)
+
+
+def room(width=20, height=10, *walls):
+    """Return a walled room of 1 m cells with further occupied cells."""
+    cells = np.zeros((height, width), dtype=np.int8)
+    cells[[0, -1], :] = cells[:, [0, -1]] = 100
+    for x, y in walls:
+        cells[y, x] = 100
+    return GridMap(cells, 1.0, Pose2D(-0.5, -0.5))
+
+
+def at(seconds):
+    return int(seconds * NANOSECONDS)
+
+
+def write_bag(folder, messages, storage='mcap', **options):
+    """Write (topic, seconds, message) in this order; a message may be serialized."""
+    with BagWriter(folder, storage, **options) as bag:
+        for topic in dict.fromkeys(topic for topic, _, _ in messages):
+            bag.add_topic(OfferedTopic(topic, define(TYPES[topic])))
+        for topic, seconds, message in messages:
+            if isinstance(message, bytes):
+                bag.write(topic, at(seconds), message)
+            else:
+                bag.write_message(topic, at(seconds), message)
+    return folder
+
+
+def map_at(seconds, grid_map):
+    return '/map', seconds, occupancy_grid(grid_map, at(seconds))
+
+
+def call_at(seconds, start, goal, number=1, frame='map'):
+    request = get_plan_request(Pose2D(*start), Pose2D(*goal), frame, at(seconds), number)
+    return EVENT, seconds, request
+
+
+def answer_at(seconds, points, number=1):
+    """Return the event that a server publishes for its response to a call."""
+    info = make(
+        'service_msgs/msg/ServiceEventInfo',
+        event_type=2,
+        stamp=make('builtin_interfaces/msg/Time', sec=int(seconds), nanosec=0),
+        client_gid=np.zeros(16, dtype=np.uint8),
+        sequence_number=number,
+    )
+    response = make('nav_msgs/srv/GetPlan_Response', plan=path(points, 'map', at(seconds)))
+    return EVENT, seconds, make(TYPES[EVENT], info=info, request=[], response=[response])
+
+
+def pose(x, y):
+    point = make('geometry_msgs/msg/Point', x=float(x), y=float(y), z=0.0)
+    turn = make('geometry_msgs/msg/Quaternion', x=0.0, y=0.0, z=0.0, w=1.0)
+    return make('geometry_msgs/msg/Pose', position=point, orientation=turn)
+
+
+def header(seconds, frame):
+    stamp = make('builtin_interfaces/msg/Time', sec=int(seconds), nanosec=0)
+    return make('std_msgs/msg/Header', stamp=stamp, frame_id=frame)
+
+
+def goal_at(seconds, place, frame='map'):
+    message = make(TYPES['/goal_pose'], header=header(seconds, frame), pose=pose(*place))
+    return '/goal_pose', seconds, message
+
+
+def start_at(seconds, place, frame='map', topic='/initialpose'):
+    covered = make(
+        'geometry_msgs/msg/PoseWithCovariance', pose=pose(*place), covariance=np.zeros(36)
+    )
+    return topic, seconds, make(TYPES[topic], header=header(seconds, frame), pose=covered)
+
+
+def odometry_at(seconds, place, frame='map'):
+    zero = make('geometry_msgs/msg/Vector3', x=0.0, y=0.0, z=0.0)
+    twist = make(
+        'geometry_msgs/msg/TwistWithCovariance',
+        twist=make('geometry_msgs/msg/Twist', linear=zero, angular=zero),
+        covariance=np.zeros(36),
+    )
+    covered = make(
+        'geometry_msgs/msg/PoseWithCovariance', pose=pose(*place), covariance=np.zeros(36)
+    )
+    fields = {'child_frame_id': 'base_link', 'pose': covered, 'twist': twist}
+    return '/odom', seconds, make(TYPES['/odom'], header=header(seconds, frame), **fields)
+
+
+def tf_at(seconds, parent, child, place, topic='/tf'):
+    transform = make(
+        'geometry_msgs/msg/Transform',
+        translation=make('geometry_msgs/msg/Vector3', x=place[0], y=place[1], z=0.0),
+        rotation=pose(0, 0).orientation,
+    )
+    stamped = make(
+        'geometry_msgs/msg/TransformStamped',
+        header=header(seconds, parent),
+        child_frame_id=child,
+        transform=transform,
+    )
+    return topic, seconds, make('tf2_msgs/msg/TFMessage', transforms=[stamped])
+
+
+def plan_at(seconds, points, stamp=None):
+    stamp = at(seconds if stamp is None else stamp)
+    return '/plan', seconds, path(points, 'map', stamp)
+
+
+def report_at(seconds, code, waypoints, stamp, **values):
+    values |= {'code_name': code, 'waypoints': waypoints}
+    message = status('planner_node', 0, code, values, at(stamp))
+    return '/planner_node/report', seconds, message
+
+
+def exchange_at(when, **values):
+    message = status('llm_client_node', 0, '', values, at(when))
+    return '/llm_client_node/exchange', when, message
+
+
+def list_at(seconds, value):
+    return '/chatter', seconds, make('std_msgs/msg/String', data=json.dumps(value))

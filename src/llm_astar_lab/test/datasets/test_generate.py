@@ -1,0 +1,102 @@
+"""Generated datasets obey the recipe, and validation finds what does not."""
+
+from dataclasses import replace
+
+import pytest
+from llm_astar_lab.datasets.generate import (
+    GenerationError,
+    MapRules,
+    detour,
+    generate,
+    query_sentence,
+)
+from llm_astar_lab.datasets.validate import (
+    summarise_dataset,
+    validate_file,
+    validate_maps,
+)
+from llm_astar_msgs_adapter.maps.barrier_map import (
+    Barrier,
+    BarrierMap,
+    Sample,
+    load_barrier_maps,
+    save_barrier_maps,
+)
+from llm_astar_planner.search.visibility import LineOfSightChecker
+
+
+@pytest.fixture(scope='module')
+def maps():
+    return list(generate(seed=3, maps=6))
+
+
+def test_the_same_seed_makes_the_same_maps_however_many_follow(maps):
+    assert list(generate(seed=3, maps=2)) == maps[:2]
+    assert next(generate(seed=4, maps=1)) != maps[0]
+
+
+def test_maps_follow_the_recipe(maps):
+    for barrier_map in maps:
+        assert (barrier_map.range_x, barrier_map.range_y) == ((0, 51), (0, 31))
+        assert 1 <= len(barrier_map.horizontal_barriers) <= 4
+        assert 1 <= len(barrier_map.vertical_barriers) <= 4
+        assert len({sample[:2] for sample in barrier_map.samples}) == 10
+        assert detour(barrier_map) >= MapRules().min_detour
+
+
+def test_straight_lines_are_blocked_and_validation_finds_nothing(maps):
+    for barrier_map in maps:
+        line_of_sight = LineOfSightChecker(barrier_map.to_grid().blocked())
+        starts, goals, _ = zip(*barrier_map.samples)
+        assert not line_of_sight.clear(starts, goals).any()
+    assert list(validate_maps(maps)) == []
+
+
+def test_the_query_is_the_sentence_of_the_dataset():
+    barrier_map = BarrierMap(0, (0, 51), (0, 31), (Barrier(10, 0, 25),), (Barrier(25, 10, 22),))
+    assert query_sentence(barrier_map, (5, 5), (20, 20)) == (
+        'design a path from [5, 5] to [20, 20] on a 51 by 31 grid that avoids horizontal '
+        'barriers centered at [[10, 0, 25]] and vertical barriers at [[25, 10, 22]].'
+    )
+
+
+def test_rules_that_no_map_can_meet_are_refused(monkeypatch):
+    monkeypatch.setattr('llm_astar_lab.datasets.generate.TRIES', 3)
+    with pytest.raises(GenerationError, match='map 0: none of 3 random maps'):
+        list(generate(0, 1, MapRules(min_detour=50.0)))
+    with pytest.raises(GenerationError, match='size'):
+        list(generate(0, 1, MapRules(size=(4, 4))))
+
+
+def test_validation_names_what_it_finds(tmp_path, maps):
+    start, goal, query = maps[0].samples[0]
+    barrier = maps[0].horizontal_barriers[0]
+    bad = (
+        Sample((0, 5), goal),
+        Sample((barrier.first, barrier.line), goal),
+        Sample(start, start),
+        Sample(start, goal, 'design a path to the moon'),
+        Sample(start, goal, query),
+    )
+    path = tmp_path / 'bad.json'
+    save_barrier_maps([replace(maps[0], samples=bad)], path)
+    summary, problems = validate_file(path)
+    assert (summary.maps, summary.samples, summary.detours) == (1, 5, ())
+    text = '\n'.join(str(problem) for problem in problems)
+    assert text.count('error:') == 2
+    for part in ('pair 0: start', 'both', 'query does not', 'pair 4: repeats an earlier'):
+        assert part in text
+
+
+def test_a_goal_behind_a_closed_wall_is_an_error():
+    shut = BarrierMap(7, (0, 21), (0, 11), (), (Barrier(10, 0, 10),), (Sample((3, 3), (15, 3)),))
+    (problem,) = validate_maps([shut])
+    assert problem.error
+    assert 'no path' in problem.message
+    assert summarise_dataset([shut]).detours == ()
+
+
+def test_the_shipped_samples_are_those_of_the_command(request):
+    shipped = load_barrier_maps(request.config.rootpath / 'maps' / 'samples_1000.json')
+    assert (len(shipped), sum(len(m.samples) for m in shipped)) == (100, 1000)
+    assert shipped[:3] == list(generate(seed=0, maps=3))

@@ -1,0 +1,341 @@
+"""The page's server over real HTTP: what it serves, and what it refuses."""
+
+import asyncio
+import base64
+import concurrent.futures
+import contextlib
+import json
+import socket
+import threading
+import time
+
+import httpx
+import numpy as np
+import pytest
+from llm_astar_lab.play import app as play_app
+from llm_astar_lab.play.worker import Worker
+from llm_astar_planner.search.methods import METHODS
+
+DEMO = {'map': 'demo.json:0', 'start': [39, 18], 'goal': [7, 19]}
+
+
+# Python reads lists within lists up to about a thousand, and writes them up to some fewer.
+DEPTHS = (5, 100, *range(850, 1000, 10))
+
+
+def plan(page, status=200, **fields):
+    answer = page.post('/api/plan', json={**DEMO, **fields})
+    assert answer.status_code == status, answer.text
+    return answer.json()
+
+
+def cells_of(reply, height, width):
+    numbers = np.frombuffer(base64.b64decode(reply['cells']), dtype=np.uint8)
+    return numbers.reshape(height, width)
+
+
+def test_the_page_itself_is_served_with_a_policy(page):
+    answer = page.get('/')
+    assert answer.headers['content-type'].startswith('text/html')
+    assert "default-src 'self'" in answer.headers['content-security-policy']
+    assert page.get('/page/index.html').text == answer.text
+
+
+def test_the_options_name_every_map_and_limit(page):
+    options = page.get('/api/options').json()
+    names = {entry['id']: entry for entry in options['maps']}
+    assert names['demo.json:0']['kind'] == 'barriers'
+    assert names['instructions/house.yaml']['unit'] == 'm'
+    assert names['instructions/house.yaml']['places']
+    assert options['limits']['cells'] == 4_000_000
+    assert options['colours']['waypoint']['accepted'].startswith('#')
+    assert not options['live']
+
+
+def test_a_map_has_its_cells_pairs_and_places(page):
+    house = page.get('/api/map', params={'id': 'instructions/house.yaml'}).json()
+    cells = cells_of(house, house['height'], house['width'])
+    assert set(np.unique(cells)) <= {*range(101), 255}
+    assert {place['name'] for place in house['places']} >= {'kitchen', 'study'}
+    for pair in house['pairs']:
+        x, y = pair['start']
+        assert cells[y, x] == 0
+    demo = page.get('/api/map', params={'id': 'demo.json:0'}).json()
+    assert cells_of(demo, demo['height'], demo['width'])[0].tolist() == [100] * demo['width']
+
+
+def test_a_plan_stands_beside_those_without_waypoints_and_of_astar(page):
+    reply = plan(page, source='oracle', method='guided')
+    assert [entry['role'] for entry in reply['plans']] == ['chosen', 'no_waypoints', 'astar']
+    chosen, alone, astar = reply['plans']
+    assert chosen['found']
+    assert chosen['path'][0] == [39, 18]
+    assert chosen['path'][-1] == [7, 19]
+    assert chosen['waypoints']
+    assert not alone['waypoints']
+    assert chosen['figures']['bound'] >= 1.0
+    assert astar['figures']['bound'] is None
+    assert astar['figures']['length'] <= chosen['figures']['length'] + 1e-9
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_the_cells_come_in_the_order_in_which_the_search_expanded_them(page, method):
+    demo = page.get('/api/map', params={'id': 'demo.json:0'}).json()
+    for entry in plan(page, method=method, source='embedded')['plans']:
+        numbers = base64.b64decode(entry['expanded']['order'])
+        rows, columns = np.divmod(np.frombuffer(numbers, dtype='<i4'), demo['width'])
+        assert entry['order_is_known']
+        assert [columns[0], rows[0]] == DEMO['start']
+        assert 0 < len(set(zip(rows, columns))) == len(rows) <= entry['figures']['expansions']
+        # Each cell was reached from one that was expanded before.
+        for count in range(1, len(rows)):
+            steps = np.abs([rows[:count] - rows[count], columns[:count] - columns[count]])
+            assert steps.max(axis=0).min() == 1
+
+
+def test_a_reply_typed_as_a_model_would_is_used_instead_of_the_source(page):
+    reply = plan(page, source='oracle', reply='Generated Path: [[5, 5], [9, 16], [1000, 3]]')
+    statuses = [point['status'] for point in reply['plans'][0]['waypoints']]
+    assert statuses[-1] == 'out_of_bounds'
+    assert [point['number'] for point in reply['plans'][0]['waypoints']] == [1, 2, 3]
+
+
+def test_drawn_walls_are_walls_and_erased_ones_are_none(page):
+    free = plan(page)['plans'][0]
+    middle = free['path'][len(free['path']) // 2]
+    drawn = plan(page, walls={'blocked': [middle], 'freed': []})
+    assert middle not in drawn['plans'][0]['path']
+    assert drawn['command'] is None
+    assert 'walls' in drawn['command_note']
+    demo = page.get('/api/map', params={'id': 'demo.json:0'}).json()
+    cells = cells_of(demo, demo['height'], demo['width'])
+    walls = [[int(x), int(y)] for y, x in np.argwhere(cells[1:-1, 1:-1]) + 1]
+    erased = plan(page, walls={'freed': walls}, method='exact_astar')['plans'][0]
+    assert erased['figures']['length'] == pytest.approx(31 + 2**0.5)
+
+
+def test_a_radius_closes_cells_and_the_path_keeps_off_them(page):
+    ask = {'map': 'instructions/house.yaml', 'robot_radius': 0.3}
+    pair = page.get('/api/map', params={'id': ask['map']}).json()['pairs'][0]
+    reply = plan(page, **ask, **pair)
+    house = page.get('/api/map', params={'id': ask['map']}).json()
+    bits = np.frombuffer(base64.b64decode(reply['lethal']), dtype=np.uint8)
+    closed = np.unpackbits(bits)[: house['width'] * house['height']]
+    closed = closed.reshape(house['height'], house['width'])
+    assert closed.any()
+    assert not closed[cells_of(house, house['height'], house['width']) == 100].any()
+    if reply['plans'][0]['found']:
+        x, y = np.array(reply['plans'][0]['path']).T
+        assert not closed[y, x].any()
+
+
+def test_each_clause_of_an_instruction_has_its_outcome(page):
+    ask = {'map': 'instructions/house.yaml', 'instruction': 'avoid the hall and visit the kitchen'}
+    pair = page.get('/api/map', params={'id': ask['map']}).json()['pairs'][0]
+    outcome = plan(page, **ask, **pair)['plans'][0]['instruction']
+    assert 'hall' in outcome['sentence']
+    ask['instruction'] = 'avoid the study'
+    assert plan(page, **ask, **pair)['plans'][0]['order_is_known']
+    statuses = {clause['clause']: clause['status'] for clause in outcome['clauses']}
+    assert len(statuses) == 2
+    assert statuses['visit the kitchen'] in ('satisfied', 'violated')
+
+
+@pytest.mark.parametrize('host', ['evil.example', 'evil.example:8321', '127.0.0.1.evil.example'])
+def test_a_name_that_is_not_the_servers_is_refused(page, host):
+    answer = page.get('/api/options', headers={'Host': host})
+    assert answer.status_code == 421
+    assert '--host' in answer.json()['error']
+
+
+@pytest.mark.parametrize('host', ['localhost', 'LOCALHOST:99', '[::1]:8321', '127.0.0.1'])
+def test_the_names_of_this_machine_are_accepted(page, host):
+    assert page.get('/api/options', headers={'Host': host}).status_code == 200
+
+
+@pytest.mark.parametrize('origin', ['http://evil.example', 'null', 'https://127.0.0.1'])
+def test_pages_of_other_sites_are_refused(page, origin):
+    answer = page.post('/api/plan', json=DEMO, headers={'Origin': origin})
+    assert answer.status_code == 403
+
+
+def test_a_link_of_another_site_may_be_followed_but_nothing_be_embedded(page):
+    for mode, status in (('no-cors', 403), ('cors', 403), ('navigate', 200)):
+        headers = {'Sec-Fetch-Site': 'cross-site', 'Sec-Fetch-Mode': mode}
+        assert page.get('/', headers=headers).status_code == status
+        assert page.get('/api/options', headers=headers).status_code == status
+
+
+def test_the_page_of_this_site_is_not(page, play_url):
+    assert page.post('/api/plan', json=DEMO, headers={'Origin': play_url}).status_code == 200
+
+
+def test_forms_of_other_sites_are_refused(page):
+    body = json.dumps(DEMO)
+    for kind in ('text/plain', 'application/x-www-form-urlencoded', ''):
+        answer = page.post('/api/plan', content=body, headers={'Content-Type': kind})
+        assert answer.status_code == 415
+
+
+@pytest.mark.parametrize(
+    'path',
+    [
+        '/page/../app.py',
+        '/page/%2e%2e/app.py',
+        '/page/..%2fapp.py',
+        '/page//etc/passwd',
+        '/app.py',
+    ],
+)
+def test_no_file_but_the_pages_own_is_served(play_url, path):
+    host, port = play_url.removeprefix('http://').split(':')
+    with socket.create_connection((host, int(port))) as connection:
+        connection.sendall(f'GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n'.encode())
+        assert b' 404 ' in connection.recv(100)
+
+
+@pytest.mark.parametrize('name', ['../../etc/passwd', '/etc/passwd', '', 'demo.json:9', 'x' * 500])
+def test_no_map_but_the_listed_ones_is_served(page, name):
+    answer = page.get('/api/map', params={'id': name})
+    assert answer.status_code == 404
+    assert answer.json()['field'] == 'map'
+
+
+def test_a_huge_body_is_refused_before_it_is_read(page):
+    reply = page.post(
+        '/api/plan', content=b'[' * 2_000_000, headers={'Content-Type': 'application/json'}
+    )
+    assert reply.status_code == 413
+
+    def endless():
+        while True:
+            yield b' ' * 65536
+
+    kind = {'Content-Type': 'application/json'}
+    # The answer, or an error: the server closes the connection while the client still sends.
+    with contextlib.suppress(httpx.TransportError):
+        assert page.post('/api/plan', content=endless(), headers=kind).status_code == 413
+    assert plan(page)['plans'][0]['found']
+
+
+@pytest.mark.parametrize(
+    ('body', 'word'),
+    [
+        (b'', 'JSON'),
+        (b'{', 'JSON'),
+        (b'[' * 500_000, 'nested'),
+        (b'{"a":' * 100_000, 'nested'),
+        *((b'{"start": %b%b}' % (b'[' * depth, b']' * depth), 'nested') for depth in DEPTHS),
+        (b'{"start": [NaN, 1]}', 'NaN'),
+        (b'{"start": [Infinity, 1]}', 'Infinity'),
+        (b'\xff\xfe', 'JSON'),
+    ],
+)
+def test_what_is_no_json_is_refused(page, body, word):
+    answer = page.post('/api/plan', content=body, headers={'Content-Type': 'application/json'})
+    assert answer.status_code == 400
+    assert word in answer.json()['error']
+
+
+@pytest.mark.parametrize(
+    ('fields', 'field'),
+    [
+        ({'start': [1, 2, 3]}, 'start'),
+        ({'start': [1.5, 2]}, 'start'),
+        ({'start': [True, 2]}, 'start'),
+        ({'goal': [51, 5]}, 'goal'),
+        ({'goal': [-1, 5]}, 'goal'),
+        ({'goal': [10**300, 5]}, 'goal'),
+        ({'goal': None}, 'goal'),
+        ({'method': 'teleport'}, 'method'),
+        ({'method': ['astar']}, 'method'),
+        ({'method': 'x' * 100_000}, 'method'),
+        ({'source': 'endpoint'}, 'source'),
+        ({'source': []}, 'source'),
+        ({'source': 'reply'}, 'reply'),
+        ({'reply': 'x' * 70_000}, 'reply'),
+        ({'reply': 7}, 'reply'),
+        ({'heuristic': 'none'}, 'heuristic'),
+        ({'robot_radius': -1}, 'robot_radius'),
+        ({'robot_radius': 1e9}, 'robot_radius'),
+        ({'robot_radius': '1'}, 'robot_radius'),
+        ({'max_suboptimality': 0.5}, 'max_suboptimality'),
+        ({'instruction': 'x' * 501}, 'instruction'),
+        ({'via': [[5, 5]] * 101}, 'via'),
+        ({'via': 'here'}, 'via'),
+        ({'walls': {'blocked': [[0, 0]] * 100_001}}, 'walls'),
+        ({'walls': {'blocked': [[0, 99]]}}, 'walls'),
+        ({'walls': {'dug': []}}, 'walls'),
+        ({'walls': 3}, 'walls'),
+        ({'base_url': 'http://evil.example'}, ''),
+    ],
+)
+def test_what_cannot_be_used_is_named(page, fields, field):
+    reply = plan(page, status=422, **fields)
+    assert reply['field'] == field
+    assert 0 < len(reply['error']) <= 400
+
+
+def test_ten_pages_at_once_are_answered_or_told_to_wait(play_url):
+    def ask(number):
+        fields = {**DEMO, 'source': 'random', 'start': [5 + number, 5]}
+        return httpx.post(f'{play_url}/api/plan', json=fields, trust_env=False, timeout=60.0)
+
+    with concurrent.futures.ThreadPoolExecutor(10) as threads:
+        answers = list(threads.map(ask, range(10)))
+    assert {answer.status_code for answer in answers} <= {200, 503}
+    for number, answer in enumerate(answers):
+        if answer.status_code == 200:
+            assert answer.json()['plans'][0]['start'] == [5 + number, 5]
+
+
+def test_a_slow_body_does_not_hold_up_others(page, play_url, monkeypatch):
+    monkeypatch.setattr(play_app, 'BODY_S', 0.3)
+    host, port = play_url.removeprefix('http://').split(':')
+    head = 'POST /api/plan HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n'
+    with socket.create_connection((host, int(port))) as connection:
+        connection.sendall(f'{head}Content-Length: 100\r\n\r\n{{'.encode())
+        assert plan(page)['plans'][0]['found']
+        assert b' 408 ' in connection.recv(100)
+
+
+def test_a_plan_ends_when_its_page_has_gone():
+    begun, seen = threading.Event(), threading.Event()
+
+    def job(stop):
+        begun.set()
+        while not stop[0]:
+            time.sleep(0.005)
+        seen.set()
+
+    async def ask():
+        worker = Worker()
+        gone = asyncio.create_task(asyncio.to_thread(begun.wait))
+        with pytest.raises(play_app.PlayError):
+            await worker.run(job, gone)
+        worker.close()
+
+    asyncio.run(ask())
+    assert seen.wait(5.0)
+
+
+def test_a_page_that_closes_its_connection_stops_its_plan(play_url, page, monkeypatch):
+    begun, stopped = threading.Event(), threading.Event()
+
+    def work(self, asked, stop):
+        begun.set()
+        while not stop[0]:
+            time.sleep(0.005)
+        stopped.set()
+        return b'{}'
+
+    with monkeypatch.context() as patch:
+        patch.setattr(play_app.PlayApp, 'work', work)
+        host, port = play_url.removeprefix('http://').split(':')
+        body = json.dumps(DEMO)
+        head = 'POST /api/plan HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n'
+        with socket.create_connection((host, int(port))) as connection:
+            connection.sendall(f'{head}Content-Length: {len(body)}\r\n\r\n{body}'.encode())
+            assert begun.wait(30.0)
+        assert stopped.wait(30.0)
+    assert plan(page)['plans'][0]['found']

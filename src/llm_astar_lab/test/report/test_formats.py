@@ -1,0 +1,108 @@
+"""A table of the report as Markdown, LaTeX and CSV."""
+
+import csv
+import io
+import math
+
+import pytest
+from benchmark_samples import rows_with
+from llm_astar_lab.analysis.statistics import UNKNOWN, Interval
+from llm_astar_lab.analysis.summary import summarise_run
+from llm_astar_lab.report.formats import (
+    cell_text,
+    csv_table,
+    latex,
+    markdown,
+    texts_of,
+    without_constant_columns,
+    write_tables,
+)
+from llm_astar_lab.report.table import Column, Table, percents, texts
+from llm_astar_lab.report.tables import report_tables
+from llm_astar_lab.results.folder import ResultsFolder
+
+PERCENT = Column('share (%)', 100.0)
+
+
+def table_of(heads, rows):
+    return Table('some', 'Some', texts(*heads), rows)
+
+
+def read_csv(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_percentages_show_their_interval_unless_it_is_a_point():
+    assert cell_text(Interval(0.5, 0.4, 0.6), PERCENT) == '50.00 (40.00 to 60.00)'
+    assert cell_text(Interval(1.0, 1.0, 1.0), PERCENT) == '100.00'
+    assert cell_text(UNKNOWN, PERCENT) == '-'
+    assert cell_text(1.5, Column('seconds', digits=1)) == '1.5'
+    assert markdown(table_of(('a', 'b'), [])) == ''
+
+
+def test_a_column_that_says_the_same_in_every_row_is_a_note():
+    rows = [('a', '1', '-', '7'), ('b', '1', '-', '8'), ('c', '-', '-', '9')]
+    shown, common = without_constant_columns(table_of(('name', 'one', 'no', 'all'), rows))
+    assert texts_of(shown) == (('name', 'all'), [('a', '7'), ('b', '8'), ('c', '9')])
+    assert common == 'one 1'
+    single = table_of(('name', 'one'), [('a', '1')])
+    assert without_constant_columns(single)[0] == single
+
+
+def test_a_column_without_any_value_is_not_added():
+    table = table_of(('name',), [('a',), ('b',)])
+    assert table.with_column(PERCENT, [UNKNOWN, math.nan]) is table
+    wider = table.with_column(PERCENT, [UNKNOWN, 0.5])
+    assert texts_of(wider)[1] == [('a', '-'), ('b', '50.00')]
+
+
+def test_an_interval_takes_three_columns_of_a_csv_file_and_keeps_all_digits():
+    columns = (*texts('name'), *percents('ratio (%)'), Column('tokens', digits=0))
+    rows = [('a, b', Interval(1 / 3, 0.25, 0.5), 7), ('c', UNKNOWN, math.nan)]
+    first, second = read_csv(csv_table(Table('some', 'Some', columns, rows)))
+    assert first['name'] == 'a, b'
+    assert float(first['ratio (%)']) == pytest.approx(100 / 3, abs=1e-9)
+    assert (first['ratio (%), low'], first['ratio (%), high']) == ('25.0', '50.0')
+    assert first['tokens'] == '7'
+    assert list(second.values()) == ['c', '', '', '', '']
+
+
+def test_no_cell_breaks_a_table():
+    """The name of a model comes from a file or a server."""
+    name = 'a|b & 50%_\\$#{}~^<\n\x1b'
+    table = table_of(('name', 'other'), [(name, 'x'), ('c', 'y')])
+    lines = markdown(table).splitlines()
+    assert [line.count('|') - line.count(r'\|') for line in lines] == [3] * 4
+    row = next(line for line in latex(table).splitlines() if line.startswith('a'))
+    assert row == (
+        r'a\textbar{}b \& 50\%\_\textbackslash{}\$\#\{\}\textasciitilde{}'
+        r'\textasciicircum{}\textless{} ? & x \\'
+    )
+    assert r'{}[1pt] & {}*' in latex(table_of(('name', 'other'), [('[1pt]', '*'), ('c', 'y')]))
+
+
+def test_every_table_of_a_report_is_written_as_latex_and_csv(tmp_path):
+    rows = rows_with(0.8)
+    tables = report_tables(summarise_run(rows, {'parameters': {}}))
+    files = write_tables(ResultsFolder(tmp_path), tables, as_latex=True, as_csv=True)
+    assert {path.name for path in files} == {
+        f'{name}.{kind}'
+        for name in ('main', 'over_none', 'spread', 'waypoints', 'paths', 'paper')
+        for kind in ('tex', 'csv')
+    }
+    for table in tables:
+        heads = [column.head for column in table.columns]
+        assert len(set(heads)) == len(heads)
+        assert len(read_csv((tmp_path / f'tables/{table.name}.csv').read_text())) == len(
+            table.rows
+        )
+        source = (tmp_path / f'tables/{table.name}.tex').read_text()
+        body = source[source.index(r'\toprule') : source.index(r'\bottomrule')]
+        lines = [line for line in body.splitlines() if line.endswith(r'\\')]
+        assert len(lines) == len(table.rows) + 1
+        assert len({line.count(' & ') for line in lines}) == 1
+        assert source.isascii() or table.name == 'paper'
+    main = read_csv((tmp_path / 'tables/main.csv').read_text())
+    oracle = next(row for row in main if row['Base model or source'] == 'oracle')
+    low, high = (float(oracle[f'Operation ratio ↓ (%), {end}']) for end in ('low', 'high'))
+    assert low <= float(oracle['Operation ratio ↓ (%)']) <= high

@@ -1,1 +1,0 @@
-"""Benchmarks: datasets, runs over samples, analysis and reports."""
