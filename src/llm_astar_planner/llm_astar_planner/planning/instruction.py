@@ -204,10 +204,8 @@ def search_plan(
         deadline = search.deadline + spare_time(request)
         plan = planner.build_plan(request, endpoints, [segment], segment.result, deadline=deadline)
         return plan, ''
-    except (PlanningFailure, PathTooLongError, PluginError) as error:
-        code = error.code if isinstance(error, PlanningFailure) else ResultCode.UNKNOWN
-        failure = PlanningFailure(code, str(error))
-        return planner.build_plan(request, endpoints, [], failure=failure), str(error)
+    except (PlanningFailure, PathTooLongError, PluginError) as failure:
+        return planner.build_plan(request, endpoints, [], failure=failure), str(failure)
 
 
 def verified(

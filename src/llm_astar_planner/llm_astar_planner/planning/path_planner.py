@@ -151,11 +151,8 @@ class PathPlanner:
                 message = f'the path found was withheld: {problem}'
                 raise PlanningFailure(ResultCode.UNKNOWN, message)
             plan = self.build_plan(request, endpoints, segments, result, deadline=deadline)
-        except PlanningFailure as failure:
+        except (PlanningFailure, PathTooLongError, PluginError) as failure:
             plan = self.build_plan(request, endpoints, segments, failure=failure)
-        except (PathTooLongError, PluginError) as error:
-            failed = PlanningFailure(ResultCode.UNKNOWN, str(error))
-            plan = self.build_plan(request, endpoints, segments, failure=failed)
         yield plan
 
     def segments(
@@ -219,7 +216,7 @@ class PathPlanner:
         segments: Sequence[SegmentPlanner],
         result: SearchResult | None = None,
         *,
-        failure: PlanningFailure | None = None,
+        failure: Exception | None = None,
         deadline: float = math.inf,
     ) -> Plan:
         """Build every plan: from a valid result, a better path on the way, or a failure.
@@ -243,7 +240,7 @@ class PathPlanner:
             fields['checked_waypoints'] = mark_out_of_order(first.checked_waypoints, path)
             fields['guided_by'] = first.reply.label if first.guiding_waypoints else 'none'
         return Plan(
-            code=ResultCode.NONE if failure is None else failure.code,
+            code=getattr(failure, 'code', ResultCode.UNKNOWN) if failure else ResultCode.NONE,
             message=str(failure) if failure else success_message(segments[0], result),
             method=request.method,
             start=endpoints.start,
