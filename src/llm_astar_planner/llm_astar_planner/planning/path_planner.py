@@ -202,12 +202,17 @@ class PathPlanner:
             ('goal', request.goal, goal, request.tolerance),
             *(('via point', *pair, request.tolerance) for pair in zip(request.via, endpoints.via)),
         ):
-            problem = shift_problem(name, requested, used, tolerance / self.grid_map.resolution)
-            if problem is not None:
-                return problem
+            if used != requested:
+                limit = tolerance / self.grid_map.resolution
+                problem = shift_problem(name, requested, used, limit)
+                if problem is not None:
+                    return problem
         problem = self.checker.path_problem(path, start, goal)
-        problem = problem or via_problem(path, endpoints.via)
-        return problem or footprint_problem(path, self.costmap, request)
+        if problem is None and request.via:
+            problem = via_problem(path, endpoints.via)
+        if problem is None and request.footprint is not None:
+            problem = footprint_problem(path, self.costmap, request)
+        return problem
 
     def build_plan(
         self,
