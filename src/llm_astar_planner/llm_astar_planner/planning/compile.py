@@ -340,8 +340,8 @@ class KernelCompiler:
         self, config: CostmapConfig, request: PlanRequest, say: Callable[[str], None]
     ) -> None:
         """Start; first comes what requests like this take on costmaps of `config`."""
-        # How many of its steps are done; plans go on after the first.
-        self.done = 0
+        # How many of its steps are done, and whether the first is, after which plans go on.
+        self.done, self.is_ready = 0, False
         self._say = say
         self._report = node_report(say, 'the first plans')
         self._is_closed = False
@@ -357,11 +357,6 @@ class KernelCompiler:
             target=self.work, args=(steps,), name='compiler', daemon=True
         )
         self._thread.start()
-
-    @property
-    def is_ready(self) -> bool:
-        """Whether a first plan can be made."""
-        return self.done > 0
 
     def wait(self, may_wait: Callable[[], bool] = lambda: True) -> bool:
         """Wait until a first plan can be made, while `may_wait()`; tell whether it can.
@@ -390,7 +385,8 @@ class KernelCompiler:
                     problem = f'{type(error).__name__}: {error}'
                     self._say(f'the searches do not compile: {problem}')
                 self.done += 1
-                if self.done == 1:
+                if not self.is_ready:
+                    self.is_ready = True
                     self._report.finish('plans go on')
             self._report.finish('all of them')
 

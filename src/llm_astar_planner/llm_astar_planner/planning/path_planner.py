@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -197,12 +198,11 @@ class PathPlanner:
     ) -> str | None:
         """Say why a path does not answer the request, or None: the last check."""
         start, goal = endpoints.start, endpoints.goal
-        for name, requested, used, tolerance in (
-            ('start', request.start, start, request.start_tolerance),
-            ('goal', request.goal, goal, request.tolerance),
-            *(('via point', *pair, request.tolerance) for pair in zip(request.via, endpoints.via)),
-        ):
+        names = ['start', 'goal', *['via point'] * len(request.via)]
+        asked = request.start, request.goal, *request.via
+        for name, requested, used in zip(names, asked, (start, goal, *endpoints.via)):
             if used != requested:
+                tolerance = request.start_tolerance if name == 'start' else request.tolerance
                 limit = tolerance / self.grid_map.resolution
                 problem = shift_problem(name, requested, used, limit)
                 if problem is not None:
@@ -252,8 +252,8 @@ class PathPlanner:
             goal=endpoints.goal,
             source='none' if request.source is None else request.source.name,
             reply=reply,
-            seconds_source=sum((segment.seconds_source for segment in segments), 0.0),
-            seconds_search=sum((segment.seconds_search for segment in segments), 0.0),
+            seconds_source=sum(map(attrgetter('seconds_source'), segments), 0.0),
+            seconds_search=sum(map(attrgetter('seconds_search'), segments), 0.0),
             start_shift=endpoints.start_shift,
             goal_shift=endpoints.goal_shift,
             via=endpoints.via,

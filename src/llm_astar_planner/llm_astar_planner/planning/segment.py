@@ -269,9 +269,9 @@ def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
     Work, length, cost and lower bound add up: the cheapest path through the via points is made of
     the cheapest paths between them, so the bound of the sums is proven for the whole.
     """
+    if len(segments) == 1:
+        return segments[0].result
     first, *others = results = [segment.result for segment in segments]
-    if not others:
-        return first
     stopped = any(result.status is SearchStatus.STOPPED for result in results)
     whole = replace(
         first,

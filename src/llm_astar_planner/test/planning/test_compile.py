@@ -59,6 +59,7 @@ print(*functions)
 """
 
 
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     'words',
     [('direct',), pytest.param(('instruction', 'prepare'), marks=pytest.mark.slow)],
@@ -69,7 +70,7 @@ def test_with_an_empty_cache_a_plan_keeps_its_time_limit_and_compiles_nothing(wo
     }  # fmt: skip
     done = subprocess.run(
         [sys.executable, '-c', SCRIPT, *words],
-        capture_output=True, text=True, env=environment, timeout=600,
+        capture_output=True, text=True, env=environment, timeout=800,
     )  # fmt: skip
     assert done.stderr == ''
     assert done.stdout == '\n'
