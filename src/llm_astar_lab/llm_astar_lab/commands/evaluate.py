@@ -21,8 +21,8 @@ from llm_astar_planner.cli.parameter_flags import (
     add_parameter_flags,
     add_params_file_flag,
     given_values,
-    read_params_files,
 )
+from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
 from llm_astar_planner.planning.types import plan_report
 
@@ -118,7 +118,8 @@ def run(args: argparse.Namespace) -> int:
     selection, listed = read_selection(args)
     if args.list:
         return list_contents(args, selection)
-    file = read_params_files(args).values['planner_node'] if args.params_file else None
+    paths = args.params_file
+    file = read_parameter_files(paths)['planner_node'] if paths else None
     common.settle_variants(args, file)
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
     rules = in_file | given_values(args, RULES)

@@ -243,7 +243,7 @@ class RecordedPlan:
         start, goal = ((int(x), int(y)) for x, y in (cells[0], cells[-1]))
         return columns | {
             'recorded_length': length,
-            'recorded_problem': planner.path_problem(cells, start, goal) or '',
+            'recorded_problem': planner.checker.path_problem(cells, start, goal) or '',
             'recorded_path': format_points(turning_points(cells)),
         }
 
