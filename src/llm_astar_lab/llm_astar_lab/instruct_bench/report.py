@@ -16,7 +16,7 @@ from llm_astar_lab.instruct_bench.summary import (
     grouped,
     summarise,
 )
-from llm_astar_lab.report.formats import TextRows, markdown_table, text_table
+from llm_astar_lab.report.table import TextRows, markdown_table, text_table
 
 SHARE_HEAD = (
     'Instructions', 'Understood exactly', 'Satisfied if meetable', 'so without instruction',

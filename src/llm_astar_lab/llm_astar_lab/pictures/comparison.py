@@ -9,13 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from llm_astar_lab.pictures import raster
-from llm_astar_lab.pictures.figures import (
-    WIDTH,
-    Picture,
-    add_legend,
-    draw,
-    write_labels,
-)
+from llm_astar_lab.pictures.figures import WIDTH, Picture, add_legend, draw, write_labels
 
 # Maps that are so many times as wide as high are drawn below each other.
 WIDE = 2.6

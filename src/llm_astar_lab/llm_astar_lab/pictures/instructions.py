@@ -13,11 +13,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from llm_astar_planner.instructions.outcome import (
-    ClauseOutcome,
-    ClauseStatus,
-    InstructionOutcome,
-)
+from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import (
     WALLS,

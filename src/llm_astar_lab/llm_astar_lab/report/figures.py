@@ -21,8 +21,7 @@ from llm_astar_lab.analysis.summary import Growth, VariantSummary
 from llm_astar_lab.analysis.trace import trace
 from llm_astar_lab.pictures import style
 from llm_astar_lab.pictures.style import OBSTACLE, PATH
-from llm_astar_lab.report.sentences import variant_label
-from llm_astar_lab.results.row import WAYPOINTS_ONLY, Variant
+from llm_astar_lab.report.sentences import has_waypoints, variant_label
 
 # What A* expanded where LLM-A* did not.
 BEYOND = style.LINE
@@ -126,11 +125,6 @@ def draw_interval(axes: Axes, position: float, interval: Interval, colour: str) 
     # Without an interval there are no arms; rounding may put the ends of a point past it.
     arms = np.maximum(np.nan_to_num([[value - low], [high - value]]), 0.0)
     axes.errorbar(value, position, xerr=arms, fmt='o', color=colour, markersize=5, capsize=3)
-
-
-def has_waypoints(variant: Variant) -> bool:
-    """Tell whether a variant was given waypoints."""
-    return variant.source != 'none' and variant.method != WAYPOINTS_ONLY
 
 
 def showcase_figure(
