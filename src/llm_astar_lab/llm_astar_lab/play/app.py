@@ -11,23 +11,20 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_planner.search.stop import StopFlag
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
-from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from llm_astar_lab.play.encoding import map_json, options_json, reply_json
-from llm_astar_lab.play.errors import PlayError
-from llm_astar_lab.play.guard import Guard
 from llm_astar_lab.play.live import LiveFeed
-from llm_astar_lab.play.maps import Maps
-from llm_astar_lab.play.planning import PlanningService
+from llm_astar_lab.play.maps import Maps, PlayError
+from llm_astar_lab.play.planning import PlanningService, Worker
 from llm_astar_lab.play.request import PlayRequest, read_request
-from llm_astar_lab.play.worker import Worker
 
 PAGE = Path(__file__).parent / 'page'
 MAX_BODY = 2**20
+TOO_LONG = f'the body is over {MAX_BODY} bytes; edit fewer walls'
 # A request holds walls, these cells, and these numbers.
 MAX_DEPTH = 5
 # Seconds in which a body has to arrive.
@@ -46,8 +43,8 @@ class PlayApp:
         self._service = PlanningService()
         self._worker = Worker()
 
-    def asgi(self, host: str = '127.0.0.1') -> Starlette:
-        """Return the application, for a server at an address."""
+    def asgi(self) -> Starlette:
+        """Return the application."""
         return Starlette(
             routes=[
                 Route('/', self.index),
@@ -57,7 +54,6 @@ class PlayApp:
                 Route('/api/live', self.live),
                 Mount('/page', StaticFiles(directory=PAGE)),
             ],
-            middleware=[Middleware(Guard, host=host)],
             exception_handlers={LlmAstarError: refuse, HTTPException: refuse_route},
         )
 
@@ -105,18 +101,20 @@ async def read_body(request: Request) -> object:
     """Return the JSON value in the body of a request. Raises PlayError."""
     declared = request.headers.get('content-length', '0')
     if not declared.isdecimal() or int(declared[:20]) > MAX_BODY:
-        raise too_long()
+        raise PlayError(TOO_LONG, status=413)
     try:
         body = await asyncio.wait_for(received(request), BODY_S)
     except asyncio.TimeoutError:
         raise PlayError(f'the body did not arrive within {BODY_S:g} s', status=408) from None
     try:
         value: object = json.loads(body, parse_constant=refuse_constant)
+        is_too_deep = depth_of(value) > MAX_DEPTH
     except RecursionError:
-        raise too_deep() from None
+        is_too_deep = True
     except ValueError as error:
         raise PlayError(f'the body is not JSON: {error}', status=400) from None
-    check_depth(value)
+    if is_too_deep:
+        raise PlayError('the body is nested too deeply for a plan; send less', status=400)
     return value
 
 
@@ -126,32 +124,15 @@ async def received(request: Request) -> bytes:
     async for chunk in request.stream():
         body += chunk
         if len(body) > MAX_BODY:
-            raise too_long()
+            raise PlayError(TOO_LONG, status=413)
     return bytes(body)
 
 
-def too_long() -> PlayError:
-    """Return the error for a body that is too long."""
-    return PlayError(f'the body is over {MAX_BODY} bytes; edit fewer walls', status=413)
-
-
-def too_deep() -> PlayError:
-    """Return the error for a body whose lists hold lists too often."""
-    return PlayError('the body is nested too deeply for a plan; send less', status=400)
-
-
-def check_depth(value: object) -> None:
-    """Raise PlayError where a JSON value is nested over MAX_DEPTH deep."""
-    level = [value]
-    for _ in range(MAX_DEPTH):
-        lists = [item for item in level if isinstance(item, (dict, list))]
-        level = [
-            child
-            for item in lists
-            for child in (item.values() if isinstance(item, dict) else item)
-        ]
-    if level:
-        raise too_deep()
+def depth_of(value: object) -> int:
+    """Return how deeply a JSON value is nested: 1 for a number, 2 for a list of numbers."""
+    if not isinstance(value, (dict, list)):
+        return 1
+    return 1 + max(map(depth_of, value.values() if isinstance(value, dict) else value), default=0)
 
 
 def refuse_constant(name: str) -> NoReturn:
