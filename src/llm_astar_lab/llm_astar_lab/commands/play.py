@@ -85,12 +85,11 @@ def run(arguments: argparse.Namespace) -> int:
     """
     # Optional dependencies; the help needs to work without them.
     try:
-        from llm_astar_lab.play.server import listen, serve, url_of  # noqa: PLC0415
+        from llm_astar_lab.play.server import PlayApp, listen, serve, url_of  # noqa: PLC0415
     except ModuleNotFoundError as error:
         message = f"{error.name} is missing: pip install 'starlette' 'uvicorn'"
         sys.stderr.write(f'llm-astar: error: {message}\n')
         return 1
-    from llm_astar_lab.play.app import PlayApp  # noqa: PLC0415
     from llm_astar_lab.play.live import LiveFeed  # noqa: PLC0415
     from llm_astar_lab.play.maps import Maps  # noqa: PLC0415
 

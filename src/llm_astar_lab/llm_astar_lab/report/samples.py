@@ -281,7 +281,7 @@ def places_data(problem: ProblemMap, places: Places) -> list[list[Any]]:
 
 def grid_image(grid_map: GridMap) -> str:
     """Draw a grid with row 0 at the bottom, a pixel a cell or less; return it as a data URL."""
-    codes = raster.cell_codes(grid_map, np.zeros((0, 0), dtype=np.bool_))
+    codes = raster.cell_codes(grid_map)
     part = min(1.0, MAX_PIXELS / max(codes.shape))
     width, height = (max(1, int(part * side)) for side in (grid_map.width, grid_map.height))
     image = Image.fromarray(raster.resize(codes, width, height)[::-1].copy(), 'P')

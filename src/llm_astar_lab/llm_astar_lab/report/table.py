@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
+from itertools import compress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -111,18 +112,14 @@ class Table:
         """
         heads, rows = texts_of(self)
         values = [sorted(set(column) - {'-'}) for column in zip(*rows)]
-        kept = [
-            number
+        is_kept = [
+            number == 0 or len(found) > 1 or (len(rows) == 1 and bool(found))
             for number, found in enumerate(values)
-            if number == 0 or len(found) > 1 or (found and len(rows) == 1)
         ]
-        common = [
-            f'{heads[number]} {found[0]}'
-            for number, found in enumerate(values)
-            if found and number not in kept
-        ]
-        columns = tuple(self.columns[number] for number in kept)
-        shown = [tuple(row[number] for number in kept) for row in self.rows]
+        said = zip(heads, values, is_kept)
+        common = [f'{head} {found[0]}' for head, found, kept in said if found and not kept]
+        columns = tuple(compress(self.columns, is_kept))
+        shown = [tuple(compress(row, is_kept)) for row in self.rows]
         return replace(self, columns=columns, rows=shown), ', '.join(common)
 
 

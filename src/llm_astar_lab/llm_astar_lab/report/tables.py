@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import shortened
 
+from llm_astar_lab.analysis.families import FamilySummary
 from llm_astar_lab.analysis.replies import REPLIES, reply_shares
 from llm_astar_lab.analysis.summary import Growth, RunSummary, VariantSummary, is_learned
 from llm_astar_lab.report.sentences import effect_on, method_label, variant_label
@@ -227,16 +228,16 @@ def family_tables(summaries: Sequence[VariantSummary]) -> list[Table]:
         for item in summaries
         if names and all(name in item.families for name in names)
     ]
-    operation: list[tuple[Cell, ...]] = [
-        (label, *(part.operation for part in parts))
-        for label, parts in complete
-        if any(part.operation.value > 0 for part in parts)
-    ]
-    valid: list[tuple[Cell, ...]] = [
-        (label, *(part.valid for part in parts))
-        for label, parts in complete
-        if any(part.valid.value < 1.0 for part in parts)
-    ]
+
+    def rows_of(figure: str, is_shown: Callable[[FamilySummary], bool]) -> list[tuple[Cell, ...]]:
+        return [
+            (label, *(getattr(part, figure) for part in parts))
+            for label, parts in complete
+            if any(map(is_shown, parts))
+        ]
+
+    operation = rows_of('operation', lambda part: part.operation.value > 0)
+    valid = rows_of('valid', lambda part: part.valid.value < 1.0)
     left_out: list[tuple[Cell, ...]] = [
         (variant_label(item.variant), means.every, *(means.without[name] for name in names))
         for item in summaries

@@ -23,7 +23,7 @@ from llm_astar_lab.analysis.summary import (
     summarise_run,
 )
 from llm_astar_lab.pictures.animation import save_animation
-from llm_astar_lab.pictures.comparison import comparison_figure, on_one_window, panel_figure
+from llm_astar_lab.pictures.figures import comparison_figure, on_one_window, panel_figure
 from llm_astar_lab.report.figures import growth_figure, ratio_figure, showcase_figure
 from llm_astar_lab.report.pages import PANEL, html_report, markdown_report
 from llm_astar_lab.report.samples import browser_data, draw_median, shown_samples

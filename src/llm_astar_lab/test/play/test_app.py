@@ -12,7 +12,7 @@ import time
 import httpx
 import numpy as np
 import pytest
-from llm_astar_lab.play import app as play_app
+from llm_astar_lab.play import server as play_app
 from llm_astar_lab.play.planning import Worker
 from llm_astar_planner.search.methods import METHODS
 
