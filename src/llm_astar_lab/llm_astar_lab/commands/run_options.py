@@ -356,7 +356,7 @@ def close_run(
 ) -> int:
     """Write the reports of a run, print the table, and return the exit code."""
     # Importing matplotlib takes most of a second, which bad usage should not wait for.
-    from llm_astar_lab.report.markdown import text_report  # noqa: PLC0415
+    from llm_astar_lab.report.pages import text_report  # noqa: PLC0415
     from llm_astar_lab.report.write import write_report  # noqa: PLC0415
 
     maps = load_kept_maps(folder.path / MAPS_FILE)

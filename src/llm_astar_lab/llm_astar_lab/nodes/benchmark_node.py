@@ -35,7 +35,7 @@ from rclpy.utilities import remove_ros_args
 
 from llm_astar_lab.analysis.columns import RowColumns
 from llm_astar_lab.datasets.samples import BenchmarkSample, SelectionError, select_samples
-from llm_astar_lab.report.markdown import text_report
+from llm_astar_lab.report.pages import text_report
 from llm_astar_lab.report.write import write_report
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import (
