@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from llm_astar_lab.analysis.columns import RowColumns
 from llm_astar_lab.analysis.summary import RunSummary, compare_with_none, summarise
 from llm_astar_lab.report.formats import markdown, text
 from llm_astar_lab.report.sentences import (
@@ -22,6 +21,7 @@ from llm_astar_lab.report.tables import (
     mean_of,
     report_tables,
 )
+from llm_astar_lab.results.stored_rows import StoredRows
 
 # The lines of a README between which `replace_section` writes.
 SECTION_BEGIN, SECTION_END = '<!-- results:begin -->', '<!-- results:end -->'
@@ -92,17 +92,17 @@ def provenance(run: RunSummary) -> str:
     return f'{text}.' if text else ''
 
 
-def text_report(columns: RowColumns, seed: int = 0, recorded: str | None = None) -> str:
+def text_report(rows: StoredRows, seed: int = 0, recorded: str | None = None) -> str:
     """Return the finding and the table for a terminal; for bags also the recorded lengths.
 
     `recorded` is the sentence about the plans in the bags.
     """
-    summaries = summarise(columns, seed)
+    summaries = summarise(rows, seed)
     table = main_table(summaries)
     table = table.with_column(RECORDED_COLUMN, [mean_of(item.recorded) for item in summaries])
     for column, name in zip(INSTRUCTION_COLUMNS, ('instruction', 'recorded_instruction')):
         table = table.with_column(column, [getattr(item, name) for item in summaries])
-    sentences = [recorded, headline(compare_with_none(columns, seed))]
+    sentences = [recorded, headline(compare_with_none(rows, seed))]
     return '\n'.join([text(table), '', *filter(None, sentences)])
 
 

@@ -10,8 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from llm_astar_lab.analysis.replies import REPLIES, reply_shares
-from llm_astar_lab.analysis.solved_pairs import Ratio
-from llm_astar_lab.analysis.statistics import UNKNOWN, Interval
+from llm_astar_lab.analysis.statistics import UNKNOWN, Interval, Ratio
 from llm_astar_lab.analysis.summary import (
     Growth,
     PairedComparison,
