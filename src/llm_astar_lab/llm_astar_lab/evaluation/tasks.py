@@ -17,7 +17,7 @@ from llm_astar_lab.datasets.samples import BenchmarkSample
 from llm_astar_lab.evaluation.recorded_plans import BagRequest, RecordedPlan
 from llm_astar_lab.evaluation.requests import ListedRequest, RequestReader
 from llm_astar_lab.evaluation.topics import TopicSelection
-from llm_astar_lab.results.row_keys import FinishedRows
+from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.engine import (
     SearchSettings,
     Task,
@@ -116,7 +116,7 @@ class BagTasks:
         self._ids = SampleIdAllocator()
         self.kept = KeptMaps()
 
-    def tasks(self, done: FinishedRows) -> Iterator[Task]:
+    def tasks(self, done: Finished) -> Iterator[Task]:
         """Yield the tasks that are not `done`, bag after bag."""
         config = self._config
         for bag in config.bags:

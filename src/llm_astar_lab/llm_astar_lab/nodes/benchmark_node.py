@@ -9,7 +9,7 @@ import argparse
 import signal
 import sys
 import time
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from itertools import groupby
 from types import TracebackType
@@ -33,7 +33,6 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import parameter_value_to_python
 from rclpy.utilities import remove_ros_args
 
-from llm_astar_lab.analysis.columns import RowColumns
 from llm_astar_lab.datasets.samples import BenchmarkSample, SelectionError, select_samples
 from llm_astar_lab.report.pages import text_report
 from llm_astar_lab.report.write import write_report
@@ -42,12 +41,11 @@ from llm_astar_lab.results.row import (
     PAPER_ASTAR,
     ResultsError,
     Row,
-    RowKey,
     Variant,
     format_points,
     plan_columns,
 )
-from llm_astar_lab.results.row_keys import FinishedRows
+from llm_astar_lab.results.stored_rows import Finished
 from llm_astar_lab.runner.config import choose_folder, open_folder, progress
 
 # Parameters of the planner that a run sets and restores; the paper's paths may cut corners.
@@ -140,7 +138,7 @@ def plan_samples(
     arguments: argparse.Namespace,
     folder: ResultsFolder,
     samples: Sequence[BenchmarkSample],
-    done: FinishedRows,
+    done: Finished,
 ) -> int:
     """Plan the samples; every row is written as soon as it arrives."""
     # Python must get Ctrl-C, so that the planner's parameters are restored.
@@ -153,7 +151,9 @@ def plan_samples(
             caller.wait_for_planner()
             with LiveRun(caller, arguments.planner, arguments.client) as run:
                 variants = run.variants(arguments.methods)
-                with progress(len(samples) * len(variants) - len(done), 'plan') as step:
+                with progress(
+                    len(samples) * len(variants) - sum(map(len, done.values())), 'plan'
+                ) as step:
                     for row in run.rows(samples, variants, done):
                         folder.append([row])
                         step()
@@ -168,15 +168,15 @@ def plan_samples(
 def close_run(folder: ResultsFolder, metadata: dict[str, Any], seed: int, code: int) -> int:
     """Write the reports of a run and print the table."""
     try:
-        columns = RowColumns(folder.read())
-        if not len(columns):
+        rows = folder.stored()
+        if not len(rows):
             return code
         folder.write_json('metadata.json', metadata)
-        write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE))
+        write_report(folder, metadata, load_kept_maps(folder.path / MAPS_FILE), rows)
     except ResultsError as error:
         return report_error(str(error), INCOMPLETE)
-    sys.stdout.write(text_report(columns, seed) + '\n')
-    sys.stderr.write(f'{len(columns)} rows: {folder.path}/report.html\n')
+    sys.stdout.write(text_report(rows, seed) + '\n')
+    sys.stderr.write(f'{len(rows)} rows: {folder.path}/report.html\n')
     return code
 
 
@@ -231,7 +231,7 @@ class LiveRun:
         self,
         samples: Sequence[BenchmarkSample],
         variants: Sequence[Variant],
-        done: Container[RowKey],
+        done: Finished,
     ) -> Iterator[Row]:
         """Plan what is not `done`, map by map and variant by variant; yield each row."""
         for _, group in groupby(samples, key=lambda sample: sample.barrier_map.id):
@@ -240,7 +240,7 @@ class LiveRun:
                 (variant, sample)
                 for variant in variants
                 for sample in of_map
-                if (*sample.key, 1, variant) not in done
+                if variant not in done.get((*sample.key, 1), ())
             ]
             if not left:
                 continue
