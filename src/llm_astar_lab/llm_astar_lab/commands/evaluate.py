@@ -48,7 +48,6 @@ from llm_astar_lab.commands.run_options import (
     settle_variants,
     source_specs,
 )
-from llm_astar_lab.evaluation.exchanges import write_exchanges
 from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
 from llm_astar_lab.evaluation.tasks import BagTasks, EvaluationConfig
 from llm_astar_lab.evaluation.topics import (
@@ -57,7 +56,7 @@ from llm_astar_lab.evaluation.topics import (
     describe,
     describe_text,
 )
-from llm_astar_lab.evaluation.writing import ResultsBag
+from llm_astar_lab.evaluation.writing import ResultsBag, write_exchanges
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import choose_folder, is_parquet_run, open_folder
@@ -178,7 +177,7 @@ def run(args: argparse.Namespace) -> int:
     for line in metadata['left_out']:
         code = complain(args, f'left out: {line}', code or INCOMPLETE)
     try:
-        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept.maps()))
+        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept_maps()))
         folder.write_places(config.places)
     except ResultsError as error:
         return complain(args, str(error), INCOMPLETE)
