@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from graph_tools import ALONE, process, wait_for
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.bags.writing import ros_distro
 from llm_astar_lab.datasets.samples import load_samples
@@ -20,8 +19,6 @@ from llm_astar_msgs_adapter.maps.grid_map import GridMap
 from llm_astar_msgs_adapter.messages.report import ExchangeReport, PlanReport, report_from_message
 from llm_astar_planner.cli.main import main
 from llm_astar_planner.costmap.costmap import Costmap
-from llm_astar_planner.planning.parameter_file import read_parameter_files
-from llm_astar_planner.planning.parameters import NODES, defaults
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.config import SourceSettings, make_source
 from llm_astar_planner.waypoints.source import WaypointQuery
@@ -281,41 +278,3 @@ def test_the_shipped_transcript_is_of_that_version_and_is_replayed():
     source = make_source(SourceSettings(source='replay', transcript=transcript), dataset)
     query = WaypointQuery(Costmap(dataset[0].to_grid()), (39, 18), (7, 19))
     assert source.waypoints(query).waypoints == ON_THE_DEMO
-
-
-# --- parameter files: config/planner.yaml, with the deprecated remember_plans and lifecycle ---
-
-DEPRECATED = ('remember_plans', 'lifecycle')
-# Since then a robot inside the marks of an obstacle plans its way out.
-CHANGED = {'start_tolerance': 0.0}
-PARAMETERS = str(OLD / 'planner.yaml')
-
-
-def test_an_old_parameter_file_is_planned_by_with_a_warning_for_each_deprecated_name(capsys):
-    assert main(['plan', '--params-file', PARAMETERS, '--json']) == 0
-    out, err = capsys.readouterr()
-    assert json.loads(out)['method'] == 'guided'
-    for name, line in zip(DEPRECATED, err.splitlines(), strict=True):
-        assert line.startswith(f'llm-astar: warning: parameter {name} is deprecated: it ')
-
-
-def test_an_old_parameter_file_says_what_the_defaults_are_today():
-    found = read_parameter_files([PARAMETERS])
-    for node, values in found.values.items():
-        known = defaults(NODES[node]) | CHANGED
-        assert values == {name: known[name] for name in values}
-        assert len(values) > 2
-
-
-def test_bags_are_evaluated_by_an_old_parameter_file(capsys, tmp_path):
-    (bag,) = [OLD / 'recorded.mcap']
-    rows = evaluated(bag, tmp_path, '--params-file', PARAMETERS, '--source', 'straight')
-    assert {row['method'] for row in rows} == {'astar', 'guided'}
-    assert 'remember_plans is deprecated' in capsys.readouterr().err
-
-
-def test_a_node_starts_with_an_old_parameter_file():
-    with process('planner_node', '--params-file', PARAMETERS, namespace=ALONE) as node:
-        wait_for(lambda: 'ready; waiting for a map' in ''.join(node.output), 'the planner')
-    for name in DEPRECATED:
-        assert f'parameter {name} is deprecated' in ''.join(node.output)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -72,11 +71,8 @@ def add_params_file_flag(group: Any) -> None:  # noqa: ANN401 - argparse keeps i
 
 
 def read_params_files(arguments: argparse.Namespace) -> ParameterFile:
-    """Return what the files of `--params-file` set; warn of names that are deprecated."""
-    found = read_parameter_files(arguments.params_file)
-    for warning in found.warnings:
-        sys.stderr.write(f'llm-astar: warning: {warning}\n')
-    return found
+    """Return what the files of `--params-file` set."""
+    return read_parameter_files(arguments.params_file)
 
 
 def given_values(

@@ -36,7 +36,6 @@ CACHE_SIZE = 256
 FAILED_S = 10.0
 # The longest answer to an instruction: ten clauses.
 MAX_OUTPUT_TOKENS = 400
-READ_WHOLE = (Understanding.WHOLE, Understanding.IRRELEVANT)
 
 Key = tuple[str, str]
 MAX_WAITING = 8
@@ -135,7 +134,7 @@ class ChainInterpreter:
             left = time_limit - (time.monotonic() - started)
             reading = part.interpret(text, places, max(0.0, left))
             readings.append(reading)
-            if reading.status in READ_WHOLE:
+            if reading.is_whole:
                 break
         return fullest(readings)
 
@@ -148,11 +147,10 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
     none is whole and one has yet to answer, it is PENDING.
     """
     best = max(readings, key=rank)
-    whole = best.status in READ_WHOLE
-    others = [] if whole else [part.detail for part in readings if part is not best]
+    others = [] if best.is_whole else [part.detail for part in readings if part is not best]
     # Two readings of the grammar, here and in another process, have the same reasons.
     reasons = [reason for detail in (best.detail, *others) for reason in detail.split('; ')]
-    pending = not whole and any(part.status is Understanding.PENDING for part in readings)
+    pending = not best.is_whole and any(part.status is Understanding.PENDING for part in readings)
     return replace(
         best,
         status=Understanding.PENDING if pending else best.status,
@@ -165,10 +163,9 @@ def fullest(readings: Sequence[Interpretation]) -> Interpretation:
 
 def rank(reading: Interpretation) -> tuple[bool, float, bool]:
     """Return what readings are compared by; the greatest is the best. A guess counts half."""
-    whole = reading.status in READ_WHOLE
     known = reading.specification.enforceable
-    sure = whole and bool(known) and not any(clause.guessed for clause in known)
-    return sure, sum(0.5 if clause.guessed else 1.0 for clause in known), whole
+    sure = reading.is_whole and bool(known) and not any(clause.guessed for clause in known)
+    return sure, sum(0.5 if clause.guessed else 1.0 for clause in known), reading.is_whole
 
 
 def make_interpreter(values: Mapping[str, Any]) -> Interpreter:
@@ -235,7 +232,7 @@ class BackgroundInterpreter:
         what is PENDING still if the slow interpreter did not answer.
         """
         reading = self._quick.interpret(text, places, 0.0)
-        if reading.status in READ_WHOLE:
+        if reading.is_whole:
             return reading
         known = self._slow.known(text, places)
         if known is not None and known.status is not Understanding.PENDING:

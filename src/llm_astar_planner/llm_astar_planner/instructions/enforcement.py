@@ -50,7 +50,7 @@ class Demand:
     """What one clause asks of the cells of a path; masks are bool [height, width].
 
     - `forbidden`: cells that no move may begin or end in; None for none.
-    - `visits`: cells of each region to visit, with the number of the region in the clause.
+    - `visits`: cells of each region to visit.
     - `visits_in_order`: whether they come after those of the clauses before.
     - `before`: cells to visit first, and cells that are forbidden until then.
     - `goals`: cells to end in.
@@ -59,7 +59,7 @@ class Demand:
 
     clause: spec.Clause
     forbidden: Cover | None = None
-    visits: tuple[tuple[int, Mask], ...] = ()
+    visits: tuple[Mask, ...] = ()
     visits_in_order: bool = True
     before: tuple[Mask, Cover] | None = None
     goals: Mask | None = None
@@ -100,7 +100,7 @@ def avoid(_: int, clause: spec.Avoid, route: Route) -> Demand:
 def visit(number: int, clause: spec.Visit, route: Route) -> Demand:
     """Visit the regions that were not visited on the way yet."""
     regions = [
-        (part, visit_cells(region, route))
+        visit_cells(region, route)
         for part, region in enumerate(clause.regions)
         if (number, part) not in route.visited
     ]
@@ -137,7 +137,7 @@ def pass_by(number: int, clause: spec.Pass, route: Route) -> Demand:
     right = cover(ray(clause.region, clause.side, route).buffer(width), grid_map)
     forbidden = Cover(*(cells | wrong.touched for cells in body))
     crossing = right.touched & ~forbidden.touched
-    visits = () if (number, 0) in route.visited else ((0, crossing),)
+    visits = () if (number, 0) in route.visited else (crossing,)
     return Demand(clause, forbidden, visits=visits, visits_in_order=False)
 
 
@@ -282,7 +282,7 @@ class Enforcer:
         groups: list[tuple[int, ...]] = []
         crossings: list[Mask] = []
         for demand in self.demands:
-            cells = [visited & reached for _, visited in demand.visits]
+            cells = [visited & reached for visited in demand.visits]
             if is_strict and demand.is_must and not all(mask.any() for mask in cells):
                 return None
             cells = [mask for mask in cells if mask.any()]
@@ -363,7 +363,7 @@ def excludes(one: Demand, other: Demand) -> bool:
             and other.goals is not None
             and not (one.goals & other.goals).any()
         )
-    wanted = [cells for _, cells in other.visits] if other.visits_in_order else []
+    wanted = list(other.visits) if other.visits_in_order else []
     if other.goals is not None:
         wanted.append(other.goals)
     return any(cells.any() and not (cells & ~one.forbidden.centres).any() for cells in wanted)

@@ -53,6 +53,11 @@ class Interpretation:
     output_tokens: int = 0
 
     @property
+    def is_whole(self) -> bool:
+        """Whether every word was read."""
+        return self.status in (Understanding.WHOLE, Understanding.IRRELEVANT)
+
+    @property
     def sentence(self) -> str:
         """The canonical English sentence of what was understood."""
         return canonical_sentence(self.specification)

@@ -19,10 +19,9 @@ WILDCARDS = ('*', '**')
 
 @dataclass
 class ParameterFile:
-    """What files set: `values` by node and parameter name, and a sentence on each old name."""
+    """What files set: `values` by node and parameter name."""
 
     values: dict[str, dict[str, Scalar]] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
 
 
 def read_parameter_files(
@@ -102,10 +101,9 @@ def _collect(
     for name, parameters in sections:
         if name in (node, *WILDCARDS):
             given.update(parameters)
-    for other in OTHERS.get(node, ()):
-        if other.name in given:
-            found.warnings += other.warnings
-            given = other.translate(given[other.name]) | given
+    for other, name in OTHERS.get(node, {}).items():
+        if other in given:
+            given.setdefault(name, given[other])
     for item in NODES[node]:
         if item.name in given:
             if item.plugins is not None:

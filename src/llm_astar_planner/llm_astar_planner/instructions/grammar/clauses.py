@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 from llm_astar_msgs_adapter.maps.places import Places
@@ -29,23 +29,9 @@ from llm_astar_planner.instructions.grammar.pieces import (
 from llm_astar_planner.instructions.grammar.remarks import without_remarks
 from llm_astar_planner.instructions.grammar.selection import Unclear
 from llm_astar_planner.instructions.grammar.words import Word, read_words
-from llm_astar_planner.instructions.interpretation import Interpretation, Understanding, status_of
+from llm_astar_planner.instructions.interpretation import Interpretation, status_of
 
 NAME = 'grammar'
-
-
-@dataclass(frozen=True, eq=False)
-class Understood:
-    """An interpretation, and the share of the text that it rests on."""
-
-    interpretation: Interpretation
-    share: float
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether every word was read."""
-        status = self.interpretation.status
-        return status in (Understanding.WHOLE, Understanding.IRRELEVANT)
 
 
 @dataclass(eq=False)
@@ -74,13 +60,10 @@ class Assembler:
     lexer: Lexer
     words: Sequence[Word]
     notes: list[str]
-
-    def __post_init__(self) -> None:
-        """Begin with nothing read."""
-        self.parts: list[ReadPiece] = []
-        self.segments = 0
-        self.previous: spec.Clause | None = None
-        self.is_preference_open = False
+    parts: list[ReadPiece] = field(default_factory=list)
+    segments: int = 0
+    previous: spec.Clause | None = None
+    is_preference_open: bool = False
 
     def take(self, segment: Sequence[Piece]) -> None:
         """Take the pieces between two full stops; a condition makes all of them unclear."""
@@ -293,8 +276,8 @@ def drop_beside_unread(parts: Sequence[ReadPiece]) -> None:
 QUOTED = 'not understood: "'
 
 
-def understand(text: str, lexer: Lexer) -> Understood:
-    """Return what a clean text says in the words of one lexer."""
+def understand(text: str, lexer: Lexer) -> tuple[Interpretation, float]:
+    """Return what a clean text says in the words of one lexer, and the share that was read."""
     plain, quoted = without_quoted(text)
     words, notes = lexer.corrected(read_words(plain))
     language = lexer.vocabulary.language
@@ -324,8 +307,10 @@ def without_quoted(text: str) -> tuple[str, list[tuple[int, int]]]:
     return text, found
 
 
-def result_of(assembler: Assembler, quoted: Sequence[tuple[int, int]]) -> Understood:
-    """Return the interpretation: the clauses read and the parts that were not, in order."""
+def result_of(
+    assembler: Assembler, quoted: Sequence[tuple[int, int]]
+) -> tuple[Interpretation, float]:
+    """Return the interpretation, clauses and unread parts in order, and the share read."""
     text = assembler.text
     unknown = [*assembler.unknown, *quoted]
     room = spec.MAX_CLAUSES - len(assembler.clauses)
@@ -345,4 +330,4 @@ def result_of(assembler: Assembler, quoted: Sequence[tuple[int, int]]) -> Unders
         status_of(specification),
         '; '.join(dict.fromkeys(assembler.notes))[:300],
     )
-    return Understood(interpretation, 1.0 - missed / max(1, len(text)))
+    return interpretation, 1.0 - missed / max(1, len(text))

@@ -195,17 +195,11 @@ class Lexer:
 
     def knows(self, word: str) -> bool:
         """Whether a word is in any of the tables."""
-        lexicon = self.lexicon
-        return (
-            self.vocabulary.knows(word)
-            or word in lexicon.names.words
-            or word in lexicon.near_names.words
-            or word in lexicon.tags.words
-            or word in lexicon.tag_groups.words
-            or word in nouns().by_language[self.vocabulary.language].words
-            or word in nouns().by_language['en'].words
-            or bool(self.compound(Word(word, 0, 0)))
-        )
+        lexicon, by_language = self.lexicon, nouns().by_language
+        tables = (lexicon.names, lexicon.near_names, lexicon.tags, lexicon.tag_groups)
+        nouns_of = (by_language[self.vocabulary.language], by_language['en'])
+        is_in_table = any(word in table.words for table in (*tables, *nouns_of))
+        return self.vocabulary.knows(word) or is_in_table or bool(self.compound(Word(word, 0, 0)))
 
     def corrected(self, words: Sequence[Word]) -> tuple[list[Word], list[str]]:
         """Return the words with misspelt ones corrected, and what to say of unclear ones."""

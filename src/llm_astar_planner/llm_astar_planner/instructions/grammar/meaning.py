@@ -155,10 +155,6 @@ def visits(*in_turn: Things) -> ParsedClause:
 class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     """Called by the parser for each rule of `clauses.lark`, with what its parts mean."""
 
-    def start(self, reading: ParsedClause) -> ParsedClause:
-        """The whole clause."""
-        return reading
-
     # ---- avoid
 
     def avoid(self, *parts: Any) -> ParsedClause:
@@ -212,17 +208,13 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     # ---- distances
 
-    def keep_distance(self, *parts: Any) -> ParsedClause:
-        """'keep 3 m away from A and B'; a distance and the things among the parts."""
-        token, things = (part for part in parts if part is not None)
-        return ParsedClause(distance_of(things, float(value(token))))
+    def keep_distance(self, metres: Token, things: Things) -> ParsedClause:
+        """'keep 3 m away from A and B'."""
+        return ParsedClause(distance_of(things, float(value(metres))))
 
     def keep_distance_after(self, things: Things, metres: Token) -> ParsedClause:
         """'do not approach A closer than 2 m'."""
         return ParsedClause(distance_of(things, float(value(metres))))
-
-    def away(self) -> None:
-        """'from', 'to'."""
 
     # ---- visits
 
@@ -233,9 +225,6 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def visit_between(self, gap: Selection) -> ParsedClause:
         """'drive between A and B'."""
         return visits((gap,))
-
-    def missing(self, *_: Any) -> None:
-        """'miss', 'forget to visit'."""
 
     def enter(self, *tokens: Token) -> str:
         """'go through'; says whether it is 'pass by'."""
@@ -274,9 +263,6 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
         """'do not enter B before A'."""
         seconds, firsts = (part for part in parts if isinstance(part, tuple))
         return ParsedClause(befores(firsts, seconds))
-
-    def until(self) -> None:
-        """'before', 'until'."""
 
     def move_in(self, thing: Selection) -> ParsedClause:
         """'drive in the north half'."""
@@ -420,12 +406,9 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
 
     def at_side(self, *tokens: Token) -> str:
         """'on the north side'."""
-        return side_in(tuple(token for token in tokens if token is not None))
+        return side_in(tokens)
 
     own_side = at_side
-
-    def at(self) -> None:
-        """'on', 'to'."""
 
     # ---- the rest
 
@@ -487,12 +470,8 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
             raise Unclear('a strip around a place is said as avoid it by')
         return Selection((with_radius(thing, positive(value(metres))),))
 
-    def disc(self, thing: Selection) -> Selection:
-        """'the area around 20, 12': a disc of the default radius."""
-        return self.surroundings(thing)
-
     def surroundings(self, thing: Selection) -> Selection:
-        """'the surroundings of 20, 12': a disc of the default radius."""
+        """'the surroundings of 20, 12', 'the area around it': a disc of the default radius."""
         return Selection(thing.regions)
 
     def half(self, *parts: Any) -> Selection:
@@ -526,10 +505,6 @@ class ClauseCallbacks(Callbacks):  # type: ignore[misc]
     def below(self, line: Token) -> Selection:
         """'below y = 10'."""
         return Selection((axis_half('south', *value(line)),), is_limit=True)
-
-    def same(self, thing: Selection) -> Selection:
-        """'everything north of y = 10'."""
-        return thing
 
     def limits(self, box: Token) -> Selection:
         """'x below 10', 'between y = 5 and y = 20'."""

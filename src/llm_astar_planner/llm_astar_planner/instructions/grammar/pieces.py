@@ -48,6 +48,9 @@ AFFIRMATIVE = frozenset({'SPEED', 'NEED'})
 PREPOSITIONS = word_set('THROUGH TO FROM OF IN UPON BY')
 # A comma before one of these ends nothing.
 TRAILERS = ORDER_WORDS - {'AFTER'} | {ANYORDER, INORDER, 'BY', 'REQUIRED', 'FORBIDDEN'}
+# What is said of a subject, and what ends the look for it.
+STATED = frozenset({'FORBIDDEN', 'REQUIRED'})
+SUBJECT_ENDS = STATED | VERBS | {HARD, THEN, BUT, 'BEFORE', 'AFTER'}
 SEPARATORS = frozenset({HARD, COLON, THEN, BUT, AND, COMMA, CONDITION, BECAUSE})
 
 
@@ -203,12 +206,8 @@ class Piece:
     @property
     def closes_an_order(self) -> bool:
         """Whether no verb followed its last order word yet: 'bevor du A | betrittst'."""
-        for lexeme in reversed(self.lexemes):
-            if lexeme.kind in ORDER_WORDS:
-                return True
-            if lexeme.kind in VERBS:
-                return False
-        return False
+        kinds = (lexeme.kind for lexeme in reversed(self.lexemes))
+        return next((kind for kind in kinds if kind in ORDER_WORDS | VERBS), '') in ORDER_WORDS
 
 
 class Splitter:
@@ -256,19 +255,17 @@ class Splitter:
 
     def takes_back(self, at: int, lexeme: Lexeme) -> bool:
         """Whether it is the 'no' of 'avoid A, no, B'."""
-        after = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
-        return lexeme.other == CONDITION and after in (COMMA, HARD)
+        return lexeme.other == CONDITION and self.kind_after(at) in (COMMA, HARD)
 
     @property
     def piece(self) -> Piece:
         """The piece that grows."""
         return self.pieces[-1]
 
-    def kind_after(self, at: int) -> str:
-        """Return the kind of the lexeme after one that is no comma or 'and', '' at the end."""
-        while at + 1 < len(self.lexemes) and self.lexemes[at + 1].kind in (COMMA, AND):
-            at += 1
-        return self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
+    def kind_after(self, at: int, *skipped: str) -> str:
+        """Return the kind of the lexeme after one, some kinds skipped, '' at the end."""
+        kinds = (lexeme.kind for lexeme in self.lexemes[at + 1 :])
+        return next((kind for kind in kinds if kind not in skipped), '')
 
     def begin(self, link: str) -> None:
         """Begin a new piece; a stronger link before it stays."""
@@ -302,7 +299,7 @@ class Splitter:
 
     def is_left_out(self, at: int, kind: str) -> bool:
         """Whether a comma or 'and' ends no piece; one within a list is added to it."""
-        following = self.kind_after(at)
+        following = self.kind_after(at, COMMA, AND)
         if following in (THEN, BUT, ''):
             return True
         if kind == COMMA:
@@ -326,15 +323,14 @@ class Splitter:
         piece, lexeme = self.piece, self.lexemes[at]
         if not piece.is_complete:
             return False
+        nearest = self.kind_after(at)
         if following in REGION_STARTS and not self.names_a_subject(at):
-            nearest = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
             is_comma = lexeme.kind == COMMA and nearest != AND
             kind = UNREAD if is_comma and self.is_between() else AND
             if piece.last != AND:
                 self.extend(Lexeme(kind, COMMA if is_comma else '', lexeme.start, lexeme.end))
             return True
-        nearest = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
-        repeated = nearest in PREPOSITIONS and self.kind_after(at + 1) in REGION_STARTS
+        repeated = nearest in PREPOSITIONS and self.kind_after(at + 1, COMMA, AND) in REGION_STARTS
         if repeated and nearest in ('THROUGH', 'TO', 'FROM', 'OF') and self.repeats(nearest):
             kind = UNREAD if NEG in piece.kinds and 'AVOID' not in piece.kinds else AND
             self.extend(Lexeme(kind, '', lexeme.start, lexeme.end))
@@ -344,10 +340,8 @@ class Splitter:
 
     def is_between(self) -> bool:
         """Whether the list is of what something lies between: of three nobody knows."""
-        for lexeme in reversed(self.piece.lexemes):
-            if lexeme.kind in ('BETWEEN', AND):
-                return lexeme.kind != AND
-        return False
+        kinds = (lexeme.kind for lexeme in reversed(self.piece.lexemes))
+        return next((kind for kind in kinds if kind in ('BETWEEN', AND)), '') == 'BETWEEN'
 
     def repeats(self, preposition: str) -> bool:
         """Whether the piece has the preposition already, in a verb or alone."""
@@ -358,27 +352,19 @@ class Splitter:
 
     def names_a_subject(self, at: int) -> bool:
         """Whether the region after a comma begins a clause: 'avoid A, B is closed'."""
-        has_verb = bool(self.piece.kinds & VERBS or 'THROUGH' in self.piece.kinds)
-        if not has_verb:
+        if not self.piece.kinds & (VERBS | {'THROUGH'}):
             return False
-        for lexeme in self.lexemes[at + 1 :]:
-            if lexeme.kind in ('FORBIDDEN', 'REQUIRED'):
-                return True
-            if lexeme.kind in VERBS or lexeme.kind in (HARD, THEN, BUT, 'BEFORE', 'AFTER'):
-                return False
-        return False
+        kinds = (lexeme.kind for lexeme in self.lexemes[at + 1 :])
+        return next((kind for kind in kinds if kind in SUBJECT_ENDS), '') in STATED
 
     def ends_before(self, at: int) -> bool:
         """Whether what follows an 'if possible' after a comma is a clause of its own."""
-        index = at + 1
-        while index < len(self.lexemes) and self.lexemes[index].kind in (COMMA, SHOULD_WORD):
-            index += 1
-        ends = index >= len(self.lexemes) or self.lexemes[index].kind in SEPARATORS
-        return not ends and self.piece.is_complete
+        following = self.kind_after(at, COMMA, SHOULD_WORD)
+        return bool(following) and following not in SEPARATORS and self.piece.is_complete
 
     def choose(self, at: int, lexeme: Lexeme) -> None:
         """Take an 'or': after a negation it is an 'and', elsewhere nobody knows which."""
-        following = self.kind_after(at)
+        following = self.kind_after(at, COMMA, AND)
         if NEG in self.piece.kinds and self.piece.is_complete:
             if following in REGION_STARTS and not self.piece.kinds & ORDER_WORDS:
                 self.extend(Lexeme(AND, '', lexeme.start, lexeme.end))
@@ -431,13 +417,11 @@ class Splitter:
         piece = self.piece
         if not piece.is_complete or any(kind in ORDER_WORDS for kind in waiting(piece)):
             return False
-        following = self.lexemes[at + 1].kind if at + 1 < len(self.lexemes) else ''
-        if lexeme.kind == NEG:
-            if NEG in piece.kinds:
-                return False
-            at_end = not following or following in SEPARATORS
-            return not at_end and not (piece.awaits_verb and following in VERBS)
+        following = self.kind_after(at)
         at_end = not following or following in SEPARATORS
+        if lexeme.kind == NEG:
+            waits = piece.awaits_verb and following in VERBS
+            return not (NEG in piece.kinds or at_end or waits)
         if at_end and (piece.closes_an_order or piece.kinds & VERBS <= GOVERNING):
             return False
         if lexeme.kind == 'ALONG' and piece.last == LENGTH:

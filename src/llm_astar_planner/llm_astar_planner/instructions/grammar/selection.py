@@ -11,6 +11,7 @@ from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.places import Place
 
 from llm_astar_planner.instructions import specification as spec
+from llm_astar_planner.instructions.grammar.lexemes import axis_box
 from llm_astar_planner.instructions.grammar.lexicon import Group, common_tag, sides_in
 
 NORTH, SOUTH, EAST, WEST = 'north', 'south', 'east', 'west'
@@ -63,8 +64,7 @@ def span(places: Sequence[Place], side: str) -> float:
 
 def is_beyond_the_middle(place: Place, places: Sequence[Place], side: str) -> bool:
     """Whether a place lies in the half of all of them that is on a side."""
-    values = [towards(other, side) for other in places]
-    return towards(place, side) > (max(values) + min(values)) / 2
+    return towards(place, side) > sum(extremes(places, side)) / 2
 
 
 def clearly_first(places: Sequence[Place], score: Callable[[Place], float]) -> tuple[Place, ...]:
@@ -286,9 +286,7 @@ def axis_half(side: str, axis: str, value: float) -> spec.Box:
         raise Unclear(f'{side} of {axis} = {value:g}')
     is_low = side in (SOUTH, WEST)
     low, high = (-math.inf, value) if is_low else (value, math.inf)
-    if axis == 'x':
-        return spec.Box(low, -math.inf, high, math.inf)
-    return spec.Box(-math.inf, low, math.inf, high)
+    return axis_box(axis, low, high)
 
 
 def common_box(boxes: Sequence[spec.Box]) -> spec.Box:
@@ -322,15 +320,12 @@ def outside(box: spec.Box) -> spec.Box | None:
     if len(limits) != 1:
         return None
     if math.isfinite(box.x0) or math.isfinite(box.y0):
-        return spec.Box(-math.inf, -math.inf, opened(box.x0), opened(box.y0))
-    return spec.Box(
-        box.x1 if math.isfinite(box.x1) else -math.inf,
-        box.y1 if math.isfinite(box.y1) else -math.inf,
-        math.inf,
-        math.inf,
-    )
+        return spec.Box(
+            -math.inf, -math.inf, limit_or(box.x0, math.inf), limit_or(box.y0, math.inf)
+        )
+    return spec.Box(limit_or(box.x1, -math.inf), limit_or(box.y1, -math.inf), math.inf, math.inf)
 
 
-def opened(side: float) -> float:
-    """Return a lower limit as an upper one: none stays none."""
-    return side if math.isfinite(side) else math.inf
+def limit_or(side: float, otherwise: float) -> float:
+    """Return a side of a box, or what takes the place of an open one."""
+    return side if math.isfinite(side) else otherwise

@@ -11,8 +11,10 @@ of the published form.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import islice
 from typing import Any, NamedTuple
 
 from llm_astar_msgs_adapter.maps.places import Places
@@ -160,15 +162,9 @@ def read_answer(text: str, places: Places) -> ReadReply | None:
     items = found.get('clauses') if found is not None else None
     if not isinstance(items, list):
         return None
-    clauses: list[spec.Clause] = []
-    unreadable = max(0, len(items) - MAX_ANSWER_CLAUSES)
-    for item in items[:MAX_ANSWER_CLAUSES]:
-        clause = read_clause(item, places)
-        if clause is None:
-            unreadable += 1
-        else:
-            clauses.append(clause)
-    return ReadReply(tuple(clauses), unreadable)
+    read = [read_clause(item, places) for item in items[:MAX_ANSWER_CLAUSES]]
+    clauses = tuple(clause for clause in read if clause is not None)
+    return ReadReply(clauses, len(items) - len(clauses))
 
 
 def read_clause(item: object, places: Places) -> spec.Clause | None:
@@ -185,13 +181,9 @@ def find_object(text: str) -> Mapping[str, Any] | None:
     """Return the first JSON object with clauses in a reply, None without one. Linear in time."""
     text = text[:MAX_REPLY_CHARS].rpartition('</think>')[2]
     decoder = json.JSONDecoder()
-    start = -1
-    for _ in range(MAX_STARTS):
-        start = text.find('{', start + 1)
-        if start < 0:
-            return None
+    for brace in islice(re.finditer('{', text), MAX_STARTS):
         try:
-            value, _end = decoder.raw_decode(text, start)
+            value, _end = decoder.raw_decode(text, brace.start())
         except (ValueError, RecursionError):
             continue
         if isinstance(value, dict) and 'clauses' in value:
@@ -249,15 +241,14 @@ def known_places(clause: spec.Clause, places: Places) -> spec.Clause:
 
     Raises SpecificationError where it has a place or a tag that the map has not.
     """
+    known: dict[str, Any] = {
+        name: known_region(value, places)
+        for name, value in vars(clause).items()
+        if isinstance(value, spec.Region)
+    }
     if isinstance(clause, spec.Visit):
-        return replace(clause, regions=tuple(known_region(r, places) for r in clause.regions))
-    if isinstance(clause, spec.Before):
-        first, second = known_region(clause.first, places), known_region(clause.second, places)
-        return replace(clause, first=first, second=second)
-    region = getattr(clause, 'region', None)
-    if isinstance(region, spec.Region):
-        return replace(clause, region=known_region(region, places))  # type: ignore[call-arg]
-    return clause
+        known['regions'] = tuple(known_region(region, places) for region in clause.regions)
+    return replace(clause, **known)
 
 
 def known_region(region: spec.Region, places: Places) -> spec.Region:

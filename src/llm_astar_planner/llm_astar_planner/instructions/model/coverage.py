@@ -14,14 +14,22 @@ MAX_PART_CHARS = 80
 # Words that ask nothing of the route by themselves.
 _IDLE = word_set('fillers idle soft order any_order insist reason turn reverse verb')
 _REFUSING = word_set('negator shun leave apart at_most')
+_COMPARING = word_set('compare.above compare.below')
+_AREAS = _COMPARING | word_set('regions.half regions.box')
 _ROUTE = word_set('verb shun negator regions.walls')
-_REGION_WORDS: dict[type[spec.Region], str] = {
-    spec.Disc: 'point',
-    spec.Box: 'box',
-    spec.Half: 'half',
-    spec.Between: 'between',
-    spec.Along: 'along',
-    spec.Tagged: 'all',
+# The classes of words that a clause of a kind, or a region of a form, accounts for.
+_ACCOUNTED: dict[type[object], frozenset[str]] = {
+    spec.Avoid: _REFUSING | _COMPARING,
+    spec.Pass: _REFUSING | _COMPARING,
+    spec.KeepDistance: _REFUSING,
+    spec.StayIn: _REFUSING,
+    spec.Before: _REFUSING,
+    spec.Disc: word_set('regions.point'),
+    spec.Box: _AREAS,
+    spec.Half: _AREAS,
+    spec.Between: word_set('regions.between'),
+    spec.Along: word_set('regions.along regions.walls'),
+    spec.Tagged: word_set('regions.all'),
 }
 
 
@@ -61,24 +69,10 @@ def accounted_labels(clauses: Iterable[spec.Clause]) -> set[str]:
     known = set(_IDLE)
     for clause in clauses:
         known.add(f'kinds.{clause.kind}')
-        if isinstance(
-            clause, (spec.Avoid, spec.KeepDistance, spec.StayIn, spec.Before, spec.Pass)
-        ):
-            known |= _REFUSING
-        if isinstance(clause, (spec.Pass, spec.Avoid)):
-            known |= {'compare.above', 'compare.below'}
+        for one in (clause, *spec.regions_of(clause)):
+            known |= _ACCOUNTED.get(type(one), frozenset())
         if isinstance(clause, spec.KeepDistance) and clause.region is None:
             known.add('regions.walls')
-        for region in spec.regions_of(clause):
-            name = _REGION_WORDS.get(type(region))
-            if name:
-                known.add(f'regions.{name}')
-            if isinstance(region, (spec.Box, spec.Half)):
-                known |= {'compare.above', 'compare.below', 'regions.half', 'regions.box'}
-            if isinstance(region, spec.Along):
-                known.add('regions.walls')
-        if clause.strength != spec.MUST:
-            known.add('soft')
     return known
 
 

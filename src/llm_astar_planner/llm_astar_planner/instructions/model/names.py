@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+import shapely
 from llm_astar_msgs_adapter.maps.places import Place, Places
 from rapidfuzz.distance import OSA
 
@@ -143,18 +144,11 @@ def outermost(places: Sequence[Place], sides: Sequence[str]) -> Place | None:
     if (dx, dy) == (0, 0):
         return None
     centres = [place.geometry.centroid for place in places]
-    extent = max(
-        max(c.x for c in centres) - min(c.x for c in centres),
-        max(c.y for c in centres) - min(c.y for c in centres),
-    )
-    ranked = sorted(
-        ((dx * c.x + dy * c.y, place) for c, place in zip(centres, places)),
-        key=lambda pair: pair[0],
-        reverse=True,
-    )
-    if ranked[0][0] - ranked[1][0] < CLEAR_SHARE * extent:
-        return None
-    return ranked[0][1]
+    x0, y0, x1, y1 = shapely.total_bounds(centres)
+    scores = [dx * centre.x + dy * centre.y for centre in centres]
+    *_, second, best = sorted(scores)
+    is_clear = best - second >= CLEAR_SHARE * max(x1 - x0, y1 - y0)
+    return places[scores.index(best)] if is_clear else None
 
 
 @dataclass(frozen=True)

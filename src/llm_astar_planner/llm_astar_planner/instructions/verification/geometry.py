@@ -273,6 +273,8 @@ def disc_area(x: float, y: float, radius: float) -> Area:
 def together(areas: Iterable[Area]) -> Area:
     """Return several areas as one; polygons that share an edge have none between them."""
     parts = list(areas)
+    if len(parts) == 1:
+        return parts[0]
     discs = np.concatenate([np.empty((0, 3)), *(part.discs for part in parts)])
     return Area(shapely.union_all([part.polygon for part in parts]), discs)
 

@@ -30,7 +30,7 @@ SHORT_METRES = 0.05
 REPORTED_BEYOND = 0.25
 
 
-def check_avoid(measurement: Measurement, clause: spec.Avoid) -> ClauseOutcome:
+def check_avoid(measurement: Measurement, clause: spec.Avoid, _: int) -> ClauseOutcome:
     """Measure the metres of a path in a region and its margin.
 
     A must allows none, even where start or goal lies inside, so that satisfied means clear of it;
@@ -76,7 +76,7 @@ def avoided_area(measurement: Measurement, clause: spec.Avoid) -> Area:
     return region.shrunk(EDGE)
 
 
-def check_stay_in(measurement: Measurement, clause: spec.StayIn) -> ClauseOutcome:
+def check_stay_in(measurement: Measurement, clause: spec.StayIn, _: int) -> ClauseOutcome:
     """Measure the metres of a path outside of a region: a `should` allows the least possible."""
     region = measurement.regions.resolve(clause.region).area
     area = region.grown(EDGE)
@@ -109,7 +109,9 @@ def first_outside(measurement: Measurement, inside: Spans) -> Point:
     return measurement.start
 
 
-def check_keep_distance(measurement: Measurement, clause: spec.KeepDistance) -> ClauseOutcome:
+def check_keep_distance(
+    measurement: Measurement, clause: spec.KeepDistance, _: int
+) -> ClauseOutcome:
     """Measure the least distance of a path to a region or to the walls.
 
     Where start or goal itself is nearer, the path up to where it first leaves the zone is not
@@ -208,7 +210,7 @@ def too_narrow(measurement: Measurement, zone: Area) -> bool:
     return reference.separates(near & ~np.isin(patches, own[own > 0]))
 
 
-def check_end_at(measurement: Measurement, clause: spec.EndAt) -> ClauseOutcome:
+def check_end_at(measurement: Measurement, clause: spec.EndAt, _: int) -> ClauseOutcome:
     """Measure how far the last point of a path is from a region."""
     region = measurement.regions.resolve(clause.region)
     if not region.area.has_size:

@@ -89,22 +89,16 @@ class Resolved:
     @cached_property
     def area(self) -> Area:
         """All of it."""
-        if len(self.parts) == 1:
-            return self.parts[0].area
         return together(part.area for part in self.parts)
 
     @cached_property
     def visited(self) -> Area:
         """What a path has to touch to have visited the region."""
-        if len(self.parts) == 1:
-            return self.parts[0].visited
         return together(part.visited for part in self.parts)
 
     @cached_property
     def ends(self) -> Area:
         """Where the last point of a path has to be to end in the region."""
-        if len(self.parts) == 1:
-            return self.parts[0].ends
         return together(part.ends for part in self.parts)
 
     @property

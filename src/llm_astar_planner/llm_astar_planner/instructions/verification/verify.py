@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 from numpy.typing import ArrayLike
@@ -19,9 +20,9 @@ from llm_astar_planner.instructions.verification.lengths import (
 )
 from llm_astar_planner.instructions.verification.measurement import Measurement
 from llm_astar_planner.instructions.verification.regions import RegionError
-from llm_astar_planner.instructions.verification.sides import check_pass
 from llm_astar_planner.instructions.verification.visits import (
     check_before,
+    check_pass,
     check_visit,
     visited_regions_of,
 )
@@ -59,7 +60,7 @@ def visited_regions(
 def outcome_of(measurement: Measurement, clause: spec.Clause, index: int) -> ClauseOutcome:
     """Judge one clause; what is guessed or does not exist is never satisfied."""
     try:
-        outcome = checked(measurement, clause, index)
+        outcome = CHECKS[type(clause)](measurement, clause, index)
     except RegionError as problem:
         return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD, str(problem))
     if clause.guessed and outcome.status is not ClauseStatus.NOT_UNDERSTOOD:
@@ -67,23 +68,19 @@ def outcome_of(measurement: Measurement, clause: spec.Clause, index: int) -> Cla
     return outcome
 
 
-def checked(measurement: Measurement, clause: spec.Clause, index: int) -> ClauseOutcome:
-    """Judge one clause by what was measured. Raises RegionError if a region does not exist."""
-    match clause:
-        case spec.Avoid():
-            return check_avoid(measurement, clause)
-        case spec.Visit():
-            return check_visit(measurement, clause, index)
-        case spec.Before():
-            return check_before(measurement, clause, index)
-        case spec.StayIn():
-            return check_stay_in(measurement, clause)
-        case spec.Pass():
-            return check_pass(measurement, clause, index)
-        case spec.KeepDistance():
-            return check_keep_distance(measurement, clause)
-        case spec.EndAt():
-            return check_end_at(measurement, clause)
-        case spec.Unknown():
-            return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD)
-    raise TypeError(type(clause).__name__)
+def not_understood(_: Measurement, clause: spec.Unknown, __: int) -> ClauseOutcome:
+    """Claim nothing of words that were not understood."""
+    return ClauseOutcome(clause, ClauseStatus.NOT_UNDERSTOOD)
+
+
+# Each judges a clause, the `index`th; RegionError if a region does not exist.
+CHECKS: dict[type[spec.Clause], Callable[..., ClauseOutcome]] = {
+    spec.Avoid: check_avoid,
+    spec.Visit: check_visit,
+    spec.Before: check_before,
+    spec.StayIn: check_stay_in,
+    spec.Pass: check_pass,
+    spec.KeepDistance: check_keep_distance,
+    spec.EndAt: check_end_at,
+    spec.Unknown: not_understood,
+}
