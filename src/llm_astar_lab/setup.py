@@ -12,5 +12,5 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         # `ros2 run` looks here; pip and colcon have put it into bin/ with llm_astar_planner.
         (f'lib/{NAME}', ['scripts/benchmark_node']),
-    ]
+    ],
 )

@@ -83,10 +83,9 @@ def run(arguments: argparse.Namespace) -> int:
     node can have, and what reading maps raises.
     """
     # Not at the top: the help should not wait for them.
-    from llm_astar_lab.play.app import PlayApp  # noqa: PLC0415
     from llm_astar_lab.play.live import LiveFeed  # noqa: PLC0415
     from llm_astar_lab.play.maps import Maps  # noqa: PLC0415
-    from llm_astar_lab.play.server import listen, serve, url_of  # noqa: PLC0415
+    from llm_astar_lab.play.server import PlayApp, listen, serve, url_of  # noqa: PLC0415
 
     feed = LiveFeed() if arguments.live else None
     app = PlayApp(Maps(arguments.map), feed)

@@ -22,7 +22,7 @@ from llm_astar_lab.bags import reading as bag_reading
 from llm_astar_lab.bags.reading import Bag
 from llm_astar_lab.datasets.generate import MapRules, generate
 from llm_astar_lab.evaluation.tasks import SampleIdAllocator
-from llm_astar_lab.pictures.comparison import comparison_figure
+from llm_astar_lab.pictures.figures import comparison_figure
 from llm_astar_lab.report import write as report_writer
 from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
 from llm_astar_msgs_adapter.maps.problem_maps import save_maps

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from llm_astar_planner.parameter import Parameter, ParameterError, Scalar
-from llm_astar_planner.planning.parameter_file import ParameterFile, read_parameter_files
 from llm_astar_planner.planning.parameters import SOURCE, defaults
 
 ENDPOINT = (
@@ -68,11 +67,6 @@ def add_params_file_flag(group: Any) -> None:  # noqa: ANN401 - argparse keeps i
         help="a node's own parameter file; flags override it, and what neither says has the "
         "node's default",
     )
-
-
-def read_params_files(arguments: argparse.Namespace) -> ParameterFile:
-    """Return what the files of `--params-file` set."""
-    return read_parameter_files(arguments.params_file)
 
 
 def given_values(

@@ -287,8 +287,8 @@ NODES: dict[str, tuple[Parameter, ...]] = {
     'llm_client_node': CLIENT,
     'planner_node': PLANNER,
 }
-# The other names that a parameter is accepted by: Nav2's.
-OTHERS = {'planner_node': {'autostart_node': 'autostart'}}
+# Nav2's names of parameters, which are accepted too, with ours.
+OTHERS: dict[str, dict[str, str]] = {'planner_node': {'autostart_node': 'autostart'}}
 # Parameters of every ROS node, and the group `qos_overrides.TOPIC...`.
 ROS_NAMES = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 
@@ -307,7 +307,7 @@ def defaults(parameters: Iterable[Parameter], *, cli: bool = False) -> dict[str,
 
 def known_names(node: str) -> set[str]:
     """Return the names of a node's parameters, those of OTHERS included."""
-    return {item.name for item in NODES[node]}.union(OTHERS.get(node, ()))
+    return {item.name for item in NODES[node]} | OTHERS.get(node, {}).keys()
 
 
 def check_names(

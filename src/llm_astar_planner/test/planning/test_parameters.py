@@ -27,7 +27,7 @@ NAMES = [f'{node}-{item.name}' for node, item in ENTRIES]
 def read(tmp_path, text):
     path = tmp_path / 'planner.yaml'
     path.write_text(text)
-    return read_parameter_files([path], ['planner_node']).values['planner_node']
+    return read_parameter_files([path], ['planner_node'])['planner_node']
 
 
 @pytest.mark.parametrize(('node', 'item'), ENTRIES, ids=NAMES)
@@ -188,7 +188,7 @@ def test_a_later_file_overrides_an_earlier_one(tmp_path):
         (tmp_path / name).write_text(f'planner_node: {{ros__parameters: {{weight: {weight}}}}}')
     (tmp_path / 'c').write_text('llm_client_node: {ros__parameters: {source: none}}')
     found = read_parameter_files([tmp_path / name for name in 'abc'])
-    assert found.values == {
+    assert found == {
         'planner_node': {'weight': 4.0},
         'llm_client_node': {'source': 'none'},
     }
@@ -198,6 +198,6 @@ def test_a_name_of_nav2s_is_accepted_and_gives_way_to_ours(tmp_path):
     path = tmp_path / 'nav2.yaml'
     path.write_text('planner_node: {ros__parameters: {autostart_node: false}}')
     found = read_parameter_files([path])
-    assert found.values['planner_node'] == {'autostart': False}
+    assert found['planner_node'] == {'autostart': False}
     path.write_text('planner_node: {ros__parameters: {autostart_node: false, autostart: true}}')
-    assert read_parameter_files([path]).values['planner_node'] == {'autostart': True}
+    assert read_parameter_files([path])['planner_node'] == {'autostart': True}

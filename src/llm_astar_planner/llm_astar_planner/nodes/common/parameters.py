@@ -100,10 +100,10 @@ class Parameters:
 
     def _declare(self, given: dict[str, Any]) -> None:
         defaults = {name: parameter.default for name, parameter in self._table.items()}
-        for other, name in self._others.items():
-            descriptor = ParameterDescriptor(description=f'See {name}')
-            self._node.declare_parameter(other, defaults[name], descriptor)
-            defaults[name] = given.get(other, defaults[name])
+        for name, ours in self._others.items():
+            descriptor = ParameterDescriptor(description=f'See {ours}')
+            self._node.declare_parameter(name, defaults[ours], descriptor)
+            defaults[ours] = given.get(name, defaults[ours])
         for name, parameter in self._table.items():
             self._node.declare_parameter(name, defaults[name], descriptor_of(parameter))
 
