@@ -149,8 +149,9 @@ class McapFile:
     def records(self, wanted: Collection[int], *, as_recorded: bool) -> Iterator[Record]:
         """Yield the messages of channels; those of a file without index in order of recording."""
         by_time = self._has_index and not as_recorded and len(self._chunks) <= MOST_CHUNKS
-        messages = self._in_order_of_time(wanted) if by_time else self._as_recorded()
-        return (message for message in messages if message.channel in wanted)
+        if by_time:
+            return self._in_order_of_time(wanted)
+        return (message for message in self._as_recorded() if message.channel in wanted)
 
     def _in_order_of_time(self, wanted: Collection[int]) -> Iterator[Record]:
         """Yield the messages of channels by time; a chunk is opened when its first one is due."""
@@ -160,7 +161,7 @@ class McapFile:
             for start, place, channels in self._chunks
             if not channels.isdisjoint(wanted)
         )
-        return (message for *_, message in merge(*chunks) if message is not None)
+        return (item[3] for item in merge(*chunks) if item[3] is not None)
 
     def _chunk_by_time(
         self, start: int, place: int, wanted: Collection[int]
@@ -169,9 +170,9 @@ class McapFile:
         yield start, place, 0, None
         found = []
         for number, message in enumerate(self._chunk(place), start=1):
-            size = len(message.data) + MESSAGE_BYTES
             if message.channel not in wanted:
                 continue
+            size = len(message.data) + MESSAGE_BYTES
             if self._held + size > MOST_HELD:
                 self._note_damage(f'over {MOST_HELD} bytes of its chunks are of the same time')
                 break
