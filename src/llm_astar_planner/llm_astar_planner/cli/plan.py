@@ -52,7 +52,6 @@ from llm_astar_planner.planning.parameters import (
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode, check_request
 from llm_astar_planner.planning.waypoint_filter import guiding_points
-from llm_astar_planner.search.numba_start import start_numba
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.factory import make_source
 from llm_astar_planner.waypoints.fixed import FixedReply
@@ -224,7 +223,6 @@ def exit_code(plan: Plan, arguments: argparse.Namespace) -> int:
 
 def compile_searches(planner: Planner, request: PlanRequest) -> None:
     """Compile what a request takes, so that its time is for planning; say so if it takes long."""
-    start_numba()
     with compile_progress():
         compile_for(planner.config, request, is_graded=False)
         compile_for(planner.config, request, WAYPOINTS)

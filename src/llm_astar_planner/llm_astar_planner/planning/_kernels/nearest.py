@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-_jit: Any = njit(cache=True, nogil=True)
+from llm_astar_planner.search.kernel_cache import jit
 
 
-@_jit
+@jit
 def nearest_places(path: NDArray[np.int32], points: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return for each of the points [m, 2] the first of its nearest cells on a path: int64 [m].
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from llm_astar_planner.planning._kernels.path_checks import (
@@ -14,11 +11,10 @@ from llm_astar_planner.planning._kernels.path_checks import (
     segment_fault,
     squared_clearance,
 )
+from llm_astar_planner.search.kernel_cache import jit
 
-_jit: Any = njit(cache=True, nogil=True)
 
-
-@_jit
+@jit
 def invalid_poses(
     cells: NDArray[np.int8],
     tiles: NDArray[np.uint8],
