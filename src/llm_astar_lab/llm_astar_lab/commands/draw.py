@@ -16,7 +16,6 @@ from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.resources import SAMPLES_FILE
-from llm_astar_planner.search.numba_start import start_numba
 from llm_astar_planner.waypoints.async_query import query_source
 from llm_astar_planner.waypoints.source import WaypointQuery
 
@@ -82,7 +81,6 @@ def plan_beside_astar(asked: Problem) -> list[Drawn]:
     plain = replace(asked.request, method=ASTAR, source=None)
     requests = [plain] if asked.request.method == ASTAR else [plain, with_answer(asked)]
     drawn = []
-    start_numba()
     for request in requests:
         with compile_progress():
             asked.planner.compile(request)

@@ -50,7 +50,6 @@ from llm_astar_planner.planning.parameters import (
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.segment import guiding_points
 from llm_astar_planner.planning.types import Plan, PlanRequest, ResultCode, check_request
-from llm_astar_planner.search.numba_start import start_numba
 from llm_astar_planner.search.result import Cell
 from llm_astar_planner.waypoints.config import make_source
 from llm_astar_planner.waypoints.prompts.query_parser import parse_query
@@ -159,7 +158,6 @@ def run(arguments: argparse.Namespace) -> int:
     drawing = find_drawing('plan') if arguments.png else None
     asked = read_problem(arguments)
     planner = asked.planner
-    start_numba()
     # So that the time of the plan is for planning; says so where it takes long.
     with compile_progress():
         planner.prepare().compile(asked.request)
