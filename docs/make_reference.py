@@ -49,8 +49,8 @@ def markdown_section(node: str) -> str:
     if node == 'llm_client_node':
         names = ', '.join(f'`{name}`' for name in SET_BY_PLANNER)
         lines += ['', f'Before it asks, `planner_node` also sets its own values of {names}.']
-    for other, ours in OTHERS.get(node, {}).items():
-        lines += ['', f"Nav2's name of `{ours}`, `{other}`, is accepted too."]
+    for name, ours in OTHERS.get(node, {}).items():
+        lines += ['', f"Nav2's name of `{ours}`, `{name}`, is accepted too."]
     return '\n'.join(lines)
 
 
