@@ -37,7 +37,6 @@ from llm_astar_lab.evaluation.topics import TopicSelection, describe
 from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_lab.report.write import search_settings
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
-from llm_astar_lab.results.parquet_rows import write_part
 from llm_astar_lab.results.row import Row
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import (
@@ -272,7 +271,8 @@ def make_results(name: str) -> Callable[[Path], Path]:
 def make_parquet(folder: Path) -> Path:
     table = make_results('results.csv')(folder)
     part = folder / 'results.parquet' / 'part-000000.parquet'
-    write_part(part, list(ResultsFolder(folder).read()))
+    part.parent.mkdir()
+    ResultsFolder(folder).stored().write(part)
     table.write_text(table.read_text().partition('\n')[0] + '\n')
     return part
 

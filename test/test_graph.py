@@ -485,7 +485,7 @@ def rows_of(folder):
 def test_the_live_benchmark_gives_the_rows_of_the_benchmark_without_a_graph(tmp_path):
     """Row for row, through GetPlan: what the graph adds is time alone."""
     live, direct = tmp_path / 'live', tmp_path / 'direct'
-    selection = ['--limit', '12', '--maps', '0-3', '--methods', 'llm_astar']
+    selection = ['--limit', '12', '--map-ids', '0-3', '--methods', 'llm_astar']
     with (
         process('llm_client_node', '-p', 'source:=oracle', namespace=ALONE),
         process('planner_node', '-p', 'method:=weighted_astar', namespace=ALONE),

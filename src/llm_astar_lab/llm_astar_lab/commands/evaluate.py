@@ -31,7 +31,6 @@ from llm_astar_lab.bags.messages import BARRIER_MAP
 from llm_astar_lab.bags.reading import Bag, open_bags
 from llm_astar_lab.bags.writing import BagWriteError
 from llm_astar_lab.commands import run_options as common
-from llm_astar_lab.evaluation.exchanges import write_exchanges
 from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
 from llm_astar_lab.evaluation.tasks import BagTasks, EvaluationConfig
 from llm_astar_lab.evaluation.topics import (
@@ -40,7 +39,7 @@ from llm_astar_lab.evaluation.topics import (
     describe,
     describe_text,
 )
-from llm_astar_lab.evaluation.writing import ResultsBag
+from llm_astar_lab.evaluation.writing import ResultsBag, write_exchanges
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import choose_folder, is_parquet_run, open_folder
@@ -166,7 +165,7 @@ def run(args: argparse.Namespace) -> int:
     for line in metadata['left_out']:
         code = common.complain(args, f'left out: {line}', code or common.INCOMPLETE)
     try:
-        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept.maps()))
+        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept_maps()))
         folder.write_places(config.places)
     except ResultsError as error:
         return common.complain(args, str(error), common.INCOMPLETE)

@@ -225,8 +225,11 @@ def make_endpoint(context: SourceContext) -> WaypointSource:
     Raises SettingsError, TemplateError, ExamplesError or OSError where a setting cannot be used.
     """
     settings = context.settings
-    prompt = make_prompt(settings)
-    client = make_client(settings, prompt.template.stop)
+    template = load_template(settings.prompt or DEFAULT_PROMPT)
+    count = settings.retrieved_examples
+    library = load_example_library(settings.examples_file, count) if count else None
+    prompt = Prompt(template, settings.prompt_form, library, count)
+    client = make_client(settings, template.stop)
     source: WaypointSource = EndpointSource(client, prompt, settings, LATE_S, context.dataset)
     if settings.record:
         source = RecordingSource(source, TranscriptWriter(settings.record), context.dataset)
@@ -237,14 +240,6 @@ def make_endpoint(context: SourceContext) -> WaypointSource:
         size=settings.cache_size,
         timeout_s=settings.timeout_s,
     )
-
-
-def make_prompt(settings: SourceSettings) -> Prompt:
-    """Make the prompt that settings name. Raises TemplateError or ExamplesError for its files."""
-    template = load_template(settings.prompt or DEFAULT_PROMPT)
-    count = settings.retrieved_examples
-    library = load_example_library(settings.examples_file, count) if count else None
-    return Prompt(template, settings.prompt_form, library, count)
 
 
 def client_of(source: WaypointSource) -> ChatClient | None:
