@@ -52,12 +52,12 @@ from llm_astar_lab.instruct_bench.runner import (
     TruthSource,
 )
 from llm_astar_lab.instruct_bench.suite import Suite, SuiteInstruction, load_suite
-from llm_astar_lab.instruct_bench.summary import summary_to_json
-from llm_astar_lab.instruct_bench.thresholds import (
+from llm_astar_lab.instruct_bench.summary import (
     METRICS,
     SuiteThreshold,
     missed_suite_thresholds,
     parse_suite_threshold,
+    summary_to_json,
 )
 from llm_astar_lab.results.csv_rows import format_csv
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
