@@ -37,13 +37,11 @@ from llm_astar_lab.evaluation.topics import TopicSelection, describe
 from llm_astar_lab.instruct_bench.suite import load_suite
 from llm_astar_lab.report.write import search_settings
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
-from llm_astar_lab.results.parquet_rows import write_part
 from llm_astar_lab.results.row import Row
 from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import (
     BarrierMap,
     load_barrier_maps,
-    save_barrier_maps,
 )
 from llm_astar_msgs_adapter.maps.map_server import load_map
 from llm_astar_msgs_adapter.maps.places import load_places, places_from_geojson
@@ -51,6 +49,7 @@ from llm_astar_msgs_adapter.maps.problem_maps import (
     format_kept_maps,
     load_grid_problem,
     load_kept_maps,
+    save_maps,
 )
 from llm_astar_planner.costmap.zone_file import zones_from_text
 from llm_astar_planner.instructions.messages import parse_answer, parse_question
@@ -244,7 +243,7 @@ def make_scenarios(folder: Path) -> Path:
 
 
 def make_barriers(folder: Path) -> Path:
-    save_barrier_maps(load_barrier_maps(MAPS / 'samples_1000.json')[:2], folder / 'x.json')
+    save_maps(load_barrier_maps(MAPS / 'samples_1000.json')[:2], folder / 'x.json')
     return folder / 'x.json'
 
 
@@ -272,7 +271,8 @@ def make_results(name: str) -> Callable[[Path], Path]:
 def make_parquet(folder: Path) -> Path:
     table = make_results('results.csv')(folder)
     part = folder / 'results.parquet' / 'part-000000.parquet'
-    write_part(part, list(ResultsFolder(folder).read()))
+    part.parent.mkdir()
+    ResultsFolder(folder).stored().write(part)
     table.write_text(table.read_text().partition('\n')[0] + '\n')
     return part
 

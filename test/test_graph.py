@@ -452,15 +452,6 @@ def test_a_plan_of_the_node_is_reproduced_by_one_command_line(capsys, tmp_path):
         assert plan[name] == getattr(report, name), name
 
 
-def test_a_deprecated_parameter_still_works_and_names_the_present_one():
-    arguments = ('-p', 'lifecycle:=true', '-p', 'remember_plans:=9')
-    with process('planner_node', *arguments, namespace=ALONE) as node:
-        wait_for(lambda: 'ready to be configured' in ''.join(node.output), 'the node')
-    output = ''.join(node.output)
-    assert 'parameter lifecycle is deprecated: it became autostart' in output
-    assert 'parameter remember_plans is deprecated: it has no effect any more' in output
-
-
 @pytest.mark.parametrize(
     ('arguments', 'word'),
     [
@@ -494,7 +485,7 @@ def rows_of(folder):
 def test_the_live_benchmark_gives_the_rows_of_the_benchmark_without_a_graph(tmp_path):
     """Row for row, through GetPlan: what the graph adds is time alone."""
     live, direct = tmp_path / 'live', tmp_path / 'direct'
-    selection = ['--limit', '12', '--maps', '0-3', '--methods', 'llm_astar']
+    selection = ['--limit', '12', '--map-ids', '0-3', '--methods', 'llm_astar']
     with (
         process('llm_client_node', '-p', 'source:=oracle', namespace=ALONE),
         process('planner_node', '-p', 'method:=weighted_astar', namespace=ALONE),

@@ -100,6 +100,20 @@ def test_a_package_says_what_it_is_who_made_it_and_where_to_read_more(package):
     assert 'License :: OSI Approved :: Apache Software License' in classifiers
 
 
+@pytest.mark.parametrize('package', PACKAGES)
+def test_colcon_can_read_what_setup_says(package):
+    # It evaluates the texts of values, which a specifier of versions from setup.cfg has none of.
+    code = (
+        'import ast, setuptools, distutils.core; '
+        "found = distutils.core.run_setup('setup.py', stop_after='config'); "
+        'print(ast.literal_eval(repr(found.python_requires)))'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], cwd=ROOT / 'src' / package, capture_output=True, text=True
+    )
+    assert done.stdout.strip() == '>=3.10', done.stderr
+
+
 def test_a_file_that_is_not_there_lists_those_that_are():
     with pytest.raises(FileNotFoundError, match=r'demo\.json'):
         find_file('nowhere.json', 'maps')

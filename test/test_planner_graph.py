@@ -502,7 +502,7 @@ def test_a_path_planned_before_a_deactivation_is_not_replanned_after_it():
 
 def test_the_parameter_makes_it_a_managed_node_which_outlives_a_wrong_transition():
     with (
-        process('planner_node', '-p', 'lifecycle:=true', namespace=APART) as planner,
+        process('planner_node', '-p', 'autostart:=false', namespace=APART) as planner,
         calling(APART) as caller,
     ):
         wait_for(lambda: 'ready to be configured' in ''.join(planner.output), 'the node')

@@ -136,7 +136,7 @@ def end_at(name, moment, logs):
     Check how it ends, also where it has ended before that.
     """
     process = python(
-        f'{ANNOUNCING}\n{PROGRAMS[name]}\nraise SystemExit(run())',
+        f'{PROGRAMS[name]}\n{ANNOUNCING}\nraise SystemExit(run())',
         env=os.environ | {'ROS_LOG_DIR': str(logs)},
     )
     lines = []

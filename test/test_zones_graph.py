@@ -20,10 +20,9 @@ from llm_astar_planner.costmap.filter_masks import FilterInfo, FilterKind, Filte
 from llm_astar_planner.costmap.zones import ZonesError
 from llm_astar_planner.nodes.common.qos import LATCHED, RELIABLE
 from llm_astar_planner.nodes.common.tf import FrameError
-from llm_astar_planner.nodes.planner import mask_subscription
-from llm_astar_planner.nodes.planner.mask_subscription import MaskSubscription
+from llm_astar_planner.nodes.planner import zone_server
 from llm_astar_planner.nodes.planner.planner_node import PlannerNode
-from llm_astar_planner.nodes.planner.zone_server import ZoneServer
+from llm_astar_planner.nodes.planner.zone_server import MaskSubscription, ZoneServer
 from llm_astar_planner.parameter import ParameterError
 from nav_msgs.msg import OccupancyGrid, Path
 from nav_msgs.srv import GetPlan
@@ -460,6 +459,6 @@ def test_masks_replace_those_of_their_sort_and_stay_when_the_next_is_wrong():
 def test_an_impossible_topic_of_masks_is_named(monkeypatch):
     parent = Mock()
     parent.resolve_topic_name.side_effect = InvalidTopicNameException('bad', 'a space', 0)
-    monkeypatch.setattr(mask_subscription, 'CostmapFilterInfo', object())
+    monkeypatch.setattr(zone_server, 'CostmapFilterInfo', object())
     with pytest.raises(ParameterError, match=r'filter_info_topic: .*a space'):
         MaskSubscription(Mock(), parent, 'no topic', Mock())

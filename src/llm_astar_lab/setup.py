@@ -5,10 +5,12 @@ from setuptools import setup
 NAME = 'llm_astar_lab'
 
 setup(
+    # colcon cannot read it from setup.cfg.
+    python_requires='>=3.10',
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         # `ros2 run` looks here; pip and colcon have put it into bin/ with llm_astar_planner.
         (f'lib/{NAME}', ['scripts/benchmark_node']),
-    ]
+    ],
 )

@@ -23,4 +23,5 @@ else:
     # And pip puts them into bin/, where a shell looks; colcon does not.
     data_files.append(('bin', ['scripts/llm-astar']))
 
-setup(data_files=data_files)
+# colcon cannot read python_requires from setup.cfg.
+setup(data_files=data_files, python_requires='>=3.10')

@@ -108,31 +108,6 @@ class Parameter:
         return scalar
 
 
-@dataclass(frozen=True)
-class OtherParameter:
-    """A parameter of Nav2's or, deprecated, of the previous version that is accepted as well.
-
-    Its value becomes that of `replacement` through `convert`, unless that one is given too;
-    without a replacement it has no effect. `advice` completes the sentence "NAME ..." of a
-    deprecated one, '' for one that stays.
-    """
-
-    name: str
-    default: Scalar
-    advice: str = ''
-    replacement: str = ''
-    convert: Callable[[Any], Scalar] = lambda value: value
-
-    @property
-    def warnings(self) -> list[str]:
-        """The sentence for the user of a deprecated one."""
-        return [f'parameter {self.name} is deprecated: it {self.advice}'] if self.advice else []
-
-    def translate(self, value: Any) -> dict[str, Scalar]:  # noqa: ANN401 - values come from files
-        """Return the parameter and the value that replace this one; empty for none."""
-        return {self.replacement: self.convert(value)} if self.replacement else {}
-
-
 def parameter(default: _T, sentence: str, **facts: Any) -> _T:  # noqa: ANN401 - see Parameter
     """Declare a dataclass field that is a parameter; `facts` are more fields of Parameter."""
     declared: Any = field(default=default, metadata={'sentence': sentence, **facts})

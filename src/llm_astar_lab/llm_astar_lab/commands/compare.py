@@ -17,7 +17,7 @@ from llm_astar_lab.analysis.run_comparison import (
     load_run,
 )
 from llm_astar_lab.report.comparison import Judgement, sample_table
-from llm_astar_lab.report.formats import csv_table, write_tables
+from llm_astar_lab.report.table import csv_table, write_tables
 from llm_astar_lab.results.folder import ResultsFolder, without_nan
 
 OK, REGRESSION, UNJUDGED = 0, 1, 3
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     """Compare, print and write what is asked for; return the exit code. Raises ResultsError."""
     base = load_run(args.base)
     comparisons = [
-        compare_runs(base, load_run(path), args.metric, args.variant) for path in args.runs
+        compare_runs(base, load_run(path, base), args.metric, args.variant) for path in args.runs
     ]
     threshold = TOLERATED.get(args.metric, 0.0) if args.threshold is None else args.threshold
     judgement = Judgement(base, comparisons, args.metric, threshold / 100.0)

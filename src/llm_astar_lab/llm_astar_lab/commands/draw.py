@@ -121,9 +121,7 @@ def write_drawing(asked: Problem, drawn: list[Drawn], path: str) -> None:
     if path.lower().endswith(ANIMATIONS):
         animate(asked.planner, drawn, pictures, path)
         return
-    from llm_astar_lab.pictures.comparison import comparison_figure  # noqa: PLC0415
-
-    figures.write_figure(comparison_figure(pictures), path)
+    figures.write_figure(figures.comparison_figure(pictures), path)
 
 
 def animate(planner: Planner, drawn: list[Drawn], pictures: list[Picture], path: str) -> None:

@@ -21,8 +21,8 @@ from llm_astar_planner.cli.parameter_flags import (
     add_parameter_flags,
     add_params_file_flag,
     given_values,
-    read_params_files,
 )
+from llm_astar_planner.planning.parameter_file import read_parameter_files
 from llm_astar_planner.planning.parameters import COSTMAP, REQUESTS, costmap_config, defaults
 from llm_astar_planner.planning.types import plan_report
 
@@ -31,7 +31,6 @@ from llm_astar_lab.bags.messages import BARRIER_MAP
 from llm_astar_lab.bags.reading import Bag, open_bags
 from llm_astar_lab.bags.writing import BagWriteError
 from llm_astar_lab.commands import run_options as common
-from llm_astar_lab.evaluation.exchanges import write_exchanges
 from llm_astar_lab.evaluation.requests import ListedRequest, load_requests
 from llm_astar_lab.evaluation.tasks import BagTasks, EvaluationConfig
 from llm_astar_lab.evaluation.topics import (
@@ -40,7 +39,7 @@ from llm_astar_lab.evaluation.topics import (
     describe,
     describe_text,
 )
-from llm_astar_lab.evaluation.writing import ResultsBag
+from llm_astar_lab.evaluation.writing import ResultsBag, write_exchanges
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder, describe_run
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import choose_folder, is_parquet_run, open_folder
@@ -118,7 +117,8 @@ def run(args: argparse.Namespace) -> int:
     selection, listed = read_selection(args)
     if args.list:
         return list_contents(args, selection)
-    file = read_params_files(args).values['planner_node'] if args.params_file else None
+    paths = args.params_file
+    file = read_parameter_files(paths)['planner_node'] if paths else None
     common.settle_variants(args, file)
     in_file = {item.name: file[item.name] for item in RULES if file and item.name in file}
     rules = in_file | given_values(args, RULES)
@@ -165,7 +165,7 @@ def run(args: argparse.Namespace) -> int:
     for line in metadata['left_out']:
         code = common.complain(args, f'left out: {line}', code or common.INCOMPLETE)
     try:
-        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept.maps()))
+        folder.write_text(MAPS_FILE, format_kept_maps(tasks.kept_maps()))
         folder.write_places(config.places)
     except ResultsError as error:
         return common.complain(args, str(error), common.INCOMPLETE)

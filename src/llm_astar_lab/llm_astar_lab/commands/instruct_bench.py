@@ -59,8 +59,7 @@ from llm_astar_lab.instruct_bench.summary import (
     parse_suite_threshold,
     summary_to_json,
 )
-from llm_astar_lab.results.csv_rows import format_csv
-from llm_astar_lab.results.folder import ResultsFolder, describe_run
+from llm_astar_lab.results.folder import ResultsFolder, describe_run, format_csv
 from llm_astar_lab.results.row import ResultsError
 from llm_astar_lab.runner.config import progress
 

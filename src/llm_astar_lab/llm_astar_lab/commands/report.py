@@ -14,8 +14,8 @@ from typing import Any
 from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
 
 from llm_astar_lab.analysis.summary import summarise_run
-from llm_astar_lab.report.formats import write_tables
-from llm_astar_lab.report.markdown import replace_section, results_section
+from llm_astar_lab.report.pages import replace_section, results_section
+from llm_astar_lab.report.table import write_tables
 from llm_astar_lab.report.tables import report_tables
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 
@@ -62,7 +62,7 @@ def write_parts(
     args: argparse.Namespace, folder: ResultsFolder, metadata: Mapping[str, Any]
 ) -> int:
     """Write the section and the tables that are asked for, and print their files; return 0."""
-    summary = summarise_run(folder.read(), metadata)
+    summary = summarise_run(folder.stored(), metadata)
     if args.readme:
         replace_section(Path(args.readme), results_section(summary))
         print(args.readme)

@@ -20,9 +20,7 @@ from llm_astar_lab.analysis.statistics import Interval
 from llm_astar_lab.analysis.summary import Growth, VariantSummary
 from llm_astar_lab.analysis.trace import trace
 from llm_astar_lab.pictures import style
-from llm_astar_lab.pictures.style import OBSTACLE, PATH
-from llm_astar_lab.report.sentences import variant_label
-from llm_astar_lab.results.row import WAYPOINTS_ONLY, Variant
+from llm_astar_lab.report.sentences import has_waypoints, variant_label
 
 # What A* expanded where LLM-A* did not.
 BEYOND = style.LINE
@@ -128,36 +126,25 @@ def draw_interval(axes: Axes, position: float, interval: Interval, colour: str) 
     axes.errorbar(value, position, xerr=arms, fmt='o', color=colour, markersize=5, capsize=3)
 
 
-def has_waypoints(variant: Variant) -> bool:
-    """Tell whether a variant was given waypoints."""
-    return variant.source != 'none' and variant.method != WAYPOINTS_ONLY
-
-
-def showcase_figure(
-    barrier_map: BarrierMap = SHOWCASE,
-    endpoints: tuple[Cell, Cell] = SHOWCASE_ENDPOINTS,
-    waypoints: Sequence[Cell] = SHOWCASE_WAYPOINTS,
-) -> Figure:
+def showcase_figure() -> Figure:
     """Draw LLM-A* target by target and against A*, chebyshev, as the paper's Figure 4."""
-    blocked = barrier_map.to_grid().blocked()
-    guided = trace(blocked, *endpoints, [*waypoints, endpoints[1]], 'chebyshev')
-    plain = trace(blocked, *endpoints, (), 'chebyshev')
+    blocked, goal = SHOWCASE.to_grid().blocked(), SHOWCASE_ENDPOINTS[1]
+    guided = trace(blocked, *SHOWCASE_ENDPOINTS, [*SHOWCASE_WAYPOINTS, goal], 'chebyshev')
+    plain = trace(blocked, *SHOWCASE_ENDPOINTS, (), 'chebyshev')
     stages = [*guided.switches, len(guided.order)]
     figure = Figure(figsize=(3.3 * (len(stages) + 1), 3.9), layout='constrained')
-    panels = figure.subplots(1, len(stages) + 1)
+    *panels, beyond = figure.subplots(1, len(stages) + 1)
     for number, (axes, count) in enumerate(zip(panels, stages), start=1):
-        last = number == len(stages)
-        aim = 'the goal' if last else f'waypoint {number}'
+        aim = 'the goal' if axes is panels[-1] else f'waypoint {number}'
         draw_cells(axes, blocked, (guided.order[:count], style.EXPANDED))
-        if last:
-            axes.plot(*zip(*guided.path), color=PATH, linewidth=2)
-        mark_points(axes, endpoints, waypoints)
+        mark_points(axes, SHOWCASE_ENDPOINTS, SHOWCASE_WAYPOINTS)
         axes.set_title(f'LLM-A* towards {aim}:\n{describe_expansions(count)}', fontsize=9)
-    draw_cells(panels[-1], blocked, (guided.order, style.EXPANDED), (plain.order, BEYOND))
-    panels[-1].plot(*zip(*plain.path), color=PATH, linewidth=2)
-    mark_points(panels[-1], endpoints, ())
+    draw_cells(beyond, blocked, (guided.order, style.EXPANDED), (plain.order, BEYOND))
+    mark_points(beyond, SHOWCASE_ENDPOINTS, ())
     all_of_astar = describe_expansions(len(plain.order))
-    panels[-1].set_title(f'A* (grey: not by LLM-A*):\n{all_of_astar}', fontsize=9)
+    beyond.set_title(f'A* (grey: not by LLM-A*):\n{all_of_astar}', fontsize=9)
+    for axes, path in ((panels[-1], guided.path), (beyond, plain.path)):
+        axes.plot(*zip(*path), color=style.PATH, linewidth=2, zorder=1.99)
     return figure
 
 
@@ -201,7 +188,7 @@ def cell_image(
         if len(cells):
             xs, ys = np.array(cells).T
             image[ys, xs] = to_rgb(colour)
-    image[blocked] = to_rgb(OBSTACLE)
+    image[blocked] = to_rgb(style.OBSTACLE)
     return image
 
 
@@ -210,8 +197,7 @@ def draw_cells(
 ) -> None:
     """Draw a `cell_image` without ticks."""
     axes.imshow(cell_image(blocked, *layers), origin='lower', interpolation='nearest')
-    axes.set_xticks([])
-    axes.set_yticks([])
+    axes.set(xticks=[], yticks=[])
 
 
 def mark_points(axes: Axes, endpoints: tuple[Cell, Cell], waypoints: Sequence[Cell]) -> None:

@@ -45,6 +45,10 @@ class SourceSpec:
     samples: frozenset[SampleKey] | None = None
     foreign: int = 0
 
+    def covers(self, key: tuple[int, int, int]) -> bool:
+        """Tell whether to run the source on a sample: map, pair and scale."""
+        return self.samples is None or key in self.samples
+
 
 def make_source_specs(
     names: Sequence[str],

@@ -17,7 +17,8 @@ from llm_astar_lab.commands import bench as cli_bench
 from llm_astar_lab.commands import run_options
 from llm_astar_lab.datasets.generate import generate
 from llm_astar_lab.results.row import ResultsError, parse_points
-from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps, save_barrier_maps
+from llm_astar_msgs_adapter.maps.barrier_map import load_barrier_maps
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 from llm_astar_planner.cli.main import parse
 from llm_astar_planner.resources import find_file
 from llm_astar_planner.waypoints.source import SourceStatus
@@ -46,7 +47,7 @@ def record(path, exchanges, model='parrot'):
 @pytest.fixture(scope='module')
 def dataset(tmp_path_factory):
     path = tmp_path_factory.mktemp('dataset') / 'maps.json'
-    save_barrier_maps(list(generate(9, 4)), path)
+    save_maps(list(generate(9, 4)), path)
     return path
 
 
@@ -300,7 +301,7 @@ def test_replayed_replies_give_the_aggregates_of_the_published_code(
     numbers = {int(row['map']) for row in published}
     maps = load_barrier_maps(find_file('samples_1000.json', 'maps'))
     dataset, transcript = tmp_path / 'maps.json', tmp_path / 'golden.jsonl'
-    save_barrier_maps([one for one in maps if one.id in numbers], dataset)
+    save_maps([one for one in maps if one.id in numbers], dataset)
     figures, replies = defaultdict(list), defaultdict(list)
     for row in published:
         name = row['method'] if row['method'] != 'llm_astar' else row['source']

@@ -7,7 +7,6 @@ Ours may have a `family` too.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -152,8 +151,8 @@ class BarrierMap:
             'id': self.id,
             'range_x': list(self.range_x),
             'range_y': list(self.range_y),
-            'horizontal_barriers': [list(barrier) for barrier in self.horizontal_barriers],
-            'vertical_barriers': [list(barrier) for barrier in self.vertical_barriers],
+            'horizontal_barriers': list(map(list, self.horizontal_barriers)),
+            'vertical_barriers': list(map(list, self.vertical_barriers)),
             'start_goal': [
                 [list(sample.start), list(sample.goal), sample.query] for sample in self.samples
             ],
@@ -173,12 +172,22 @@ def parse_barrier_maps(data: object, path: str | Path) -> list[BarrierMap]:
     """Validate the contents of a dataset file; raises as `load_barrier_maps` does."""
     if not isinstance(data, list) or not data:
         raise BarrierMapError(f'{path}: a JSON list of barrier maps is expected')
-    maps: dict[int, BarrierMap] = {}
-    for index, entry in enumerate(data):
-        parsed = parse_barrier_map(entry, f'{path}: map at index {index}')
-        if parsed.id in maps:
-            raise BarrierMapError(f'{path}: map at index {index}: id: {parsed.id} is used twice')
-        maps[parsed.id] = parsed
+    return parse_each(data, path, parse_barrier_map)
+
+
+def parse_each(
+    entries: Sequence[Any], path: str | Path, parse: Callable[[Any, str], MapWithId]
+) -> list[MapWithId]:
+    """Return the maps of a file by a function of each entry and what errors call it.
+
+    Raises what that raises, and BarrierMapError for an id that is used twice.
+    """
+    maps: dict[int, MapWithId] = {}
+    for index, entry in enumerate(entries):
+        where = f'{path}: map at index {index}'
+        parsed = parse(entry, where)
+        if maps.setdefault(parsed.id, parsed) is not parsed:
+            raise BarrierMapError(f'{where}: id: {parsed.id} is used twice')
     return list(maps.values())
 
 
@@ -190,12 +199,6 @@ def find_barrier_map(maps: Sequence[MapWithId], map_id: int) -> MapWithId:
     ids = ', '.join(str(item.id) for item in maps[:20])
     more = ', ...' if len(maps) > 20 else ''
     raise BarrierMapError(f'map id {map_id} is not in the file; it holds {ids}{more}')
-
-
-def save_barrier_maps(maps: list[BarrierMap], path: str | Path) -> None:
-    """Write a dataset in the paper's format, with one map per line."""
-    lines = ',\n'.join(json.dumps(barrier_map.to_json()) for barrier_map in maps)
-    Path(path).write_text(f'[\n{lines}\n]\n', encoding='utf-8')
 
 
 def check_scale(factor: int, cells: int, map_id: int, error: type[LlmAstarError]) -> None:
@@ -309,4 +312,5 @@ def parse_sample(value: object, name: str, range_x: Point, range_y: Point) -> Sa
         check_inside(y, range_y[0], range_y[1] - 1, f'{name}: {label} y')
         points.append((x, y))
     query = value[2] if len(value) == 3 else ''
-    return Sample(*points, expect(query, str, f'{name}: query', 'a string', BarrierMapError))
+    text = expect(query, str, f'{name}: query', 'a string', BarrierMapError)
+    return Sample(points[0], points[1], text)

@@ -13,10 +13,8 @@ The bottom row of the image is row 0 of the map.
 
 from __future__ import annotations
 
-import struct
 import sys
 import warnings
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,11 +38,6 @@ from llm_astar_msgs_adapter.maps.grid_map import (
 
 MODES = ('trinary', 'scale', 'raw')
 FORMATS = ('PPM', 'PNG', 'BMP', 'JPEG')
-# What Pillow raises for damaged images, besides UnidentifiedImageError.
-IMAGE_ERRORS = (
-    OSError, SyntaxError, ValueError, TypeError, LookupError, ArithmeticError, EOFError,
-    MemoryError, struct.error, zlib.error, Image.DecompressionBombError,
-)  # fmt: skip
 # Characters of a file's name in errors.
 MAX_NAME = 500
 # Pixels that are converted at a time: about 20 MB.
@@ -58,7 +51,9 @@ class MapServerError(LlmAstarError, ValueError):
 def load_map(path: str | Path, *, frame_id: str = 'map') -> GridMap:
     """Read a map_server yaml file and its image. Raises MapServerError, naming file and field."""
     path = Path(path)
-    fields = read_fields(path)
+    fields = read_yaml(path, MapServerError)
+    if not isinstance(fields, dict):
+        raise MapServerError(f'{path}: the fields of a map are expected')
     for name in ('resolution', 'origin', 'occupied_thresh', 'free_thresh'):
         if name not in fields:
             raise MapServerError(f'{path}: {name}: is missing')
@@ -118,14 +113,6 @@ class Shades:
         return cells.astype(np.int8)
 
 
-def read_fields(path: Path) -> dict[str, Any]:
-    """Return the fields of a yaml file. Raises MapServerError."""
-    fields = read_yaml(path, MapServerError)
-    if not isinstance(fields, dict):
-        raise MapServerError(f'{path}: the fields of a map are expected')
-    return fields
-
-
 def read_image(image: Path, path: Path, shades: Shades) -> NDArray[np.int8]:
     """Return the occupancy of an image [height, width]. Raises MapServerError.
 
@@ -148,7 +135,7 @@ def read_image(image: Path, path: Path, shades: Shades) -> NDArray[np.int8]:
         raise MapServerError(f'{path}: image: {image} is not an image of {known}') from None
     except MapServerError:
         raise
-    except IMAGE_ERRORS as error:
+    except Exception as error:  # noqa: BLE001 - whatever a damaged image leads to in Pillow
         reason = getattr(error, 'strerror', None) or str(error) or 'is damaged'
         shown = shortened(str(image), MAX_NAME)
         raise MapServerError(f'{path}: image: {shown}: {reason}') from None

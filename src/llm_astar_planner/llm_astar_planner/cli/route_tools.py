@@ -121,7 +121,7 @@ class RouteTools:
             route = Route(self.planner.costmap, cells[0], cells[-1], self.places)
             clauses = verify(interpretation.specification, path, route)
             outcome = InstructionOutcome(interpretation, clauses)
-        problem = self.planner.segments_problem(np.array(cells, dtype=np.int32))
+        problem = self.planner.checker.segments_problem(np.array(cells, dtype=np.int32))
         if problem is not None:
             problem += ', in cells of the map'
         return {

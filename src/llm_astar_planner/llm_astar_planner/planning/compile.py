@@ -6,7 +6,6 @@ all requests in the background, and commands say meanwhile how far it is.
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 import threading
@@ -14,6 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from typing import TextIO
 
 import numpy as np
@@ -227,44 +227,23 @@ def compile_instruction_kernels() -> None:
     from llm_astar_planner.planning.instruction import plan_with_instruction  # noqa: PLC0415
 
     near, far = Disc(3.0, 3.0, 1.0), Disc(20.0, 3.0, 1.0)
+    band = Box(0.0, 8.0, 128.0, 24.0)
     for size, *clauses in (
         (24, Visit(regions=(near, far)), Avoid(region=Box(0.0, 0.0, 24.0, 3.0))),
         (24, KeepDistance(metres=3.0), Avoid(region=Box(6.0, 0.0, 8.0, 24.0))),
         (24, Pass(region=Disc(12.5, 14.0, 1.0), side='north')),
+        (24, StayIn(strength=SHOULD, region=band), Before(first=near, second=far)),
         # So large that the search looks at its time on the way.
-        (
-            160,
-            StayIn(strength=SHOULD, region=Box(0.0, 8.0, 24.0, 24.0)),
-            Before(first=near, second=far),
-        ),
+        (128, Visit(regions=(near, Disc(20.0, 100.0, 1.0))), Avoid(strength=SHOULD, region=band)),
     ):
         cells = np.zeros((size, size), dtype=np.int8)
         cells[4:, 12] = OCCUPIED
         planner = PathPlanner(GridMap(cells)).prepare()
         instruction = RouteInstruction(Interpretation('', Specification(tuple(clauses))))
-        request = PlanRequest(START, GOAL, time_limit=PATIENCE, instruction=instruction)
+        request = PlanRequest(
+            START, GOAL, time_limit=PATIENCE, any_angle=True, instruction=instruction
+        )
         plan_with_instruction(planner, request, instruction, no_stop())
-
-
-@contextmanager
-def compile_progress(stream: TextIO | None = None) -> Iterator[None]:
-    """Show what this thread compiles: a live line on a terminal, else when it begins and ends."""
-    stream = stream or sys.stderr
-    is_live = stream.isatty() and os.environ.get('TERM', 'dumb') != 'dumb'
-
-    def write(line: str, end: str = '\n') -> None:
-        stream.write(f'{CLEAR if is_live else ""}{line}{end}')
-        stream.flush()
-
-    if is_live:
-        report = CompileReport(write, '', 0.0, lambda line: write(line, ''))
-    else:
-        report = CompileReport(write, f'{ANNOUNCEMENT}, about {EXPECTED_SECONDS} s', math.inf)
-    try:
-        with compilations(report.note):
-            yield
-    finally:
-        report.finish()
 
 
 class CompileReport:
@@ -277,39 +256,56 @@ class CompileReport:
         self,
         say: Callable[[str], None],
         announcement: str,
-        period: float | None = None,
         show: Callable[[str], None] | None = None,
     ) -> None:
-        """Take what gets the sentences, and what gets how far it is, every `period` seconds.
+        """Take what gets the sentences: `say` the announcement, how far it is and the end.
 
-        That is `say`, too, unless `show` is given. Where the announcement is empty, it begins at
-        once with how far it is.
+        `show` if given gets instead of the first two how far it is at each function.
         """
         self.is_compiling = False
-        self._say, self._show = say, show or say
-        self._announcement = announcement
-        self._period = REPORT_SECONDS if period is None else period
-        self._began = self._reported = -math.inf
+        self._say, self._show, self._announcement = say, show, announcement
+        self._began = self._reported = 0.0
 
     def note(self, function: str, *, is_waited_for: bool = True) -> None:
         """Report that and how far it compiles, the latter only while somebody waits for it."""
         now = time.monotonic()
-        if not self.is_compiling:
-            self.is_compiling, self._began = True, now
-            if self._announcement:
-                self._reported = now
-                self._say(self._announcement)
-                return
-        if is_waited_for and now - self._reported >= self._period:
+        is_first, self.is_compiling = not self.is_compiling, True
+        if is_first:
+            self._began = self._reported = now
+        seconds = f'{now - self._began:.0f} s of about {EXPECTED_SECONDS} s'
+        progress = f'compiling the searches: {seconds} ({function})'
+        if self._show is not None:
+            self._show(progress)
+        elif is_first:
+            self._say(self._announcement)
+        elif is_waited_for and now - self._reported >= REPORT_SECONDS:
             self._reported = now
-            seconds = f'{now - self._began:.0f} s of about {EXPECTED_SECONDS} s'
-            self._show(f'compiling the searches: {seconds} ({function})')
+            self._say(progress)
 
     def finish(self, what: str = '') -> None:
         """Report that `what` is compiled, if anything had to be."""
         if self.is_compiling:
             then = f': {what}' if what else ''
             self._say(f'searches compiled in {time.monotonic() - self._began:.1f} s{then}')
+
+
+@contextmanager
+def compile_progress(stream: TextIO | None = None) -> Iterator[None]:
+    """Show what this thread compiles: a live line on a terminal, else sentences."""
+    stream = stream or sys.stderr
+    is_live = stream.isatty() and os.environ.get('TERM', 'dumb') != 'dumb'
+
+    def write(line: str, end: str = '\n') -> None:
+        stream.write(f'{CLEAR if is_live else ""}{line}{end}')
+        stream.flush()
+
+    announcement = f'{ANNOUNCEMENT}, about {EXPECTED_SECONDS} s'
+    report = CompileReport(write, announcement, partial(write, end='') if is_live else None)
+    try:
+        with compilations(report.note):
+            yield
+    finally:
+        report.finish()
 
 
 def node_report(say: Callable[[str], None], who_waits: str) -> CompileReport:
@@ -344,11 +340,10 @@ class KernelCompiler:
         self, config: CostmapConfig, request: PlanRequest, say: Callable[[str], None]
     ) -> None:
         """Start; first comes what requests like this take on costmaps of `config`."""
-        # How many of its steps are done; plans go on after the first.
-        self.done = 0
+        # How many of its steps are done, and whether the first is, after which plans go on.
+        self.done, self.is_ready = 0, False
         self._say = say
         self._report = node_report(say, 'the first plans')
-        self._changed = threading.Condition()
         self._is_closed = False
         guided = replace(request, source=WAYPOINTS)
         steps = (
@@ -363,26 +358,18 @@ class KernelCompiler:
         )
         self._thread.start()
 
-    @property
-    def is_ready(self) -> bool:
-        """Whether a first plan can be made."""
-        return self.done > 0
-
     def wait(self, may_wait: Callable[[], bool] = lambda: True) -> bool:
         """Wait until a first plan can be made, while `may_wait()`; tell whether it can.
 
         Raises what `may_wait` raises.
         """
-        with self._changed:
-            while not (self.is_ready or self._is_closed) and may_wait():
-                self._changed.wait(POLL_SECONDS)
-            return self.is_ready
+        while not (self.is_ready or self._is_closed) and may_wait():
+            time.sleep(POLL_SECONDS)
+        return self.is_ready
 
     def close(self) -> None:
         """Stop compiling; what is compiled stays."""
-        with self._changed:
-            self._is_closed = True
-            self._changed.notify_all()
+        self._is_closed = True
         self._thread.join(LONGEST_KERNEL)
 
     def work(self, steps: Iterable[Callable[[], object]]) -> None:
@@ -397,10 +384,9 @@ class KernelCompiler:
                 except Exception as error:  # noqa: BLE001 - whatever numba raises
                     problem = f'{type(error).__name__}: {error}'
                     self._say(f'the searches do not compile: {problem}')
-                with self._changed:
-                    self.done += 1
-                    self._changed.notify_all()
-                if self.done == 1:
+                self.done += 1
+                if not self.is_ready:
+                    self.is_ready = True
                     self._report.finish('plans go on')
             self._report.finish('all of them')
 

@@ -1,4 +1,4 @@
-"""Between which cells a path is searched: what tolerances make of blocked or unreachable ones.
+"""The ends of a path: between which cells it is searched, and where in them it begins and ends.
 
 An unreachable goal or via point is replaced by the nearest cell that the start reaches, by the
 distance to its own cell's centre. A blocked start is replaced by the nearest free cell that the
@@ -27,6 +27,13 @@ from llm_astar_planner.search.result import Cell
 from llm_astar_planner.search.tiles import Tiles
 from llm_astar_planner.waypoints.source import WaypointQuery, WaypointReply
 
+NAME = 'viapoints'
+# An end this near to the centre of its cell, in cells, is at it.
+AT_CENTRE = 1e-9
+# Ends of a path of one cell that are this near to each other, in cells, are the same place.
+SAME_PLACE = 1e-3
+# Where a path begins and ends exactly, [2] each; None: at the centre of its cell.
+Ends = tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]
 # Half the side, in cells, of the square that is searched first; it doubles until a cell is found.
 FIRST_REACH = 8
 
@@ -95,18 +102,29 @@ def resolve_goal(
 
     Raises PlanningFailure, naming it, if there is none.
     """
-    x, y = goal
-    if costmap.grid_map.contains(goal) and costmap.components[y, x] == component:
-        return goal
-    failure, tolerance = goal_failure(costmap, request, goal, name), request.tolerance
-    if tolerance == 0.0:
-        raise failure
-    reach = squared_cells(tolerance, costmap.grid_map.resolution)
-    found = nearest_labelled(costmap.components, component, goal, reach)
+    tolerance = request.tolerance
+    found = nearest_reached(costmap, goal, component, tolerance)
     if found is None:
+        failure = goal_failure(costmap, request, goal, name)
+        if tolerance == 0.0:
+            raise failure
         message = f'{failure}, nor is any cell within {tolerance:g} m of it reachable'
         raise PlanningFailure(failure.code, message)
     return found
+
+
+def nearest_reached(costmap: Costmap, cell: Cell, component: int, tolerance: float) -> Cell | None:
+    """Return the cell if it is of a component, else the nearest that is.
+
+    None if there is none within so many metres.
+    """
+    components, grid_map = costmap.components, costmap.grid_map
+    if grid_map.contains(cell) and components[cell[1], cell[0]] == component:
+        return cell
+    if tolerance == 0.0:
+        return None
+    reach = squared_cells(tolerance, grid_map.resolution)
+    return nearest_labelled(components, component, cell, reach)
 
 
 def goal_failure(
@@ -233,9 +251,6 @@ def blocked_message(costmap: Costmap, name: str, cell: Cell) -> str:
     return f'the {name} {costmap.describe_cell(cell)} is not free ({reason})'
 
 
-NAME = 'viapoints'
-
-
 @dataclass(frozen=True)
 class ViapointSource:
     """Returns given cells (x, y); one that the start does not reach is moved as a goal would be.
@@ -251,7 +266,14 @@ class ViapointSource:
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Return the via points; the detail says how many were moved and which had to stay."""
         deadline = time.monotonic() + query.time_limit
-        places = [self.place(cell, query, deadline) for cell in self.viapoints]
+        component = int(query.costmap.components[query.start[1], query.start[0]])
+
+        def place(cell: Cell) -> Cell | None:
+            # After its time no other cells are looked for.
+            tolerance = self.tolerance if time.monotonic() <= deadline else 0.0
+            return nearest_reached(query.costmap, cell, component, tolerance)
+
+        places = list(map(place, self.viapoints))
         lost = [number for number, place in enumerate(places, start=1) if place is None]
         moved = sum(place not in (None, cell) for place, cell in zip(places, self.viapoints))
         detail = f'{len(places) - len(lost)} of {len(places)} via points can be reached'
@@ -262,28 +284,6 @@ class ViapointSource:
             detail += f'; not within {self.tolerance:g} m: number {shown}'
         kept = tuple(place or cell for place, cell in zip(places, self.viapoints))
         return WaypointReply(kept, NAME, detail=detail)
-
-    def place(self, cell: Cell, query: WaypointQuery, deadline: float) -> Cell | None:
-        """Return the cell itself or the nearest one that the start reaches, None without one.
-
-        After the deadline (monotonic seconds) no other cell is looked for.
-        """
-        components, grid_map = query.costmap.components, query.grid_map
-        component = int(components[query.start[1], query.start[0]])
-        if grid_map.contains(cell) and components[cell[1], cell[0]] == component:
-            return cell
-        if self.tolerance == 0.0 or time.monotonic() > deadline:
-            return None
-        reach = squared_cells(self.tolerance, grid_map.resolution)
-        return nearest_labelled(components, component, cell, reach)
-
-
-# An end this near to the centre of its cell, in cells, is at it.
-AT_CENTRE = 1e-9
-# Ends of a path of one cell that are this near to each other, in cells, are the same place.
-SAME_PLACE = 1e-3
-# Where a path begins and ends exactly, [2] each; None: at the centre of its cell.
-Ends = tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]
 
 
 def with_exact_ends(

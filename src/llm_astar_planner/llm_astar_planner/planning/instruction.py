@@ -30,6 +30,7 @@ from llm_astar_planner.instructions.verification import verify
 from llm_astar_planner.planning.endpoints import Endpoints, resolve_endpoints
 from llm_astar_planner.planning.footprint_search import fit_footprint
 from llm_astar_planner.planning.path_planner import PathPlanner
+from llm_astar_planner.planning.path_validator import footprint_problem
 from llm_astar_planner.planning.segment import SegmentPlanner
 from llm_astar_planner.planning.types import (
     Plan,
@@ -195,18 +196,16 @@ def search_plan(
             problem = planner.problem(request, endpoints, path)
         else:  # a clause says where to end
             endpoints = endpoints._replace(goal=last)
-            problem = planner.path_problem(path, endpoints.start, last)
-            problem = problem or planner.footprint_problem(path, request)
+            problem = planner.checker.path_problem(path, endpoints.start, last)
+            problem = problem or footprint_problem(path, planner.costmap, request)
         if problem is not None:
             message = f'the path found was withheld: {problem}'
             raise PlanningFailure(ResultCode.UNKNOWN, message)
         deadline = search.deadline + spare_time(request)
         plan = planner.build_plan(request, endpoints, [segment], segment.result, deadline=deadline)
         return plan, ''
-    except (PlanningFailure, PathTooLongError, PluginError) as error:
-        code = error.code if isinstance(error, PlanningFailure) else ResultCode.UNKNOWN
-        failure = PlanningFailure(code, str(error))
-        return planner.build_plan(request, endpoints, [], failure=failure), str(error)
+    except (PlanningFailure, PathTooLongError, PluginError) as failure:
+        return planner.build_plan(request, endpoints, [], failure=failure), str(failure)
 
 
 def verified(

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,8 +22,6 @@ from llm_astar_planner.planning.footprint_search import collides, fit_footprint
 from llm_astar_planner.planning.path_validator import (
     CollisionChecker,
     footprint_problem,
-    path_problem,
-    segments_problem,
     shift_problem,
     via_problem,
 )
@@ -49,7 +48,6 @@ from llm_astar_planner.search.landmarks import LandmarkManager
 from llm_astar_planner.search.methods import GUIDED
 from llm_astar_planner.search.result import (
     BoundedResult,
-    Cell,
     SearchResult,
     SearchStatus,
     empty_path,
@@ -154,11 +152,8 @@ class PathPlanner:
                 message = f'the path found was withheld: {problem}'
                 raise PlanningFailure(ResultCode.UNKNOWN, message)
             plan = self.build_plan(request, endpoints, segments, result, deadline=deadline)
-        except PlanningFailure as failure:
+        except (PlanningFailure, PathTooLongError, PluginError) as failure:
             plan = self.build_plan(request, endpoints, segments, failure=failure)
-        except (PathTooLongError, PluginError) as error:
-            failed = PlanningFailure(ResultCode.UNKNOWN, str(error))
-            plan = self.build_plan(request, endpoints, segments, failure=failed)
         yield plan
 
     def segments(
@@ -203,50 +198,21 @@ class PathPlanner:
     ) -> str | None:
         """Say why a path does not answer the request, or None: the last check."""
         start, goal = endpoints.start, endpoints.goal
-        ends = [
-            ('start', request.start, start, request.start_tolerance),
-            ('goal', request.goal, goal, request.tolerance),
-        ]
-        for requested, used in zip(request.via, endpoints.via):
-            ends.append(('via point', requested, used, request.tolerance))
-        for name, requested, used, tolerance in ends:
+        names = ['start', 'goal', *['via point'] * len(request.via)]
+        asked = request.start, request.goal, *request.via
+        for name, requested, used in zip(names, asked, (start, goal, *endpoints.via)):
             if used != requested:
+                tolerance = request.start_tolerance if name == 'start' else request.tolerance
                 limit = tolerance / self.grid_map.resolution
                 problem = shift_problem(name, requested, used, limit)
                 if problem is not None:
                     return problem
-        problem = self.path_problem(path, start, goal)
+        problem = self.checker.path_problem(path, start, goal)
         if problem is None and request.via:
             problem = via_problem(path, endpoints.via)
         if problem is None and request.footprint is not None:
             problem = footprint_problem(path, self.costmap, request)
         return problem
-
-    def footprint_problem(self, path: NDArray[np.int32], request: PlanRequest) -> str | None:
-        """Say where the footprint of a request meets an obstacle on a path [n, 2], or None."""
-        if request.footprint is None:
-            return None
-        return footprint_problem(path, self.costmap, request)
-
-    def footprint_passes(self, points: NDArray[np.int32], request: PlanRequest) -> bool:
-        """Tell whether a request's footprint passes straight segments between cells [n, 2]."""
-        return request.footprint is None or not (
-            collides(self.costmap, request, points)
-            or footprint_problem(interpolate(points), self.costmap, request)
-        )
-
-    def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
-        """Say what is wrong with a path of cells [n, 2] on this map, or None.
-
-        The robot's radius is checked independently of the inflation that the searches use.
-        """
-        cuts = self.config.corner_cutting
-        return path_problem(path, self.checker, start, goal, corner_cutting=cuts)
-
-    def segments_problem(self, points: NDArray[np.int32]) -> str | None:
-        """Say what is wrong with straight segments between cells [n, 2], as `path_problem`."""
-        cuts = self.config.corner_cutting
-        return segments_problem(points, self.checker, corner_cutting=cuts)
 
     def build_plan(
         self,
@@ -255,42 +221,22 @@ class PathPlanner:
         segments: Sequence[SegmentPlanner],
         result: SearchResult | None = None,
         *,
-        failure: PlanningFailure | None = None,
+        failure: Exception | None = None,
         deadline: float = math.inf,
     ) -> Plan:
         """Build every plan: from a valid result, a better path on the way, or a failure.
 
         What cannot be computed until the `deadline` (monotonic seconds) is left out.
         """
-        fields: dict[str, Any] = {
-            'expanded': NOT_SEARCHED.expanded,
-            'warnings': endpoints.warnings,
-        }
-        expansions = storage = 0
-        seconds_source = seconds_search = 0.0
-        for segment in segments:
-            seconds_source += segment.seconds_source
-            seconds_search += segment.seconds_search
-            expansions += segment.result.expansions
-            storage += segment.result.storage
-            if segment.result is not NOT_SEARCHED:
-                fields['expanded'] = segment.result.expanded
-        if request.want_expanded and fields['expanded'].size == 0:
-            fields['expanded'] = np.zeros(self.grid_map.cells.shape, dtype=np.bool_)
-        fields |= {'expansions': expansions, 'storage': storage}
-        if result is not None:
-            fields |= self.path_fields(segments, result)
+        warnings, first = endpoints.warnings, segments[0] if segments else None
+        if result is None:
+            fields = self.search_fields(request, segments)
+        else:
+            fields = self.path_fields(segments, result)
             if request.any_angle and fields['is_final']:
-                try:
-                    fields['any_angle'] = self.any_angle_path(segments, deadline)
-                except TimeoutError as error:
-                    fields['warnings'] = (*endpoints.warnings, str(error))
-                shortened = fields.get('any_angle')
-                if shortened and not self.footprint_passes(shortened.points, request):
-                    fields['any_angle'] = None
-                    fields['warnings'] = (*endpoints.warnings, NOT_SHORTENED)
+                fields['any_angle'], problem = self.shorten(request, segments, deadline)
+                warnings = (*warnings, problem) if problem else warnings
         # Where there are via points, no source is asked.
-        first = segments[0] if segments else None
         reply = first.reply if first else NOT_ASKED
         if request.source is not None and reply.status is SourceStatus.NONE:
             reply = not_asked(request)
@@ -299,28 +245,42 @@ class PathPlanner:
             fields['checked_waypoints'] = mark_out_of_order(first.checked_waypoints, path)
             fields['guided_by'] = first.reply.label if first.guiding_waypoints else 'none'
         return Plan(
-            code=ResultCode.NONE if failure is None else failure.code,
+            code=getattr(failure, 'code', ResultCode.UNKNOWN) if failure else ResultCode.NONE,
             message=str(failure) if failure else success_message(segments[0], result),
             method=request.method,
             start=endpoints.start,
             goal=endpoints.goal,
             source='none' if request.source is None else request.source.name,
             reply=reply,
-            seconds_source=seconds_source,
-            seconds_search=seconds_search,
+            seconds_source=sum(map(attrgetter('seconds_source'), segments), 0.0),
+            seconds_search=sum(map(attrgetter('seconds_search'), segments), 0.0),
             start_shift=endpoints.start_shift,
             goal_shift=endpoints.goal_shift,
             via=endpoints.via,
             footprint=request.footprint,
+            warnings=warnings,
             **fields,
         )
+
+    def search_fields(
+        self, request: PlanRequest, segments: Sequence[SegmentPlanner]
+    ) -> dict[str, Any]:
+        """Return the fields of a plan that has no path, by name."""
+        results = [part.result for part in segments if part.result is not NOT_SEARCHED]
+        expanded = results[-1].expanded if results else NOT_SEARCHED.expanded
+        if request.want_expanded and expanded.size == 0:
+            expanded = np.zeros(self.grid_map.cells.shape, dtype=np.bool_)
+        return {
+            'expansions': sum(result.expansions for result in results),
+            'storage': sum(result.storage for result in results),
+            'expanded': expanded,
+        }
 
     def path_fields(
         self, segments: Sequence[SegmentPlanner], result: SearchResult
     ) -> dict[str, Any]:
         """Return the fields of a plan that has a path, by name."""
         bounded = result if isinstance(result, BoundedResult) else None
-        metrics = self.checker.measure(result.path)
         return {
             'path': result.path,
             'length': result.length,
@@ -331,30 +291,36 @@ class PathPlanner:
             'storage': result.storage,
             'expanded': result.expanded,
             'is_final': segments[-1].result is not NOT_SEARCHED,
-            'clearance': metrics.clearance,
-            'unknown_length': metrics.unknown_length,
-            'turns': metrics.turns,
+            **self.checker.measure(result.path)._asdict(),
         }
 
-    def any_angle_path(
-        self, segments: Sequence[SegmentPlanner], deadline: float = math.inf
-    ) -> AnyAnglePath | None:
-        """Shorten each segment's path at any angle; None if the check finds a problem.
+    def shorten(
+        self, request: PlanRequest, segments: Sequence[SegmentPlanner], deadline: float
+    ) -> tuple[AnyAnglePath | None, str]:
+        """Shorten each segment's path at any angle until the deadline, and say what went wrong.
 
-        Raises TimeoutError at the deadline.
+        None, with a warning or '', where there is nothing to shorten or the check finds a problem.
         """
-        parts = [
-            string_pull(segment.costmap.grid_graph, stretch, deadline=deadline)
-            for segment in segments
-            for stretch in segment.stretches()
-        ]
+        try:
+            parts = [
+                string_pull(segment.costmap.grid_graph, stretch, deadline=deadline)
+                for segment in segments
+                for stretch in segment.stretches()
+            ]
+        except TimeoutError as error:
+            return None, str(error)
         if not parts:
-            return None
+            return None, ''
         points = np.concatenate([parts[0].points, *(part.points[1:] for part in parts[1:])])
-        if self.segments_problem(points) is not None:
-            return None
+        if self.checker.segments_problem(points) is not None:
+            return None, ''
+        if request.footprint is not None and (
+            collides(self.costmap, request, points)
+            or footprint_problem(interpolate(points), self.costmap, request)
+        ):
+            return None, NOT_SHORTENED
         length, cost = sum(part.length for part in parts), sum(part.cost for part in parts)
-        return AnyAnglePath(points, length, cost)
+        return AnyAnglePath(points, length, cost), ''
 
 
 def check_found(request: PlanRequest, segments: Sequence[SegmentPlanner]) -> None:

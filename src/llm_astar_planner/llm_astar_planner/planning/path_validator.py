@@ -23,6 +23,13 @@ from llm_astar_planner.search.result import Cell
 ROUNDING = 5e-7
 # More than any occupancy.
 NO_LIMIT = 127
+# Poses whose surroundings are looked at together.
+CHUNK = 64
+# Cells are taken to be this much smaller, in cells, than those of the search: for rounding.
+SHRINK = 1e-6
+# The occupancy of a lethal cell on a costmap, which has the threshold 99; see the table in
+# docs/robot.md.
+LETHAL_COST = 100
 FAULTS = {
     kernels.OUTSIDE: 'it leaves the map at',
     kernels.OBSTACLE: 'it hits an obstacle at',
@@ -54,7 +61,7 @@ class CollisionChecker:
 
     def __init__(self, grid_map: GridMap, config: CostmapConfig) -> None:
         """Take a map and the rules of its costmap."""
-        self._resolution = grid_map.resolution
+        self._resolution, self._cuts_corners = grid_map.resolution, config.corner_cutting
         radius = config.robot_radius / grid_map.resolution
         reach = math.floor(radius**2 + ROUNDING) if radius > 0.0 else -1
         # The first arguments of the kernels.
@@ -63,14 +70,42 @@ class CollisionChecker:
             grid_map.cells, tiles, config.occupied_threshold, config.allow_unknown, reach
         )  # fmt: skip
 
-    @classmethod
-    def of_blocked(cls, blocked: NDArray[np.bool_]) -> CollisionChecker:
-        """Make a checker for blocked cells, bool [height, width], as they are."""
-        return cls(GridMap(blocked.view(np.int8)), CostmapConfig(occupied_threshold=1))
-
     def is_free(self, cells: NDArray[np.int64]) -> bool:
         """Tell whether the robot may be in each of the cells [n, 2] of the map."""
         return bool(kernels.first_blocked(*self.rules, cells) < 0)
+
+    def path_problem(self, path: NDArray[np.int32], start: Cell, goal: Cell) -> str | None:
+        """Say what is wrong with a path of cells [n, 2], or None.
+
+        It must run from start to goal, on the map, over free cells, by steps to one of the eight
+        neighbours, and past no blocked corner unless corners may be cut.
+        """
+        if len(path) == 0:
+            return 'it is empty'
+        ends = int(start[0]), int(start[1]), int(goal[0]), int(goal[1])
+        cells = np.ascontiguousarray(path, np.int64)
+        fault, n = kernels.path_fault(*self.rules, cells, ends, self._cuts_corners)
+        if fault == kernels.FINE:
+            return None
+        if fault == kernels.ENDS:
+            return f'it runs from {cell_text(path[0])} to {cell_text(path[-1])}'
+        return f'{FAULTS[fault]} {cell_text(path[n])}'
+
+    def segments_problem(self, points: NDArray[np.int32]) -> str | None:
+        """Say what is wrong with straight segments between cells [n, 2] at any angle, or None.
+
+        Every cell that a segment passes through must be free. Where it passes exactly over a
+        corner of cells, both cells at the corner's sides must be free too, unless corners may be
+        cut. (The search has its own line of sight; this one is written apart from it on purpose.)
+        """
+        cells = np.ascontiguousarray(points, np.int64)
+        for begin, end in pairwise(cells):
+            fault, x, y = kernels.segment_fault(*self.rules, begin, end, self._cuts_corners)
+            if fault == kernels.CORNER:
+                return f'the segment from {cell_text(begin)} cuts a corner'
+            if fault != kernels.FINE:
+                return f'the segment from {cell_text(begin)} {FAULTS[fault][3:]} ({x}, {y})'
+        return None
 
     def measure(self, path: NDArray[np.int32]) -> PathMetrics:
         """Measure a path of single moves [n, 2], n > 0."""
@@ -78,31 +113,6 @@ class CollisionChecker:
         squared, unknown, turns = kernels.measure(*self.rules[:3], cells)
         clearance = math.inf if squared == kernels.NO_LETHAL else math.sqrt(squared)
         return PathMetrics(clearance * self._resolution, unknown * self._resolution, turns)
-
-
-def path_problem(
-    path: NDArray[np.int32],
-    checker: CollisionChecker,
-    start: Cell,
-    goal: Cell,
-    *,
-    corner_cutting: bool,
-) -> str | None:
-    """Say what is wrong with a path of cells [n, 2], or None.
-
-    It must run from start to goal, on the map, over free cells, by steps to one of the eight
-    neighbours, and past no blocked corner unless `corner_cutting`.
-    """
-    if len(path) == 0:
-        return 'it is empty'
-    ends = int(start[0]), int(start[1]), int(goal[0]), int(goal[1])
-    cells = np.ascontiguousarray(path, np.int64)
-    fault, n = kernels.path_fault(*checker.rules, cells, ends, corner_cutting)
-    if fault == kernels.FINE:
-        return None
-    if fault == kernels.ENDS:
-        return f'it runs from {cell_text(path[0])} to {cell_text(path[-1])}'
-    return f'{FAULTS[fault]} {cell_text(path[n])}'
 
 
 def via_problem(path: NDArray[np.int32], via: Sequence[Cell]) -> str | None:
@@ -122,25 +132,6 @@ def shift_problem(name: str, requested: Cell, used: Cell, limit: float) -> str |
     return (
         f'its {name} {used} is {distance:.2f} cells off {requested}, over the {limit:.2f} allowed'
     )
-
-
-def segments_problem(
-    points: NDArray[np.int32], checker: CollisionChecker, *, corner_cutting: bool
-) -> str | None:
-    """Say what is wrong with straight segments between cells [n, 2] at any angle, or None.
-
-    Every cell that a segment passes through must be free. Where it passes exactly over a corner
-    of cells, both cells at the corner's sides must be free too, unless `corner_cutting`. (The
-    search has its own line of sight; this one is written apart from it on purpose.)
-    """
-    cells = np.ascontiguousarray(points, np.int64)
-    for begin, end in pairwise(cells):
-        fault, x, y = kernels.segment_fault(*checker.rules, begin, end, corner_cutting)
-        if fault == kernels.CORNER:
-            return f'the segment from {cell_text(begin)} cuts a corner'
-        if fault != kernels.FINE:
-            return f'the segment from {cell_text(begin)} {FAULTS[fault][3:]} ({x}, {y})'
-    return None
 
 
 def invalid_poses(
@@ -179,25 +170,16 @@ def cell_text(cell: NDArray[np.int32]) -> str:
     return f'({cell[0]}, {cell[1]})'
 
 
-# Poses whose surroundings are looked at together.
-CHUNK = 64
-# Cells are taken to be this much smaller, in cells, than those of the search: for rounding.
-SHRINK = 1e-6
-# The occupancy of a lethal cell on a costmap, which has the threshold 99; see the table in
-# docs/robot.md.
-LETHAL_COST = 100
-
-
 def footprint_problem(path: NDArray[Any], costmap: Costmap, request: PlanRequest) -> str | None:
     """Say where the footprint of a request meets an obstacle on a path [n, 2], or None.
 
     The points are in grid coordinates. At each it looks along the path, to the next one and from
     the one before; at the last along the request's `goal_yaw` too. What it touches at the
-    `start_pose`, where the robot is, is no obstacle. Raises ValueError without a footprint.
+    `start_pose`, where the robot is, is no obstacle.
     """
     footprint, grid_map, config = request.footprint, costmap.grid_map, costmap.config
     if footprint is None:
-        raise ValueError('footprint: the request has none')
+        return None
     yaw = None if request.goal_yaw is None else request.goal_yaw - grid_map.origin.yaw
     poses = poses_along(path, yaw)
     corners = placed(footprint, poses, grid_map.resolution)

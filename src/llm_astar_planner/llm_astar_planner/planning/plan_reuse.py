@@ -63,9 +63,9 @@ def reuse_problem(
     """
     if not MapPlacement.of(grid_map).matches(planner.grid_map):
         return 'the map has another size, resolution, origin or frame'
-    problem = planner.path_problem(plan.path, plan.start, plan.goal)
+    problem = planner.checker.path_problem(plan.path, plan.start, plan.goal)
     if problem is None and plan.any_angle is not None:
-        problem = planner.segments_problem(plan.any_angle.points)
+        problem = planner.checker.segments_problem(plan.any_angle.points)
     if problem is None and footprint is not None:
         points = plan.path if plan.any_angle is None else plan.any_angle.points
         if FootprintChecker(planner.costmap, footprint).path_collides(points):

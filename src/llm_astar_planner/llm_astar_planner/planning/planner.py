@@ -61,5 +61,7 @@ class Planner(PathPlanner):
         has nothing in its cache. `stop` ends it as it ends a plan.
         """
         with suppress(Exception):  # where it does not compile, the plan says why
-            return compile_for(self.config, request, stop, has_landmarks=self.landmarks.nbytes > 0)
+            return compile_for(
+                self.config, request, stop, has_landmarks=self.landmarks.is_measured
+            )
         return True

@@ -125,7 +125,8 @@ class SegmentPlanner:
             if self.method.takes_late_waypoints and request.search_while_waiting:
                 task = self.query_meanwhile(query, arrivals)
             else:
-                waypoints = self.query_and_wait(query)
+                self.reply, self.seconds_source = query_source(*query, self.stop)
+                waypoints = self.check(self.reply)
         problem = SearchProblem(
             self.costmap.grid_graph,
             request.start,
@@ -197,19 +198,12 @@ class SegmentPlanner:
         """
         own = self.result
         expansions, storage = own.expansions + found.expansions, own.storage + found.storage
+        picture = own.expanded | found.expanded
+        self.result = SearchResult(
+            found.status, expansions, storage, picture, found.path, found.length
+        )
         if isinstance(own, BoundedResult):
-            self.result = replace(
-                found,
-                expanded=own.expanded | found.expanded,
-                expansions=expansions,
-                storage=storage,
-                first_expansions=expansions,
-            )
-        else:
-            picture = own.expanded | found.expanded
-            self.result = SearchResult(
-                found.status, expansions, storage, picture, found.path, found.length
-            )
+            self.result = replace(found, **vars(self.result), first_expansions=expansions)
         self.seconds_search += seconds
         self.by_heading, self.waypoints_used = True, False
 
@@ -243,11 +237,6 @@ class SegmentPlanner:
             request.sample,
         )
 
-    def query_and_wait(self, query: tuple[WaypointSource, WaypointQuery]) -> list[Waypoint]:
-        """Query the source before the search; return the waypoints for it."""
-        self.reply, self.seconds_source = query_source(*query, self.stop)
-        return self.check(self.reply)
-
     def query_meanwhile(
         self, query: tuple[WaypointSource, WaypointQuery], arrivals: deque[NDArray[np.float64]]
     ) -> QueryTask:
@@ -264,17 +253,14 @@ class SegmentPlanner:
 
     def check(self, reply: WaypointReply) -> list[Waypoint]:
         """Check a reply's waypoints by the rules of the method; return those that it gets."""
-        costmap, start = self.costmap, self.request.start
-        if self.method.as_published:
-            rejected = costmap.rejected_cells
-            self.checked_waypoints = check_waypoints(
-                reply.waypoints, rejected, costmap.components, start
-            )
-            return target_list(self.checked_waypoints, start, self.request.goal)[1:]
-        self.checked_waypoints = check_waypoints(
-            reply.waypoints, costmap.blocked, costmap.components, start, 0
+        costmap, (start, goal) = self.costmap, (self.request.start, self.request.goal)
+        is_published = self.method.as_published
+        occupied = costmap.rejected_cells if is_published else costmap.blocked
+        edge = PAPER_EDGE if is_published else 0
+        self.checked_waypoints = checked = check_waypoints(
+            reply.waypoints, occupied, costmap.components, start, edge
         )
-        return guiding_points(self.checked_waypoints)
+        return target_list(checked, start, goal)[1:] if is_published else guiding_points(checked)
 
 
 def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
@@ -283,9 +269,9 @@ def concatenate_results(segments: Sequence[SegmentPlanner]) -> SearchResult:
     Work, length, cost and lower bound add up: the cheapest path through the via points is made of
     the cheapest paths between them, so the bound of the sums is proven for the whole.
     """
+    if len(segments) == 1:
+        return segments[0].result
     first, *others = results = [segment.result for segment in segments]
-    if not others:
-        return first
     stopped = any(result.status is SearchStatus.STOPPED for result in results)
     whole = replace(
         first,
@@ -408,23 +394,17 @@ def mark_out_of_order(
     """
     if len(path) == 0 or len(waypoints) < 2:
         return tuple(waypoints)
-    accepted, points = [], []
-    for i, point in enumerate(waypoints):
-        if point.status is WaypointStatus.ACCEPTED:
-            accepted.append(i)
-            points.append((point.x, point.y))
+    marked = list(waypoints)
+    accepted = [i for i, point in enumerate(marked) if point.status is WaypointStatus.ACCEPTED]
     if len(accepted) < 2:
-        return tuple(waypoints)
-    places = nearest_places(path, np.array(points)).tolist()
-    if sorted(places) == places:
-        return tuple(waypoints)
-    in_order = {accepted[i] for i in longest_rising_run(places)}
-    return tuple(
-        replace(point, status=WaypointStatus.OUT_OF_ORDER)
-        if point.status is WaypointStatus.ACCEPTED and i not in in_order
-        else point
-        for i, point in enumerate(waypoints)
-    )
+        return tuple(marked)
+    points = np.array([(marked[i].x, marked[i].y) for i in accepted])
+    places = nearest_places(path, points).tolist()
+    if sorted(places) != places:
+        in_order = {accepted[i] for i in longest_rising_run(places)}
+        for i in set(accepted) - in_order:
+            marked[i] = replace(marked[i], status=WaypointStatus.OUT_OF_ORDER)
+    return tuple(marked)
 
 
 def snap(value: float, tolerance: float = 1e-6) -> float:

@@ -285,7 +285,10 @@ class CachedSource:
         with self._lock:
             kept = self._replies.get(key)
             if kept is not None:
-                return as_cached(kept)
+                detail = '; '.join(part for part in ('from the cache', kept.detail) if part)
+                return replace(
+                    kept, detail=detail, prompt_tokens=0, completion_tokens=0, seconds=0.0
+                )
             task = self._running.get(key)
             if task is None:
                 if len(self._running) >= MAX_PENDING:
@@ -319,9 +322,3 @@ class CachedSource:
             prompt=self.prompt,
             seconds=time.monotonic() - started,
         )
-
-
-def as_cached(reply: WaypointReply) -> WaypointReply:
-    """Return a reply from memory: no tokens, no time."""
-    detail = '; '.join(part for part in ('from the cache', reply.detail) if part)
-    return replace(reply, detail=detail, prompt_tokens=0, completion_tokens=0, seconds=0.0)

@@ -9,7 +9,7 @@ import hashlib
 import json
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -27,11 +27,7 @@ from llm_astar_planner.waypoints.source import (
     WaypointReply,
     WaypointSource,
 )
-from llm_astar_planner.waypoints.transcript import (
-    Exchange,
-    TranscriptWriter,
-    read_transcript,
-)
+from llm_astar_planner.waypoints.transcript import Exchange, TranscriptWriter, read_transcript
 
 _LOG = logging.getLogger(__name__)
 # The paper scales its maps by up to 10; searching more scales would only cost time.
@@ -74,13 +70,8 @@ class FixedReply:
         del query
         answer = read_answer(self.text)
         x_min, y_min = self.offset
-        return WaypointReply(
-            waypoints=tuple((x - x_min, y - y_min) for x, y in answer.waypoints),
-            label=self.name,
-            status=answer.status,
-            detail=answer.detail,
-            text=self.text,
-        )
+        points = tuple((x - x_min, y - y_min) for x, y in answer.waypoints)
+        return replace(answer, waypoints=points, label=self.name)
 
 
 class ReplayError(LlmAstarError, ValueError):
@@ -157,15 +148,13 @@ class ReplaySource:
         if not exchange.response:
             status = answer.status if exchange.status is SourceStatus.OK else exchange.status
             detail = f'recorded without an answer: {exchange.status.value}'
-            answer = answer._replace(status=status, detail=detail)
-        return WaypointReply(
+            answer = replace(answer, status=status, detail=detail)
+        return replace(
+            answer,
             waypoints=lattice.coarsened(exchange.unit).to_cells(
                 answer.waypoints, query.costmap, (query.start, query.goal)
             ),
             label=f'replay:{self.model}',
-            status=answer.status,
-            detail=answer.detail,
-            text=exchange.response,
             provenance=exchange.provenance,
             **{name: getattr(exchange, name) for name in SHARED},
         )

@@ -178,7 +178,8 @@ def parse_exchange(record: object, where: str = 'exchange') -> Exchange:
         for index, message in enumerate(values['messages'])
     )
     values['status'] = SourceStatus(values['status'])
-    return Exchange(*map(values.__getitem__, _FIELDS), provenance=Provenance(**known))
+    fields_of_line = {name: values[name] for name in _FIELDS}
+    return Exchange(**fields_of_line, provenance=Provenance(**known))
 
 
 def check_field(name: str, value: Any, where: str) -> None:  # noqa: ANN401 - any JSON value

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from llm_astar_lab.commands import COMMANDS as LAB_COMMANDS
 from llm_astar_lab.pictures.style import OBSTACLE
 from llm_astar_planner.cli.main import COMMANDS, main
 from llm_astar_planner.planning.parameters import PLANNER, SOURCE
@@ -346,7 +347,7 @@ def test_doctor_says_how_to_install_what_is_missing(capsys, monkeypatch):
     assert 'make install' in line
 
 
-@pytest.mark.parametrize('command', COMMANDS)
+@pytest.mark.parametrize('command', [*COMMANDS, *LAB_COMMANDS])
 def test_every_command_says_what_it_does(capsys, command):
     with pytest.raises(SystemExit) as end:
         main([command, '--help'])

@@ -58,7 +58,7 @@ class Parameters:
         """
         self._node = node
         self._table = {parameter.name: parameter for parameter in NODES[table]}
-        self._others = {other.name: other for other in OTHERS.get(table, ())}
+        self._others = OTHERS.get(table, {})
         self._check = check
         given = {
             name: node.get_parameter(name).value
@@ -100,19 +100,12 @@ class Parameters:
 
     def _declare(self, given: dict[str, Any]) -> None:
         defaults = {name: parameter.default for name, parameter in self._table.items()}
-        for name, other in self._others.items():
-            what = f'Deprecated: {other.advice}' if other.advice else f'See {other.replacement}'
-            descriptor = ParameterDescriptor(description=what)
-            self._node.declare_parameter(name, other.default, descriptor)
-            if name in given:
-                self._warn(name)
-                defaults |= other.translate(given[name])
+        for name, ours in self._others.items():
+            descriptor = ParameterDescriptor(description=f'See {ours}')
+            self._node.declare_parameter(name, defaults[ours], descriptor)
+            defaults[ours] = given.get(name, defaults[ours])
         for name, parameter in self._table.items():
             self._node.declare_parameter(name, defaults[name], descriptor_of(parameter))
-
-    def _warn(self, name: str) -> None:
-        for warning in self._others[name].warnings:
-            self._node.get_logger().warning(warning)
 
     def _problem(self, values: dict[str, Any]) -> str | None:
         for name, parameter in self._table.items():
@@ -122,9 +115,6 @@ class Parameters:
         return self._check(values) if self._check else None
 
     def _on_set(self, changed: list[Any]) -> SetParametersResult:
-        for change in changed:
-            if change.name in self._others:
-                self._warn(change.name)
         known = {change.name: change.value for change in changed if change.name in self._table}
         problem = self._problem(self.values() | known) if known else None
         return SetParametersResult(successful=problem is None, reason=problem or '')

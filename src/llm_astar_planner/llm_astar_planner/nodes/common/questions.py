@@ -126,7 +126,7 @@ class InterpretationServer:
         self._geojson: Mapping[str, Any] | None = None
         self._places = NO_PLACES
         QuestionServer(entities, self.interpret, limit=MAX_QUESTION_WITH_PLACES, waits=True)
-        entities.on_close(self.close)
+        entities.on_close(lambda: self._background.close())  # noqa: PLW0108 - it is replaced
 
     def adopt(self, interpreter: Interpreter) -> None:
         """Ask this interpreter from now on; questions that wait for another are dropped."""
@@ -134,10 +134,6 @@ class InterpretationServer:
             before, self._interpreter = self._background, interpreter
             self._background = BackgroundInterpreter(self._grammar, interpreter, LIMIT_S)
             before.close()
-
-    def close(self) -> None:
-        """Ask no more."""
-        self._background.close()
 
     def interpret(self, question: Question, on_answer: OnAnswer) -> Interpretation:
         """Return what the grammar understands. Raises PlacesError for the question's places."""

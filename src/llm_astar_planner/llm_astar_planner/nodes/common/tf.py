@@ -13,9 +13,9 @@ from llm_astar_msgs_adapter.maps.grid_map import Pose2D
 from llm_astar_msgs_adapter.messages.fields import pose_from_message
 from llm_astar_msgs_adapter.messages.transforms import flat_pose, matrix_of, moved
 from numpy.typing import NDArray
-from rclpy.node import Node
 from rclpy.time import Time
 
+from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.search.stop import POLL_PERIOD_S
 
@@ -103,27 +103,24 @@ class Frames:
             time.sleep(POLL_PERIOD_S)
 
 
-class TransformListener:
-    """Fills a buffer from `/tf` and `/tf_static`, with a node and a thread of its own.
+def listen(entities: Entities) -> Frames:
+    """Return the transforms of `/tf` and `/tf_static`, none without tf2_ros.
 
-    Hundreds of transforms may arrive in a second, and they must not wait for plans.
+    They have a node and a thread of their own, since hundreds of them may arrive in a second, and
+    must not wait for plans.
     """
-
-    def __init__(self, parent: Node) -> None:
-        """Start to listen, in the context of `parent`. Needs tf2_ros."""
-        # Of the parent's remaps only those of the topics: __node would give both the same name.
-        topics = {name: parent.resolve_topic_name(name) for name in ('/tf', '/tf_static')}
-        remaps = [word for name, to in topics.items() for word in ('-r', f'{name}:={to}')]
-        clock = parent.get_parameter('use_sim_time')
-        self._node = side_node(
-            parent, 'transforms', cli_args=['--ros-args', *remaps], parameter_overrides=[clock]
-        )
-        self.buffer = tf2_ros.Buffer(node=self._node)
-        self._listener = tf2_ros.TransformListener(self.buffer, self._node)
-        self._thread = SpinThread(self._node)
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self._thread.close()
-        self._listener.unregister()
-        self._node.destroy_node()
+    if not HAS_TF2:
+        return Frames(None)
+    parent = entities.node
+    # Of the parent's remaps only those of the topics: __node would give both the same name.
+    topics = {name: parent.resolve_topic_name(name) for name in ('/tf', '/tf_static')}
+    remaps = [word for name, to in topics.items() for word in ('-r', f'{name}:={to}')]
+    clock = parent.get_parameter('use_sim_time')
+    node = side_node(
+        parent, 'transforms', cli_args=['--ros-args', *remaps], parameter_overrides=[clock]
+    )
+    entities.on_close(node.destroy_node)
+    buffer = tf2_ros.Buffer(node=node)
+    entities.on_close(tf2_ros.TransformListener(buffer, node).unregister)
+    entities.on_close(SpinThread(node).close)
+    return Frames(buffer)

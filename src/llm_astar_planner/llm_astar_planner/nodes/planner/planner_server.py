@@ -22,14 +22,13 @@ from llm_astar_planner.nodes.common.map_subscription import MapSubscription
 from llm_astar_planner.nodes.common.parameters import Parameters
 from llm_astar_planner.nodes.common.qos import RELIABLE
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
-from llm_astar_planner.nodes.common.tf import HAS_TF2, Frames, TransformListener
+from llm_astar_planner.nodes.common.tf import listen
 from llm_astar_planner.nodes.planner.goals import (
     PlanGoal,
     PreemptingGoalSlot,
 )
 from llm_astar_planner.nodes.planner.instruction_server import InstructionServer
 from llm_astar_planner.nodes.planner.map_manager import MapManager
-from llm_astar_planner.nodes.planner.mask_subscription import MaskSubscription
 from llm_astar_planner.nodes.planner.path_monitor import PathMonitor
 from llm_astar_planner.nodes.planner.path_validity import (
     PathValidityService,
@@ -40,7 +39,7 @@ from llm_astar_planner.nodes.planner.request_conversion import RequestConverter
 from llm_astar_planner.nodes.planner.request_handler import RequestHandler
 from llm_astar_planner.nodes.planner.robot_footprint import RobotFootprint
 from llm_astar_planner.nodes.planner.waypoint_client import WaypointClient
-from llm_astar_planner.nodes.planner.zone_server import ZoneServer
+from llm_astar_planner.nodes.planner.zone_server import MaskSubscription, ZoneServer
 from llm_astar_planner.planning.compile import KernelCompiler
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.plan_reuse import CachedWaypointSource
@@ -71,10 +70,11 @@ class PlannerServer:
         self._instructions = InstructionServer(
             entities, settings, lambda: self._places.places, self.on_understood
         )
-        self._client = self.make_client()
+        name = settings['llm_client']
+        self._client = WaypointClient(entities, name, self.on_client_change) if name else None
         self._cache = CachedWaypointSource(self._client) if self._client else None
         compiler = self.make_compiler()
-        frames = self.make_frames()
+        frames = listen(entities)
         self._maps = MapManager(
             node.get_logger(),
             lambda: costmap_config(settings.values()),
@@ -192,28 +192,11 @@ class PlannerServer:
         self._entities.on_close(compiler.close)
         return compiler
 
-    def make_client(self) -> WaypointClient | None:
-        """Return the client of the waypoint node, None if no node is to be asked."""
-        name = self._settings['llm_client']
-        if not name:
-            return None
-        client = WaypointClient(self._node, name, self.on_client_change)
-        self._entities.on_close(client.close)
-        return client
-
     def on_client_change(self) -> None:
         """Drop the client's answers: it may answer differently from now on."""
         self._instructions.on_client_change()
         if self._cache is not None:
             self._cache.clear()
-
-    def make_frames(self) -> Frames:
-        """Return the transforms, empty without tf2_ros."""
-        if not HAS_TF2:
-            return Frames(None)
-        listener = TransformListener(self._node)
-        self._entities.on_close(listener.close)
-        return Frames(listener.buffer)
 
     def subscribe(self) -> None:
         """Subscribe."""

@@ -47,6 +47,8 @@ POSE_SECONDS = 20e-6
 LEAST_SECONDS = 0.001
 
 PERIOD_S = 1.0
+# Of the last plan, besides its code.
+LAST = ('guided_by', 'ratio', 'source_status', 'source_detail')
 
 
 class PathWriter:
@@ -112,7 +114,7 @@ class PathWriter:
         if self._fits is not None:
             exact = ends_that_fit(cells, exact, self._planner.checker, self._fits)
         places = grid_map.grid_to_world(with_exact_ends(cells, *exact, self._planner.checker))
-        begins, arrives = (end is not None for end in exact)
+        begins, arrives = exact[0] is not None, exact[1] is not None
         if arrives:
             places[-1] = ends[1]
         if begins:
@@ -274,10 +276,7 @@ class PlanStatistics:
                 'plans_made': self._made,
                 'certified_ratio': self._certified / self._made if self._made else None,
                 'last_code': last.get('code_name'),
-                'last_guided_by': last.get('guided_by'),
-                'last_ratio': last.get('ratio'),
-                'last_source_status': last.get('source_status'),
-                'last_source_detail': last.get('source_detail'),
+                **{f'last_{name}': last.get(name) for name in LAST},
             }
 
 

@@ -22,6 +22,7 @@ from rclpy.qos import qos_profile_parameter_events
 
 from llm_astar_planner.costmap.config import CostmapConfig
 from llm_astar_planner.nodes.common.asking import ask, setting
+from llm_astar_planner.nodes.common.entities import Entities
 from llm_astar_planner.nodes.common.qos import CALLS, REPORTS
 from llm_astar_planner.nodes.common.spin import SpinThread, side_node
 from llm_astar_planner.planning.parameters import SET_BY_PLANNER
@@ -64,14 +65,16 @@ class WaypointClient:
 
     name = LABEL
 
-    def __init__(self, parent: Node, client: str, on_change: Callable[[], None]) -> None:
-        """Join the graph next to `parent`, in its context and namespace, to query node `client`.
+    def __init__(self, entities: Entities, client: str, on_change: Callable[[], None]) -> None:
+        """Join the graph next to the node of `entities`, to query node `client`.
 
         `on_change` is called when the client starts or somebody else changes its parameters: it
         may answer differently from then on.
         """
+        parent = entities.node
         self._client_name = client
         self._node = side_node(parent, 'waypoints')
+        entities.on_close(self._node.destroy_node)
         service = parent.resolve_service_name(f'{client}/get_waypoints')
         exchange = parent.resolve_topic_name(f'{client}/exchange')
         self._client = self._node.create_client(GetPlan, service, qos_profile=CALLS)
@@ -85,17 +88,12 @@ class WaypointClient:
         self._node.create_subscription(
             ParameterEvent, '/parameter_events', self.on_event, qos_profile_parameter_events
         )
-        self._thread = SpinThread(self._node)
+        entities.on_close(SpinThread(self._node).close)
 
     @property
     def ready(self) -> bool:
         """Whether the client's service is there."""
         return bool(self._client.service_is_ready())
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self._thread.close()
-        self._node.destroy_node()
 
     def waypoints(self, query: WaypointQuery) -> WaypointReply:
         """Query the client; every failure is a status, within the query's time limit."""

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 # More than any squared distance on a map.
 NO_LETHAL = 2**62
-# Half the sides, in cells, of the squares that are looked at before tiles are.
-NEAR_SIDES = (4, 12)
+# Half the side, in cells, of the square that is looked at before tiles are.
+NEAR = 12
 TILE = 32
 # Parts of a path this short are looked at cell by cell.
 SHORT = 4
@@ -52,33 +52,19 @@ def nearest_lethal(
     cells: NDArray[np.int8], tiles: NDArray[np.uint8], threshold: int, x: int, y: int, limit: int
 ) -> int:
     """Return the squared distance from a cell to the nearest lethal one, at most `limit`."""
-    height = len(cells)
     best = limit
-    done = -1
-    for side in NEAR_SIDES:
-        if (done + 1) * (done + 1) >= best:
+    for away in range(NEAR + 1):
+        if away * away >= best:
             return best
-        for away in range(side + 1):
-            if away * away >= best:
-                break
-            half = side
-            if side * side + away * away >= best:
-                half = int(math.sqrt(best - 1 - away * away))
-            # The rows above and below; of those in the last square, what is left and right of it.
-            for part in range(4):
-                place = y + away if part & 1 else y - away
-                first, last = x - half, x + half
-                if away <= done:
-                    first = x + done + 1 if part & 2 else first
-                    last = last if part & 2 else x - done - 1
-                elif part & 2:
-                    break
-                if 0 <= place < height:
-                    nearest = nearest_in_row(cells[place], threshold, x, first, last)
-                    if nearest < NO_LETHAL:
-                        best = min(best, nearest * nearest + away * away)
-        done = side
-    if (done + 1) * (done + 1) >= best:
+        half = NEAR
+        if NEAR * NEAR + away * away >= best:
+            half = int(math.sqrt(best - 1 - away * away))
+        for place in (y - away, y + away):
+            if 0 <= place < len(cells):
+                nearest = nearest_in_row(cells[place], threshold, x, x - half, x + half)
+                if nearest < NO_LETHAL:
+                    best = min(best, nearest * nearest + away * away)
+    if best <= (NEAR + 1) * (NEAR + 1):
         return best
     return nearest_by_tiles(cells, tiles, threshold, x, y, best)
 
@@ -269,17 +255,15 @@ def path_fault(
             corners[2 * count, 0], corners[2 * count, 1] = path[n + 1, 0], path[n, 1]
             corners[2 * count + 1, 0], corners[2 * count + 1, 1] = path[n, 0], path[n + 1, 1]
             count += 1
-    for fault in (OBSTACLE, JUMP, CORNER):
-        if fault == JUMP:
-            if jump >= 0:
-                return JUMP, jump
-            continue
-        if fault == CORNER and corner_cutting:
-            break
-        places = path if fault == OBSTACLE else corners
-        n = first_blocked(cells, tiles, threshold, allow_unknown, reach, places)
+    n = first_blocked(cells, tiles, threshold, allow_unknown, reach, path)
+    if n >= 0:
+        return OBSTACLE, n
+    if jump >= 0:
+        return JUMP, jump
+    if not corner_cutting:
+        n = first_blocked(cells, tiles, threshold, allow_unknown, reach, corners)
         if n >= 0:
-            return fault, n if fault == OBSTACLE else moves[n // 2]
+            return CORNER, moves[n // 2]
     return FINE, 0
 
 
@@ -326,13 +310,13 @@ def segment_fault(
         if to_row <= to_column:
             y += step_y
             along += 1
-    for fault in (OBSTACLE, CORNER):
-        places = passed[:count] if fault == OBSTACLE else corners[:corner_count]
-        if fault == CORNER and corner_cutting:
-            break
-        n = first_blocked(cells, tiles, threshold, allow_unknown, reach, places)
+    n = first_blocked(cells, tiles, threshold, allow_unknown, reach, passed[:count])
+    if n >= 0:
+        return OBSTACLE, passed[n, 0], passed[n, 1]
+    if not corner_cutting:
+        n = first_blocked(cells, tiles, threshold, allow_unknown, reach, corners[:corner_count])
         if n >= 0:
-            return fault, places[n, 0], places[n, 1]
+            return CORNER, corners[n, 0], corners[n, 1]
     return FINE, 0, 0
 
 

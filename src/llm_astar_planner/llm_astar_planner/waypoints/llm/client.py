@@ -10,11 +10,10 @@ from __future__ import annotations
 import asyncio
 import functools
 import logging
-import ssl
 import threading
 import time
 import zlib
-from collections.abc import Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -48,6 +47,8 @@ CLOSE_S = 0.2
 ENCODING = {'Accept-Encoding': 'gzip, deflate'}
 # zlib's windowBits for the largest window and either header, that of gzip or that of zlib.
 ANY_HEADER = 47
+# The TLS context is made once: loading the certificates takes tens of ms.
+tls_context = functools.cache(httpx.create_ssl_context)
 
 
 # Whether the present request is one of ours.
@@ -96,27 +97,35 @@ class ChatClient:
         running at the deadline may go on for `late_s` seconds; no new one is made.
         Raises EndpointFailure; its text holds no key.
         """
+
+        def ask(dialect: Dialect) -> Completion:
+            return self._request(dialect.body(self.model, messages, schema), deadline + late_s)
+
         with self.breaker.watched():
             if time.monotonic() >= deadline:
                 raise EndpointFailure(SourceStatus.TIMEOUT, 'no time is left', is_ours=True)
-            dialect, attempt = self.dialect, 0
-            while True:
-                body = dialect.body(self.model, messages, schema)
-                try:
-                    completion = self._request(body, deadline + late_s)
-                    break
-                except EndpointFailure as failure:
-                    adapted = dialect.adapted_to(failure)
-                    if adapted is not None and time.monotonic() < deadline:
-                        dialect = adapted
-                        continue
-                    attempt += 1
-                    delay = retry_delay(failure, attempt, self.max_retries)
-                    if delay is None or time.monotonic() + delay >= deadline:
-                        raise
-                time.sleep(delay)
-            self.dialect = dialect
-        return dialect.ended(completion)
+            completion = self._ask_again(ask, deadline)
+        return self.dialect.ended(completion)
+
+    def _ask_again(self, ask: Callable[[Dialect], Completion], deadline: float) -> Completion:
+        """Ask, and again in another dialect or after a pause where that may help."""
+        dialect, attempt = self.dialect, 0
+        while True:
+            try:
+                completion = ask(dialect)
+            except EndpointFailure as failure:
+                adapted = dialect.adapted_to(failure)
+                if adapted is not None and time.monotonic() < deadline:
+                    dialect = adapted
+                    continue
+                attempt += 1
+                delay = retry_delay(failure, attempt, self.max_retries)
+                if delay is None or time.monotonic() + delay >= deadline:
+                    raise
+            else:
+                self.dialect = dialect
+                return completion
+            time.sleep(delay)
 
     def problem(self) -> str | None:
         """Return why the endpoint is not asked at present, None where it is."""
@@ -207,16 +216,11 @@ async def wait_at_most(limit: float, request: Coroutine[Any, Any, HttpReply]) ->
     done, _ = await asyncio.wait({task}, timeout=max(0.0, limit))
     if not done:
         task.cancel()
-        task.add_done_callback(take_exception)
+        # Or asyncio logs an error that comes too late, which may quote the server.
+        task.add_done_callback(lambda late: late.cancelled() or late.exception())
         await asyncio.wait({task}, timeout=CLOSE_S)
         raise timed_out(limit)
     return task.result()
-
-
-def take_exception(task: asyncio.Task[HttpReply]) -> None:
-    """Keep asyncio from logging an error that came too late, which may quote the server."""
-    if not task.cancelled():
-        task.exception()
 
 
 async def post(
@@ -271,12 +275,6 @@ async def read_body(response: httpx.Response) -> bytes:
             problem = f'the reply is longer than {MAX_BODY} bytes'
             raise EndpointFailure(SourceStatus.MALFORMED, problem)
     return bytes(data)
-
-
-@functools.lru_cache(maxsize=1)
-def tls_context() -> ssl.SSLContext:
-    """Return the TLS context, made once: loading the certificates takes tens of ms."""
-    return httpx.create_ssl_context()
 
 
 def timed_out(limit: float) -> EndpointFailure:

@@ -14,12 +14,7 @@ from llm_astar_planner.waypoints.config import DEFAULT_PROMPT, SourceContext, So
 from llm_astar_planner.waypoints.llm.client import ChatClient, make_client
 from llm_astar_planner.waypoints.llm.protocol import Completion, is_context_too_long
 from llm_astar_planner.waypoints.llm.resilience import EndpointFailure
-from llm_astar_planner.waypoints.llm.route_feedback import (
-    ASK_FOR_A_LIST,
-    Fault,
-    find_faults,
-    follow_up,
-)
+from llm_astar_planner.waypoints.llm.route_feedback import ASK_FOR_A_LIST, find_faults, follow_up
 from llm_astar_planner.waypoints.prompts.examples import Prompt, load_example_library
 from llm_astar_planner.waypoints.prompts.map_description import (
     Description,
@@ -27,7 +22,7 @@ from llm_astar_planner.waypoints.prompts.map_description import (
     describe,
     describe_coarser,
 )
-from llm_astar_planner.waypoints.prompts.reply_parser import Answer, read_answer
+from llm_astar_planner.waypoints.prompts.reply_parser import read_answer
 from llm_astar_planner.waypoints.prompts.template import (
     Example,
     ask_for_json,
@@ -52,15 +47,15 @@ LATE_S = 60.0
 MAX_QUOTED_CHARS = 4000
 
 
-def answer_of(completion: Completion) -> Answer:
+def answer_of(completion: Completion) -> WaypointReply:
     """Parse a completion; the detail says if the model refused or the reply was cut short."""
     answer = read_answer(completion.text)
     if answer.status is not SourceStatus.MALFORMED:
         return answer
     if completion.refusal:
-        return answer._replace(detail=f'the model refused: {completion.refusal[:200]}')
+        return replace(answer, detail=f'the model refused: {completion.refusal[:200]}')
     if completion.finish_reason == 'length':
-        return answer._replace(detail=f'{answer.detail}; it was cut short at max_output_tokens')
+        return replace(answer, detail=f'{answer.detail}; it was cut short at max_output_tokens')
     return answer
 
 
@@ -166,7 +161,7 @@ class Conversation:
             if not faults or before.status is not SourceStatus.OK or not self._has_time():
                 return
             try:
-                self._follow_up(follow_up(faults, self.lattice))
+                self._follow_up(follow_up(faults))
             except EndpointFailure:
                 return
             new_faults = self._faults()
@@ -192,9 +187,9 @@ class Conversation:
         """Return whether an answer as slow as the last one would still come in time."""
         return time.monotonic() + self.last_seconds < self.deadline
 
-    def _faults(self) -> list[Fault]:
-        query = self.query
-        return find_faults(query.costmap, query.start, query.goal, self.turn.waypoints)
+    def _faults(self) -> list[str]:
+        query, points = self.query, self.turn.waypoints
+        return find_faults(query.costmap, query.start, query.goal, points, self.lattice)
 
     def _follow_up(self, question: str) -> None:
         """Quote the last answer to the model and ask about it. Raises EndpointFailure."""
@@ -221,14 +216,7 @@ class Conversation:
             prompt_digest=self.source.prompt.digest,
             temperature=self.source.client.dialect.temperature,
         )
-        self.turn = WaypointReply(
-            waypoints,
-            status=answer.status,
-            detail=answer.detail,
-            text=completion.text,
-            messages=messages,
-            provenance=provenance,
-        )
+        self.turn = replace(answer, waypoints=waypoints, messages=messages, provenance=provenance)
 
 
 def make_endpoint(context: SourceContext) -> WaypointSource:
@@ -237,8 +225,11 @@ def make_endpoint(context: SourceContext) -> WaypointSource:
     Raises SettingsError, TemplateError, ExamplesError or OSError where a setting cannot be used.
     """
     settings = context.settings
-    prompt = make_prompt(settings)
-    client = make_client(settings, prompt.template.stop)
+    template = load_template(settings.prompt or DEFAULT_PROMPT)
+    count = settings.retrieved_examples
+    library = load_example_library(settings.examples_file, count) if count else None
+    prompt = Prompt(template, settings.prompt_form, library, count)
+    client = make_client(settings, template.stop)
     source: WaypointSource = EndpointSource(client, prompt, settings, LATE_S, context.dataset)
     if settings.record:
         source = RecordingSource(source, TranscriptWriter(settings.record), context.dataset)
@@ -249,14 +240,6 @@ def make_endpoint(context: SourceContext) -> WaypointSource:
         size=settings.cache_size,
         timeout_s=settings.timeout_s,
     )
-
-
-def make_prompt(settings: SourceSettings) -> Prompt:
-    """Make the prompt that settings name. Raises TemplateError or ExamplesError for its files."""
-    template = load_template(settings.prompt or DEFAULT_PROMPT)
-    count = settings.retrieved_examples
-    library = load_example_library(settings.examples_file, count) if count else None
-    return Prompt(template, settings.prompt_form, library, count)
 
 
 def client_of(source: WaypointSource) -> ChatClient | None:
