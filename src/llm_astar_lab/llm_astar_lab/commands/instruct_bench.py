@@ -44,20 +44,20 @@ from llm_astar_lab.instruct_bench.report import (
 from llm_astar_lab.instruct_bench.results import InstructionResult
 from llm_astar_lab.instruct_bench.runner import (
     NO_INSTRUCTION,
+    NO_SOURCE,
+    TRUE_SOURCE,
     TRUTH,
-    InterpreterSource,
-    NoInstructionSource,
     Source,
     SuiteRunner,
-    TruthSource,
+    interpreter_source,
 )
 from llm_astar_lab.instruct_bench.suite import Suite, SuiteInstruction, load_suite
-from llm_astar_lab.instruct_bench.summary import summary_to_json
-from llm_astar_lab.instruct_bench.thresholds import (
+from llm_astar_lab.instruct_bench.summary import (
     METRICS,
     SuiteThreshold,
     missed_suite_thresholds,
     parse_suite_threshold,
+    summary_to_json,
 )
 from llm_astar_lab.results.folder import ResultsFolder, describe_run, format_csv
 from llm_astar_lab.results.row import ResultsError
@@ -220,16 +220,11 @@ def model_values(args: argparse.Namespace) -> dict[str, Any]:
 
 def make_sources(chosen: Sequence[str], values: dict[str, Any]) -> list[Source]:
     """Return the sources by name; raises what the interpreters raise for their settings."""
-    own: dict[str, Source] = {TRUTH: TruthSource(), NO_INSTRUCTION: NoInstructionSource()}
-    made: list[Source] = []
-    for name in chosen:
-        if name in own:
-            made.append(own[name])
-            continue
+    made = {TRUTH: TRUE_SOURCE, NO_INSTRUCTION: NO_SOURCE}
+    for name in (name for name in chosen if name not in made):
         settings = values | {'source': NO_INSTRUCTION if name == GRAMMAR else name}
-        interpreter = make_interpreter(settings)
-        made.append(InterpreterSource(name, interpreter, values['timeout_s']))
-    return made
+        made[name] = interpreter_source(name, make_interpreter(settings), values['timeout_s'])
+    return [made[name] for name in chosen]
 
 
 def common_request(args: argparse.Namespace) -> PlanRequest:
