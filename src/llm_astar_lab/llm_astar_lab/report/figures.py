@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 from llm_astar_msgs_adapter.maps.barrier_map import Barrier, BarrierMap
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
+from llm_astar_planner.search.expansion_order import ExpansionOrder, ExpansionRecorder
+from llm_astar_planner.search.paper import Method, SearchOptions, astar, llm_astar
 from llm_astar_planner.search.result import Cell, describe_expansions
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from llm_astar_lab.analysis.paired import VariantChange
-from llm_astar_lab.analysis.run_comparison import RunComparison
+from llm_astar_lab.analysis.run_comparison import RunComparison, VariantChange
 from llm_astar_lab.analysis.statistics import Interval
 from llm_astar_lab.analysis.summary import Growth, VariantSummary
-from llm_astar_lab.analysis.trace import trace
 from llm_astar_lab.pictures import style
 from llm_astar_lab.pictures.style import OBSTACLE, PATH
 from llm_astar_lab.report.sentences import variant_label
@@ -140,25 +140,55 @@ def showcase_figure(
 ) -> Figure:
     """Draw LLM-A* target by target and against A*, chebyshev, as the paper's Figure 4."""
     blocked = barrier_map.to_grid().blocked()
-    guided = trace(blocked, *endpoints, [*waypoints, endpoints[1]], 'chebyshev')
-    plain = trace(blocked, *endpoints, (), 'chebyshev')
-    stages = [*guided.switches, len(guided.order)]
+    guided, path = traced(llm_astar, blocked, endpoints, [*waypoints, endpoints[1]])
+    plain, shortest = traced(astar, blocked, endpoints, ())
+    expanded = cells_of(guided, blocked)
+    # The next waypoint becomes the target where the one before is a neighbour of a cell.
+    stages: list[int] = []
+    for number, cell in enumerate(expanded, start=1):
+        while (at := len(stages)) < len(waypoints) and chebyshev(cell, waypoints[at]) == 1:
+            stages.append(int(guided.steps[np.searchsorted(guided.steps[:, 1], number), 0]))
+    stages.append(guided.expansions)
     figure = Figure(figsize=(3.3 * (len(stages) + 1), 3.9), layout='constrained')
     panels = figure.subplots(1, len(stages) + 1)
     for number, (axes, count) in enumerate(zip(panels, stages), start=1):
         last = number == len(stages)
         aim = 'the goal' if last else f'waypoint {number}'
-        draw_cells(axes, blocked, (guided.order[:count], style.EXPANDED))
+        draw_cells(axes, blocked, (expanded[: guided.cells_after(count)], style.EXPANDED))
         if last:
-            axes.plot(*zip(*guided.path), color=PATH, linewidth=2)
+            axes.plot(*zip(*path), color=PATH, linewidth=2)
         mark_points(axes, endpoints, waypoints)
         axes.set_title(f'LLM-A* towards {aim}:\n{describe_expansions(count)}', fontsize=9)
-    draw_cells(panels[-1], blocked, (guided.order, style.EXPANDED), (plain.order, BEYOND))
-    panels[-1].plot(*zip(*plain.path), color=PATH, linewidth=2)
+    draw_cells(panels[-1], blocked, (expanded, style.EXPANDED), (cells_of(plain, blocked), BEYOND))
+    panels[-1].plot(*zip(*shortest), color=PATH, linewidth=2)
     mark_points(panels[-1], endpoints, ())
-    all_of_astar = describe_expansions(len(plain.order))
+    all_of_astar = describe_expansions(plain.expansions)
     panels[-1].set_title(f'A* (grey: not by LLM-A*):\n{all_of_astar}', fontsize=9)
     return figure
+
+
+def traced(
+    method: Method,
+    blocked: NDArray[np.bool_],
+    endpoints: tuple[Cell, Cell],
+    targets: Sequence[Cell],
+) -> tuple[ExpansionOrder, NDArray[np.int32]]:
+    """Search with the chebyshev heuristic; return the order of expansion and the path [n, 2]."""
+    recorder = ExpansionRecorder(blocked.shape, blocked.size)
+    options = SearchOptions('chebyshev', recorder=recorder)
+    path = method(blocked, *endpoints, targets, options).path
+    return recorder.order(), path
+
+
+def cells_of(order: ExpansionOrder, blocked: NDArray[np.bool_]) -> list[Cell]:
+    """Return the cells (x, y) in the order of their expansion."""
+    y, x = np.divmod(order.order, blocked.shape[1])
+    return list(zip(x.tolist(), y.tolist()))
+
+
+def chebyshev(cell: Cell, other: Cell) -> int:
+    """Return the largest difference of the coordinates of two cells."""
+    return max(abs(cell[0] - other[0]), abs(cell[1] - other[1]))
 
 
 def save_map_pictures(maps: Sequence[ProblemMap], folder: str | Path) -> list[Path]:
