@@ -17,7 +17,7 @@ from llm_astar_lab.analysis.run_comparison import (
     load_run,
 )
 from llm_astar_lab.report.comparison import Judgement, sample_table
-from llm_astar_lab.report.formats import csv_table, write_tables
+from llm_astar_lab.report.table import csv_table, write_tables
 from llm_astar_lab.results.folder import ResultsFolder, without_nan
 
 OK, REGRESSION, UNJUDGED = 0, 1, 3

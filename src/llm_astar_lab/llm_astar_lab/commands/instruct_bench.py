@@ -1,8 +1,8 @@
 """Measure on a suite how well route instructions are understood, enforced and reported.
 
 Each instruction is understood by each source, planned, and the path held against the machine
-checks of the suite, which share no code with the planner. A suite is a JSON file of maps, places
-and instructions with their truth.
+checks of the suite, which share no code with the search or the enforcement. A suite is a JSON
+file of maps, places and instructions with their truth.
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ from typing import Any
 from llm_astar_msgs_adapter.maps.problem_maps import load_kept_maps
 
 from llm_astar_lab.analysis.summary import summarise_run
-from llm_astar_lab.report.formats import write_tables
-from llm_astar_lab.report.markdown import replace_section, results_section
+from llm_astar_lab.report.pages import replace_section, results_section
+from llm_astar_lab.report.table import write_tables
 from llm_astar_lab.report.tables import report_tables
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 

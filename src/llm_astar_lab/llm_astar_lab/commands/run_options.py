@@ -40,7 +40,7 @@ from llm_astar_lab.analysis.thresholds import (
     reference_lengths,
     unknown_variant,
 )
-from llm_astar_lab.commands.option_types import count, file_names, method_names, names, threshold
+from llm_astar_lab.commands.option_types import count, file_names, names, threshold
 from llm_astar_lab.report.sentences import recorded_sentence
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError
@@ -84,7 +84,7 @@ OK, MISSED, BAD_INPUT, INCOMPLETE, INTERRUPTED = 0, 1, 2, 3, 130
 def add_variants(group: Any) -> None:  # noqa: ANN401 - argparse keeps its type private
     """Add the options that choose methods, sources, prompts and models."""
     group.add_argument(
-        '--methods', type=method_names, metavar='NAMES',
+        '--methods', type=names, metavar='NAMES',
         help=f'of {", ".join(ALL_METHODS)}, or plug-ins (default: all of these)',
     )  # fmt: skip
     group.add_argument(
@@ -353,7 +353,7 @@ def close_run(
 ) -> int:
     """Write the reports of a run, print the table, and return the exit code."""
     # Importing matplotlib takes most of a second, which bad usage should not wait for.
-    from llm_astar_lab.report.markdown import text_report  # noqa: PLC0415
+    from llm_astar_lab.report.pages import text_report  # noqa: PLC0415
     from llm_astar_lab.report.write import write_report  # noqa: PLC0415
 
     maps = load_kept_maps(folder.path / MAPS_FILE)

@@ -16,8 +16,14 @@ from matplotlib.font_manager import findfont
 from PIL import Image, ImageDraw, ImageFont
 
 from llm_astar_lab.pictures import raster, style
-from llm_astar_lab.pictures.comparison import on_one_window, panels_for
-from llm_astar_lab.pictures.figures import Picture, add_legend, draw, write_labels
+from llm_astar_lab.pictures.figures import (
+    Picture,
+    add_legend,
+    draw,
+    on_one_window,
+    panels_for,
+    write_labels,
+)
 
 # Dots per inch of a figure of 8 inches: 880 pixels, what a README shows.
 DPI = 110

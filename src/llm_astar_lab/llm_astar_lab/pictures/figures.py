@@ -34,8 +34,14 @@ from llm_astar_lab.pictures.instructions import (
     add_instruction_legend,
     draw_instruction,
 )
-from llm_astar_lab.pictures.labels import Labels
-from llm_astar_lab.pictures.places import draw_places, write_names
+from llm_astar_lab.pictures.places import (
+    Labels,
+    bounds_of,
+    cells_to_metres,
+    draw_codes,
+    draw_places,
+    write_names,
+)
 from llm_astar_lab.pictures.style import Mark
 
 # Inches and dots: 1280 pixels, of which a README shows 880, with text that is read there.
@@ -59,14 +65,13 @@ METHOD_NAMES = {
 MAX_OUTLINES = 100
 # The order of a legend; what is not here comes first.
 LEGEND = (
-    'path',
-    "robot's own plan",
-    'footprint',
-    'expanded',
-    'inflated zone',
-    'obstacle',
-    'unknown',
-)
+    'path', "robot's own plan", 'footprint', 'expanded', 'inflated zone', 'obstacle', 'unknown',
+)  # fmt: skip
+# Maps that are so many times as wide as high are drawn below each other.
+WIDE = 2.6
+MAX_PANEL_HEIGHT = 4.4
+# Inches of a picture that is one of several on a page, and of its scale bar.
+PANEL_WIDTH, SCALE_BAR = 4.6, 0.5
 CASING = [Stroke(linewidth=4.4, foreground=style.PATH_OUTLINE), Normal()]
 
 
@@ -111,9 +116,13 @@ class Picture:
 
     def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return points [n, 2] in metres of the map's frame in the coordinates of the axes."""
-        if self.in_metres:
-            return points
-        return self.grid_map.world_to_grid(points) + self.offset
+        return points if self.in_metres else self.on_axes(self.grid_map.world_to_grid(points))
+
+    @cached_property
+    def to_axes(self) -> Affine2D:
+        """The transform from grid coordinates to the coordinates of the axes."""
+        in_cells = Affine2D().translate(*self.offset)
+        return cells_to_metres(self.grid_map) if self.in_metres else in_cells
 
     @cached_property
     def codes(self) -> NDArray[np.uint8]:
@@ -300,13 +309,13 @@ def write_labels(axes: Axes, picture: Picture) -> None:
     labels = Labels(axes, picture.on_axes(picture.path))
     marks = [picture.on_axes(points) for _, points in marks_of(picture)]
     labels.take(np.concatenate([np.empty((0, 2)), *marks]))
-    for number, (x, y, _) in enumerate(picture.waypoints, start=1):
-        if picture.is_on_map(x, y):
-            labels.add_number(str(number), *picture.on_axes([(x, y)])[0])
-    for number, point in enumerate(picture.via, start=1):
-        if not picture.is_on_map(*point):
-            continue
-        labels.add_number(f'via {number}', *picture.on_axes([point])[0])
+    numbered: list[tuple[str, tuple[float, float]]] = [
+        *((str(number), (x, y)) for number, (x, y, _) in enumerate(picture.waypoints, start=1)),
+        *((f'via {number}', cell) for number, cell in enumerate(picture.via, start=1)),
+    ]
+    for text, point in numbered:
+        if picture.is_on_map(*point):
+            labels.add_number(text, *picture.on_axes([point])[0])
     write_names(labels, picture.places, picture.project)
 
 
@@ -347,40 +356,18 @@ def draw_cells(axes: Axes, picture: Picture) -> None:
         codes = raster.resize(
             codes, max(1, int(window.width * pixels)), max(1, int(window.height * pixels))
         )
-    axes.imshow(
-        raster.PALETTE[codes], origin='lower', interpolation='nearest',
-        extent=(window.left - 0.5, window.right - 0.5, window.bottom - 0.5, window.top - 0.5),
-        transform=cells_to_axes(picture) + axes.transData,
-    )  # fmt: skip
-    corners = picture.on_axes(
-        [
-            (x - 0.5, y - 0.5)
-            for x in (window.left, window.right)
-            for y in (window.bottom, window.top)
-        ]
-    )
-    (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
+    draw_codes(axes, codes, window, picture.to_axes)
+    (left, bottom), (right, top) = bounds_of(window, picture.to_axes)
+    unit = 'm' if picture.in_metres else 'cells'
     axes.set(xlim=(left, right), ylim=(bottom, top), aspect='equal')
+    axes.set(xlabel=f'x ({unit})', ylabel=f'y ({unit})')
     for code in np.unique(codes):
         if name := raster.NAMES[code]:
             colour = raster.COLOURS[code]
             axes.plot([], [], 's', color=colour, mec=style.SOFT, mew=0.5, ms=10, label=name)
-    unit = 'm' if picture.in_metres else 'cells'
-    axes.set_xlabel(f'x ({unit})')
-    axes.set_ylabel(f'y ({unit})')
     axes.locator_params(integer=not picture.in_metres, steps=[1, 2, 5, 10])
     if picture.in_metres and picture.has_scale_bar:
         add_scale_bar(axes, right - left)
-
-
-def cells_to_axes(picture: Picture) -> Affine2D:
-    """Return the transform from grid coordinates to the coordinates of the axes."""
-    grid_map = picture.grid_map
-    if not picture.in_metres:
-        return Affine2D().translate(*picture.offset)
-    size, origin = grid_map.resolution, grid_map.origin
-    corner = Affine2D().translate(0.5, 0.5).scale(size)
-    return corner.rotate(origin.yaw).translate(origin.x, origin.y)
 
 
 def add_scale_bar(axes: Axes, width: float) -> None:
@@ -409,3 +396,52 @@ def add_legend(figure: Figure, panels: Sequence[Axes]) -> None:
         ncols=max(1, math.ceil(len(names) / rows)),
         frameon=False, fontsize=SIZE - 1, handlelength=1.4, columnspacing=1.4,
     )  # fmt: skip
+
+
+def panels_for(
+    figure: Figure, pictures: Sequence[Picture], around: tuple[float, float]
+) -> list[Axes]:
+    """Divide a figure into panels for pictures of one part of a map, and give it their height.
+
+    `around` is the room for titles and axes at each panel and for the legend, in inches.
+    """
+    window = pictures[0].window
+    aspect = window.height / window.width
+    rows = len(pictures) if aspect * WIDE < 1.0 else 1
+    columns = len(pictures) // rows
+    height = min(aspect * WIDTH / columns, MAX_PANEL_HEIGHT)
+    figure.set_size_inches(WIDTH, rows * (height + around[0]) + around[1])
+    return list(figure.subplots(rows, columns, squeeze=False).ravel())
+
+
+def on_one_window(pictures: Sequence[Picture]) -> list[Picture]:
+    """Return pictures of one map that all show the same part of it; the last has the scale."""
+    window = raster.union([picture.window for picture in pictures])
+    last = pictures[-1]
+    return [replace(picture, shown=window, has_scale_bar=picture is last) for picture in pictures]
+
+
+def comparison_figure(pictures: Sequence[Picture]) -> Figure:
+    """Draw plans on one map, at least one, beside each other or below each other."""
+    pictures = on_one_window(pictures)
+    figure = Figure(layout='constrained')
+    panels = panels_for(figure, pictures, (0.95, 0.5))
+    for axes, picture in zip(panels, pictures):
+        draw(axes, picture)
+    add_legend(figure, panels)
+    for axes, picture in zip(panels, pictures):
+        write_labels(axes, picture)
+    return figure
+
+
+def panel_figure(picture: Picture) -> Figure:
+    """Draw a plan without title, axes and legend, for a page that has its own."""
+    picture = replace(picture, has_scale_bar=True)
+    aspect = picture.window.height / picture.window.width
+    height = min(aspect, 1.6) * PANEL_WIDTH + (SCALE_BAR if picture.in_metres else 0.0)
+    figure = Figure(figsize=(PANEL_WIDTH, height), layout='constrained')
+    axes = figure.add_subplot()
+    draw(axes, picture)
+    axes.set(xticks=[], yticks=[], xlabel='', ylabel='', title='')
+    write_labels(axes, picture)
+    return figure

@@ -6,6 +6,7 @@ The regions and the parts of the path are those that the verification measured.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from textwrap import fill
@@ -13,11 +14,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from llm_astar_planner.instructions.outcome import (
-    ClauseOutcome,
-    ClauseStatus,
-    InstructionOutcome,
-)
+from llm_astar_planner.instructions.outcome import ClauseOutcome, ClauseStatus, InstructionOutcome
 from llm_astar_planner.instructions.route import Route
 from llm_astar_planner.instructions.specification import (
     WALLS,
@@ -25,17 +22,14 @@ from llm_astar_planner.instructions.specification import (
     Avoid,
     Before,
     Clause,
-    EndAt,
     KeepDistance,
-    Pass,
     Region,
     StayIn,
     Unknown,
     Visit,
 )
-from llm_astar_planner.instructions.verification.area import Area
+from llm_astar_planner.instructions.verification.geometry import Area, polyline
 from llm_astar_planner.instructions.verification.measurement import Measurement
-from llm_astar_planner.instructions.verification.polyline import polyline
 from llm_astar_planner.instructions.verification.regions import RegionError
 from llm_astar_planner.instructions.verification.visits import BEFORE_THE_PATH, attempts
 from matplotlib.artist import Artist
@@ -44,7 +38,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
 
 from llm_astar_lab.pictures import style
 from llm_astar_lab.pictures.places import Projection, draw_region
@@ -76,17 +69,14 @@ class InstructedPath:
 
     def shown_areas(self, clause: Clause) -> Iterator[Area]:
         """Yield the areas that a clause is about; those of unknown names are left out."""
+        regions = self.measurement.regions
         for region in regions_of(clause):
-            try:
+            with suppress(RegionError):
                 if isinstance(clause, Avoid):
-                    yield self.measurement.regions.resolve_avoided(region).area.grown(
-                        clause.margin
-                    )
-                    continue
-                area = self.measurement.regions.resolve(region).area
-            except RegionError:
-                continue
-            yield area.grown(clause.metres) if isinstance(clause, KeepDistance) else area
+                    yield regions.resolve_avoided(region).area.grown(clause.margin)
+                else:
+                    area = regions.resolve(region).area
+                    yield area.grown(clause.metres) if isinstance(clause, KeepDistance) else area
         if isinstance(clause, KeepDistance) and clause.region is None:
             yield self.measurement.walls.zone(clause.metres)
 
@@ -96,7 +86,7 @@ class InstructedPath:
             return
         path = self.measurement.path
         for area in self.shown_areas(outcome.clause):
-            spans = path.spans_in(area)
+            spans = area.spans(path)
             if isinstance(outcome.clause, StayIn):
                 edges = np.concatenate(([0.0], spans.ravel(), [path.length]))
                 spans = edges.reshape(-1, 2)
@@ -116,19 +106,13 @@ class InstructedPath:
 
 def regions_of(clause: Clause) -> tuple[Region, ...]:
     """Return the regions of a clause that can be drawn; all walls together cannot."""
-    match clause:
-        case Visit(regions=regions):
-            return regions
-        case Before(first=first, second=second):
-            return first, second
-        case Avoid(region=region) | StayIn(region=region) | Pass(region=region):
-            found: Region | None = region
-        case EndAt(region=region) | KeepDistance(region=region):
-            found = region
-        case _:
-            found = None
-    is_walls = isinstance(found, Along) and found.place == WALLS
-    return () if found is None or is_walls else (found,)
+    if isinstance(clause, Visit):
+        return clause.regions
+    if isinstance(clause, Before):
+        return clause.first, clause.second
+    region: Region | None = getattr(clause, 'region', None)
+    is_walls = isinstance(region, Along) and region.place == WALLS
+    return () if region is None or is_walls else (region,)
 
 
 def draw_instruction(axes: Axes, path: InstructedPath, project: Projection) -> None:
@@ -137,7 +121,8 @@ def draw_instruction(axes: Axes, path: InstructedPath, project: Projection) -> N
     for outcome in path.outcome.clauses:
         for area in path.shown_areas(outcome.clause):
             shape = shapely.intersection(area.outline, map_outline)
-            draw_clause_region(axes, outcome, shapely.transform(shape, project))
+            look = region_style(outcome)
+            draw_region(axes, shapely.transform(shape, project), **look, zorder=2.2)
     for outcome in path.outcome.clauses:
         colour = COLOURS[outcome.status]
         for points in path.violating_parts(outcome):
@@ -150,11 +135,6 @@ def draw_instruction(axes: Axes, path: InstructedPath, project: Projection) -> N
         green = COLOURS[ClauseStatus.SATISFIED]
         axes.plot(x, y, 'o', color=green, markersize=13, mec='white', zorder=4.5)
         axes.plot(x, y, marker='$✓$', color='white', markersize=7, zorder=4.6)
-
-
-def draw_clause_region(axes: Axes, outcome: ClauseOutcome, shape: BaseGeometry) -> None:
-    """Draw a region in the colour of what became of its clause."""
-    draw_region(axes, shape, **region_style(outcome), zorder=2.2)
 
 
 def region_style(outcome: ClauseOutcome) -> dict[str, Any]:
@@ -201,9 +181,7 @@ def clause_lines(outcome: InstructionOutcome) -> list[str]:
     lines = []
     for clause in outcome.clauses:
         entry = clause.to_json()
-        if isinstance(clause.clause, Unknown):
-            lines.append(entry['clause'])
-            continue
         detail = f' ({entry["detail"]})' if entry['detail'] else ''
-        lines.append(f'{entry["clause"]}: {entry["status"]}{detail}')
+        status = '' if isinstance(clause.clause, Unknown) else f': {entry["status"]}{detail}'
+        lines.append(f'{entry["clause"]}{status}')
     return lines

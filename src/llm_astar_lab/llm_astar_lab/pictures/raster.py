@@ -48,16 +48,18 @@ class Window(NamedTuple):
 
 
 def cell_codes(
-    grid_map: GridMap, expanded: NDArray[np.bool_], inflated: NDArray[np.bool_] | None = None
+    grid_map: GridMap,
+    expanded: NDArray[np.bool_] | None = None,
+    inflated: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.uint8]:
     """Return what each cell shows: uint8 [height, width].
 
     `expanded` and `inflated`, the cells that the robot's body closes, are bool [height, width];
-    an empty array and None stand for no cells.
+    None, or an empty array of expanded cells, stands for no cells.
     """
     cells = grid_map.cells
     codes = np.where(cells < FREE, UNKNOWN, OPEN).astype(np.uint8)
-    if expanded.size:
+    if expanded is not None and expanded.size:
         codes[expanded] = EXPANDED
     if inflated is not None:
         codes[inflated & (cells >= FREE)] = INFLATED

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 
 class Mark(NamedTuple):
-    """A marked point: CSS colour, matplotlib's marker, the shape in a word, the legend's name."""
+    """A marked point: CSS colour, matplotlib's marker, its shape as a text, its name."""
 
     colour: str
     marker: str
@@ -29,15 +29,15 @@ RECORDED = '#e07b00'
 # The robot's outline along a path.
 FOOTPRINT = '#5c8fd6'
 
-START = Mark('#56b4e9', 's', 'square', 'start')
-GOAL = Mark('#e0218a', 'D', 'diamond', 'goal')
-VIA = Mark('#f0e442', '^', 'triangle', 'via point')
+START = Mark('#56b4e9', 's', '■', 'start')
+GOAL = Mark('#e0218a', 'D', '◆', 'goal')
+VIA = Mark('#f0e442', '^', '▲', 'via point')
 WAYPOINTS = {
-    'accepted': Mark('#009e73', '*', 'star', 'waypoint, accepted'),
-    'out_of_order': Mark('#e69f00', 'P', 'plus', 'waypoint, out of order'),
-    'unreachable': Mark('#8e44ad', 'v', 'triangle down', 'waypoint, unreachable'),
-    'occupied': Mark('#d55e00', 'X', 'cross', 'waypoint, occupied'),
-    'out_of_bounds': Mark('#7f7f7f', 'H', 'hexagon', 'waypoint, out of bounds'),
+    'accepted': Mark('#009e73', '*', '★', 'waypoint, accepted'),
+    'out_of_order': Mark('#e69f00', 'P', '✚', 'waypoint, out of order'),
+    'unreachable': Mark('#8e44ad', 'v', '▼', 'waypoint, unreachable'),
+    'occupied': Mark('#d55e00', 'X', '✖', 'waypoint, occupied'),
+    'out_of_bounds': Mark('#7f7f7f', 'H', '⬢', 'waypoint, out of bounds'),
 }
 MARK_EDGE = '#111111'
 

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import shapely
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.maps.places import Place
-from llm_astar_planner.instructions.outcome import InstructionOutcome
+from llm_astar_msgs_adapter.maps.places import Place, Places
 from llm_astar_planner.planning.planner import Planner
-from llm_astar_planner.planning.types import Plan, finite_or_none
+from llm_astar_planner.planning.types import finite_or_none
 from llm_astar_planner.search.methods import HEURISTIC_NAMES, METHODS
 from numpy.typing import NDArray
 
 from llm_astar_lab.pictures.style import page_colours
-from llm_astar_lab.play.command import EDITED, command_of
 from llm_astar_lab.play.maps import MAX_CELLS, Maps, PlayMap
 from llm_astar_lab.play.planning import PlayedPlan
-from llm_astar_lab.play.request import MAX_REPLY, PARAMETERS, SOURCES, PlayRequest
+from llm_astar_lab.play.request import (
+    EDITED,
+    MAX_REPLY,
+    PARAMETERS,
+    SOURCES,
+    PlayRequest,
+    command_of,
+)
 from llm_astar_planner import __version__
 
 # Cells of an expansion order that are sent, at most.
@@ -67,40 +73,38 @@ def options_json(maps: Maps, *, live: bool) -> dict[str, Any]:
 def map_summary(play_map: PlayMap) -> dict[str, Any]:
     """Return a map without its cells."""
     grid_map = play_map.grid_map
-    return {
-        'id': play_map.id,
-        'name': play_map.name,
+    return named_json(play_map) | {
         'kind': 'grid' if play_map.barriers is None else 'barriers',
         'width': grid_map.width,
         'height': grid_map.height,
         'resolution': grid_map.resolution,
-        'unit': 'm' if play_map.is_metric else 'cells',
         'pairs': len(play_map.pairs()),
         'places': bool(len(play_map.places)),
     }
 
 
+def named_json(play_map: PlayMap) -> dict[str, Any]:
+    """Return a map's names and its unit."""
+    unit = 'm' if play_map.is_metric else 'cells'
+    return {'id': play_map.id, 'name': play_map.name, 'unit': unit}
+
+
 def map_json(play_map: PlayMap) -> dict[str, Any]:
     """Return a map with its cells, pairs and places."""
-    grid_map = play_map.grid_map
-    return grid_json(grid_map) | {
-        'id': play_map.id,
-        'name': play_map.name,
-        'unit': 'm' if play_map.is_metric else 'cells',
-        'offset': list(play_map.offset),
-        'pairs': [{'start': list(start), 'goal': list(goal)} for start, goal in play_map.pairs()],
-        'places': [place_json(place, grid_map) for place in play_map.places],
-    }
+    pairs = [{'start': list(start), 'goal': list(goal)} for start, goal in play_map.pairs()]
+    shown = grid_json(play_map.grid_map, play_map.places) | named_json(play_map)
+    return shown | {'offset': list(play_map.offset), 'pairs': pairs}
 
 
-def grid_json(grid_map: GridMap) -> dict[str, Any]:
-    """Return a grid: its cells are 0 to 100 or 255 for unknown, row by row from y = 0."""
+def grid_json(grid_map: GridMap, places: Places) -> dict[str, Any]:
+    """Return a grid with places; cells are 0 to 100 or 255 for unknown, row by row from y = 0."""
     return {
         'width': grid_map.width,
         'height': grid_map.height,
         'resolution': grid_map.resolution,
         'origin': list(grid_map.origin),
         'cells': encoded(grid_map.cells.astype(np.uint8)),
+        'places': [place_json(place, grid_map) for place in places],
     }
 
 
@@ -130,56 +134,74 @@ def reply_json(request: PlayRequest, planner: Planner, plans: list[PlayedPlan]) 
 def plan_json(played: PlayedPlan, grid_map: GridMap) -> dict[str, Any]:
     """Return one plan."""
     plan = played.plan
-    return {
+    waypoints = [(point.x, point.y, point.status.value) for point in plan.checked_waypoints]
+    shown = report_json(
+        plan.to_dict(),
+        waypoints,
+        *map(finite_or_none, (plan.length, plan.length * grid_map.resolution)),
+    )
+    if plan.instruction is not None:
+        notes = (plan.instruction.note, plan.instruction.interpretation.detail)
+        shown['instruction']['note'] = '; '.join(filter(None, notes))
+    return shown | {
         'role': played.role,
         'title': played.title,
-        'found': plan.code == 0,
-        'code': plan.code.name,
-        'message': plan.message,
-        'warnings': list(plan.warnings),
         'start': list(plan.start),
         'goal': list(plan.goal),
         'path': plan.path.tolist(),
         'any_angle': None if plan.any_angle is None else plan.any_angle.points.tolist(),
-        'waypoints': [
-            {'number': number, 'x': point.x, 'y': point.y, 'status': point.status.value}
-            for number, point in enumerate(plan.checked_waypoints, start=1)
-        ],
         'via': [list(cell) for cell in plan.via],
         'expanded': {'order': encoded(played.order[:MAX_ORDER].astype('<i4'))},
         'order_is_known': played.order_is_known,
-        'figures': figures_json(plan, grid_map.resolution),
-        'instruction': instruction_json(plan.instruction),
     }
 
 
-def figures_json(plan: Plan, resolution: float) -> dict[str, Any]:
-    """Return the figures of a plan: lengths in cells and metres, times in milliseconds."""
+def report_json(
+    report: Mapping[str, Any],
+    waypoints: Sequence[tuple[float, float, str]],
+    length: float | None,
+    length_m: float | None,
+) -> dict[str, Any]:
+    """Return what the page shows of a report, whose names are those of `Plan.to_dict`.
+
+    `waypoints` are in cells, the lengths in cells and metres; times become milliseconds.
+    """
     return {
-        'expansions': plan.expansions,
-        'length': finite_or_none(plan.length),
-        'length_m': finite_or_none(plan.length * resolution),
-        'bound': finite_or_none(plan.suboptimality_bound),
-        'search_ms': 1000.0 * plan.seconds_search,
-        'source_ms': 1000.0 * plan.seconds_source,
-        'turns': plan.turns,
-        'clearance_m': finite_or_none(plan.clearance),
+        'found': report['code'] == 0,
+        'code': report['code_name'],
+        'message': report['message'],
+        'warnings': list(report['warnings']),
+        'waypoints': [
+            {'number': number, 'x': x, 'y': y, 'status': status}
+            for number, (x, y, status) in enumerate(waypoints, start=1)
+        ],
+        'figures': {
+            'expansions': report['operation'],
+            'length': length,
+            'length_m': length_m,
+            'bound': report['ratio'],
+            'search_ms': 1000.0 * report['seconds_search'],
+            'source_ms': 1000.0 * report['seconds_source'],
+            'turns': report['turns'],
+            'clearance_m': report['clearance'],
+        },
+        'instruction': instruction_json(report['instruction_report']),
     }
 
 
-def instruction_json(outcome: InstructionOutcome | None) -> dict[str, Any] | None:
+def instruction_json(outcome: Mapping[str, Any] | None) -> dict[str, Any] | None:
     """Return what became of an instruction, clause by clause."""
     if outcome is None:
         return None
-    read = outcome.interpretation
+    read = outcome.get('interpretation', {})
     return {
-        'sentence': read.sentence,
-        'status': read.status.value,
+        'sentence': str(read.get('sentence', '')),
+        'status': str(read.get('status', '')),
         'clauses': [
-            {key: clause.to_json()[key] for key in ('clause', 'status', 'detail')}
-            for clause in outcome.clauses
+            {key: str(clause.get(key, '')) for key in ('clause', 'status', 'detail')}
+            for clause in outcome.get('clauses', [])
         ],
-        'note': '; '.join(filter(None, (outcome.note, read.detail))),
+        'note': str(outcome.get('note', '')),
     }
 
 

@@ -6,14 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap, Point
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
-from llm_astar_msgs_adapter.maps.places_file import load_places, places_beside
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, load_places, places_beside
 from llm_astar_msgs_adapter.maps.problem_maps import BARE_MAP, YAML, ProblemMap, load_maps
 from llm_astar_planner.resources import SAMPLES_FILE, find_file
-
-from llm_astar_lab.play.errors import PlayError
 
 # What the page can still draw and the server plan on while somebody waits.
 MAX_CELLS = 4_000_000
@@ -29,6 +27,19 @@ SHIPPED = (
     ),
     SAMPLES_FILE,
 )
+
+
+class PlayError(LlmAstarError, ValueError):
+    """A request that cannot be served: one sentence with the fix, and the HTTP status.
+
+    `field` names the field of the request, '' where none is at fault.
+    """
+
+    def __init__(self, message: str, field: str = '', status: int = 422) -> None:
+        """Take the sentence, the field and the status."""
+        super().__init__(message)
+        self.field = field
+        self.status = status
 
 
 @dataclass(frozen=True)

@@ -1,29 +1,31 @@
-"""Plans for the page: the chosen one, and those to compare it with."""
+"""Plans for the page, one request after the other: the chosen plan, and some to compare with."""
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from cachetools import LRUCache
 from llm_astar_planner.instructions.chain import make_interpreter
 from llm_astar_planner.instructions.interpretation import Interpreter, RouteInstruction
-from llm_astar_planner.planning.compile import compile_for, compile_instruction_kernels
-from llm_astar_planner.planning.compile_progress import compile_progress
-from llm_astar_planner.planning.kernel_compiler import WAYPOINTS
+from llm_astar_planner.planning.compile import compile_progress
 from llm_astar_planner.planning.parameters import costmap_config, request_fields
 from llm_astar_planner.planning.planner import Planner
 from llm_astar_planner.planning.types import Plan, PlanRequest
 from llm_astar_planner.search.methods import WAYPOINT_METHODS
-from llm_astar_planner.search.stop import StopFlag
-from llm_astar_planner.waypoints.config import SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.fixed import FixedReply
+from llm_astar_planner.search.stop import StopFlag, no_stop
+from llm_astar_planner.waypoints.config import SourceSettings, make_source
+from llm_astar_planner.waypoints.replay import FixedReply
 from llm_astar_planner.waypoints.source import SampleKey, WaypointSource
 from numpy.typing import NDArray
 
 from llm_astar_lab.pictures.retrace import retrace
+from llm_astar_lab.play.maps import PlayError
 from llm_astar_lab.play.request import REPLY, PlayRequest
 
 # Seconds that one plan may take, and that an instruction may take to be understood.
@@ -31,6 +33,9 @@ TIME_LIMIT_S = 10.0
 INTERPRETATION_S = 5.0
 # Cells of the maps whose planners are kept, each with the landmarks of its map.
 MAX_KEPT_CELLS = 8_000_000
+# Requests that may wait for their turn.
+MAX_WAITING = 8
+_T = TypeVar('_T')
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +61,6 @@ class PlanningService:
         self._planners: LRUCache[tuple[object, ...], Planner] = LRUCache(
             MAX_KEPT_CELLS, getsizeof=lambda planner: planner.grid_map.cells.size
         )
-        self._compiled: set[tuple[object, ...]] = set()
         self._interpreter: Interpreter = make_interpreter({})
 
     def compile(self, planner: Planner, request: PlanRequest) -> None:
@@ -64,17 +68,8 @@ class PlanningService:
 
         Says so where it takes long.
         """
-        is_graded = planner.costmap.grid_graph.cell_surcharge.size > 0
-        rules = planner.config.has_radius, planner.config.corner_cutting, is_graded
-        kind = *rules, request.method, request.any_angle, request.instruction is not None
-        if kind in self._compiled:
-            return
-        self._compiled.add(kind)
         with compile_progress():
-            compile_for(planner.config, request, is_graded=is_graded)
-            compile_for(planner.config, request, WAYPOINTS, is_graded=is_graded)
-            if request.instruction is not None:
-                compile_instruction_kernels()
+            planner.compile(request)
 
     def planner_for(self, request: PlayRequest) -> Planner:
         """Return a prepared planner for the map, the rules and the walls of a request."""
@@ -176,3 +171,41 @@ def sample_key(request: PlayRequest) -> SampleKey | None:
         if ends == (request.start, request.goal):
             return SampleKey(problem.id, pair)
     return None
+
+
+class Worker:
+    """Runs one job at a time on a thread of its own, and stops jobs that nobody waits for."""
+
+    def __init__(self) -> None:
+        """Start idle."""
+        self._threads = ThreadPoolExecutor(max_workers=1, thread_name_prefix='plan')
+        self._stops: dict[int, StopFlag] = {}
+
+    async def run(self, job: Callable[[StopFlag], _T], gone: asyncio.Task[None]) -> _T:
+        """Return what a job returns; the flag that it gets is raised once `gone` is done.
+
+        Raises PlayError where too many jobs wait (503) and where the job was stopped (499), and
+        what the job raises.
+        """
+        if len(self._stops) > MAX_WAITING:
+            raise PlayError('other plans are being made; ask again in a moment', status=503)
+        stop = no_stop()
+        self._stops[id(stop)] = stop
+        future = self._threads.submit(job, stop)
+        try:
+            waiting = asyncio.wrap_future(future)
+            both: set[asyncio.Future[Any]] = {waiting, gone}
+            await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
+            if waiting.done():
+                return waiting.result()
+            raise PlayError('the page has asked anew', status=499)
+        finally:
+            stop[0] = 1
+            future.cancel()
+            del self._stops[id(stop)]
+
+    def close(self) -> None:
+        """Stop what is running, drop what waits, and end the thread."""
+        for stop in self._stops.values():
+            stop[0] = 1
+        self._threads.shutdown(wait=False, cancel_futures=True)

@@ -1,7 +1,8 @@
-"""What the page asks for, checked field by field."""
+"""What the page asks for, checked field by field, and the command that asks for the same."""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,30 +14,24 @@ from llm_astar_planner.instructions.interpretation import clean_instruction
 from llm_astar_planner.parameter import ParameterError
 from llm_astar_planner.planning.parameters import PLANNER, defaults
 from llm_astar_planner.search.result import Cell
-from llm_astar_planner.waypoints.config import BASELINE_NAMES
+from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
 from numpy.typing import NDArray
 
-from llm_astar_lab.play.errors import PlayError
-from llm_astar_lab.play.maps import Maps, PlayMap
+from llm_astar_lab.play.maps import Maps, PlayError, PlayMap
 
 # The sources that need neither a network nor a key nor a file, and the text of a model's answer.
 REPLY = 'reply'
 SOURCES = ('none', 'embedded', *BASELINE_NAMES, REPLY)
 # The parameters that the page sets by their own names.
 SETTINGS = (
-    'method',
-    'heuristic',
-    'weight',
-    'max_suboptimality',
-    'robot_radius',
-    'corner_cutting',
-    'any_angle',
-    'instruction',
-)
+    'method', 'heuristic', 'weight', 'max_suboptimality', 'robot_radius', 'corner_cutting',
+    'any_angle', 'instruction',
+)  # fmt: skip
 MAX_REPLY = 65_536
 MAX_VIA = 100
 MAX_EDITED = 100_000
 FIELDS = {'map', 'start', 'goal', 'source', 'reply', 'via', 'walls', *SETTINGS}
+EDITED = 'the walls are edited, and a command plans on the map as it is'
 # Without plug-ins: a page names no code.
 PARAMETERS = {item.name: replace(item, plugins=None) for item in PLANNER if not item.node_only}
 
@@ -185,3 +180,32 @@ def read_walls(value: object, grid_map: GridMap) -> Walls:
     if len(blocked) + len(freed) > MAX_EDITED:
         raise PlayError(f'walls: over {MAX_EDITED} cells; edit fewer', 'walls')
     return Walls(blocked.reshape(-1, 2), freed.reshape(-1, 2))
+
+
+def command_of(request: PlayRequest) -> str | None:
+    """Return the command line, None where the walls are edited."""
+    if request.walls.are_edited:
+        return None
+    words = ['llm-astar', 'plan', '--map', request.play_map.file]
+    if request.play_map.map_id is not None:
+        words += ['--map-id', str(request.play_map.map_id)]
+    x_min, y_min = request.play_map.offset
+    cells = [('--start', request.start), ('--goal', request.goal)]
+    for flag, (x, y) in (*cells, *(('--via', cell) for cell in request.via)):
+        words += [flag, str(x + x_min), str(y + y_min)]
+    for name, value in request.given.items():
+        words.append(flag_of(name.replace('_', '-'), value))
+    if request.play_map.is_metric:
+        words.append('--cells')
+    if request.reply is not None:
+        words.append(f'--reply={request.reply}')
+    else:
+        words += ['--source', request.source]
+    return shlex.join(words)
+
+
+def flag_of(name: str, value: object) -> str:
+    """Return the flag of a parameter with its value, which may begin with a dash."""
+    if isinstance(value, bool):
+        return f'--{name}' if value else f'--no-{name}'
+    return f'--{name}={value}'

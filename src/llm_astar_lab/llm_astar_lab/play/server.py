@@ -1,21 +1,275 @@
-"""Serves the page: the address, the socket, and a clean end."""
+"""Serves the page: its routes and their limits, who may ask, the socket, and a clean end.
+
+Pages of its own may ask: browsers say in the headers of a request whose it is.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import errno
+import ipaddress
+import json
+import re
 import socket
+from pathlib import Path
 from types import FrameType
+from typing import NoReturn
 
 import uvicorn
+from llm_astar_msgs_adapter.errors import LlmAstarError
 from llm_astar_planner.parameter import ParameterError
+from llm_astar_planner.search.stop import StopFlag
+from starlette.applications import Starlette
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from llm_astar_lab.play.app import PlayApp
-from llm_astar_lab.play.guard import EVERY_ADDRESS
+from llm_astar_lab.play.encoding import map_json, options_json, reply_json
+from llm_astar_lab.play.live import LiveFeed
+from llm_astar_lab.play.maps import Maps, PlayError
+from llm_astar_lab.play.planning import PlanningService, Worker
+from llm_astar_lab.play.request import PlayRequest, read_request
 
+PAGE = Path(__file__).parent / 'page'
+MAX_BODY = 2**20
+TOO_LONG = f'the body is over {MAX_BODY} bytes; edit fewer walls'
+# A request holds walls, these cells, and these numbers.
+MAX_DEPTH = 5
+# Seconds in which a body has to arrive.
+BODY_S = 10.0
+# Characters of a sentence about foreign text.
+MAX_SENTENCE = 400
 # Seconds that answers under way get at the end.
 GRACE_S = 2
 MAX_CONNECTIONS = 64
+LOOPBACK = ('localhost', '127.0.0.1', '[::1]')
+# Addresses that stand for every address of the machine.
+EVERY_ADDRESS = ('0.0.0.0', '::')  # noqa: S104 - only compared with
+HEADERS = {
+    'content-security-policy': "default-src 'self'; img-src 'self' data: blob:; object-src "
+    "'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    'x-content-type-options': 'nosniff',
+    'referrer-policy': 'no-referrer',
+    'cross-origin-resource-policy': 'same-origin',
+    'cache-control': 'no-cache',
+}
+# The name or the address in a Host header, and its port.
+HOST = re.compile(r'(\[[^\]]*\]|[^:]*)(:[0-9]+)?')
+
+
+class PlayApp:
+    """The page's routes on some maps."""
+
+    def __init__(self, maps: Maps, feed: LiveFeed | None = None) -> None:
+        """Serve these maps, and what a running graph feeds, if there is one."""
+        self._maps = maps
+        self._feed = feed
+        self._service = PlanningService()
+        self._worker = Worker()
+
+    def asgi(self) -> Starlette:
+        """Return the application."""
+        return Starlette(
+            routes=[
+                Route('/', self.index),
+                Route('/api/options', self.options),
+                Route('/api/map', self.map),
+                Route('/api/plan', self.plan, methods=['POST']),
+                Route('/api/live', self.live),
+                Mount('/page', StaticFiles(directory=PAGE)),
+            ],
+            exception_handlers={LlmAstarError: refuse, HTTPException: refuse_route},
+        )
+
+    def close(self) -> None:
+        """Stop what is running and end the streams, before the server ends."""
+        self._worker.close()
+        if self._feed is not None:
+            self._feed.close()
+
+    async def index(self, _request: Request) -> Response:
+        """Send the page."""
+        return FileResponse(PAGE / 'index.html')
+
+    async def options(self, _request: Request) -> Response:
+        """Send what there is to choose from."""
+        return JSONResponse(options_json(self._maps, live=self._feed is not None))
+
+    async def map(self, request: Request) -> Response:
+        """Send a map."""
+        return JSONResponse(map_json(self._maps.get(request.query_params.get('id', ''))))
+
+    async def plan(self, request: Request) -> Response:
+        """Plan, and send the plans; stop when the page has asked anew or is gone."""
+        asked = read_request(await read_body(request), self._maps)
+        gone = asyncio.create_task(wait_until_gone(request))
+        try:
+            reply = await self._worker.run(lambda stop: self.work(asked, stop), gone)
+        finally:
+            gone.cancel()
+        return Response(reply, media_type='application/json')
+
+    async def live(self, _request: Request) -> Response:
+        """Send what a running graph shows, as server-sent events."""
+        if self._feed is None:
+            raise PlayError('no graph is shown; start `llm-astar play --live`', status=404)
+        return StreamingResponse(self._feed.follow(), media_type='text/event-stream')
+
+    def work(self, asked: PlayRequest, stop: StopFlag) -> bytes:
+        """Return the answer to a request, as JSON."""
+        planner, plans = self._service.plan(asked, stop)
+        return json.dumps(reply_json(asked, planner, plans), allow_nan=False).encode()
+
+
+async def read_body(request: Request) -> object:
+    """Return the JSON value in the body of a request. Raises PlayError."""
+    declared = request.headers.get('content-length', '0')
+    if not declared.isdecimal() or int(declared[:20]) > MAX_BODY:
+        raise PlayError(TOO_LONG, status=413)
+    try:
+        body = await asyncio.wait_for(received(request), BODY_S)
+    except asyncio.TimeoutError:
+        raise PlayError(f'the body did not arrive within {BODY_S:g} s', status=408) from None
+    try:
+        value: object = json.loads(body, parse_constant=refuse_constant)
+        is_too_deep = depth_of(value) > MAX_DEPTH
+    except RecursionError:
+        is_too_deep = True
+    except ValueError as error:
+        raise PlayError(f'the body is not JSON: {error}', status=400) from None
+    if is_too_deep:
+        raise PlayError('the body is nested too deeply for a plan; send less', status=400)
+    return value
+
+
+async def received(request: Request) -> bytes:
+    """Return a body of at most MAX_BODY bytes. Raises PlayError."""
+    body = bytearray()
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > MAX_BODY:
+            raise PlayError(TOO_LONG, status=413)
+    return bytes(body)
+
+
+def depth_of(value: object) -> int:
+    """Return how deeply a JSON value is nested: 1 for a number, 2 for a list of numbers."""
+    if not isinstance(value, (dict, list)):
+        return 1
+    return 1 + max(map(depth_of, value.values() if isinstance(value, dict) else value), default=0)
+
+
+def refuse_constant(name: str) -> NoReturn:
+    """Raise ValueError for NaN and infinities, which JSON does not have."""
+    raise ValueError(f'{name} is not a number')
+
+
+async def wait_until_gone(request: Request) -> None:
+    """Return when the client has closed the connection."""
+    while (await request.receive())['type'] != 'http.disconnect':
+        pass
+
+
+def error_response(sentence: str, field: str, status: int) -> Response:
+    """Return the JSON of an error."""
+    return JSONResponse({'error': sentence[:MAX_SENTENCE], 'field': field}, status)
+
+
+async def refuse(_request: Request, error: Exception) -> Response:
+    """Say why a request is not served."""
+    if isinstance(error, PlayError):
+        return error_response(str(error), error.field, error.status)
+    return error_response(str(error), '', 422)
+
+
+async def refuse_route(request: Request, error: Exception) -> Response:
+    """Say that there is no such page, or no such method."""
+    status = error.status_code if isinstance(error, HTTPException) else 404
+    words = {404: 'there is no such page', 405: f'{request.method} is not allowed'}
+    return error_response(words.get(status, str(error)), '', status)
+
+
+class Guard:
+    """Answers requests of other sites with an error, and adds headers to every response.
+
+    A page of another site can send requests to a server on loopback. Its name for the server
+    (DNS rebinding) is in the Host header, itself in Origin, and without asking first it can only
+    send forms, whose Content-Type is not JSON.
+    """
+
+    def __init__(self, app: ASGIApp, host: str = '127.0.0.1') -> None:
+        """Guard an application that is served at an address."""
+        self._app = app
+        self._names = allowed_names(host)
+        self._any_address = host in EVERY_ADDRESS
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, or refuse it."""
+        if scope['type'] != 'http':
+            await self._app(scope, receive, send)
+            return
+
+        async def send_guarded(message: Message) -> None:
+            if message['type'] == 'http.response.start':
+                headers = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    headers.setdefault(name, value)
+                if message['status'] >= 400:
+                    # What is left of a body is not waited for.
+                    headers['connection'] = 'close'
+            await send(message)
+
+        problem = self.problem(scope['method'], Headers(scope=scope))
+        answer = self._app if problem is None else error_response(problem[1], '', problem[0])
+        await answer(scope, receive, send_guarded)
+
+    def problem(self, method: str, headers: Headers) -> tuple[int, str] | None:
+        """Return with which status and sentence a request is refused, None if it is not."""
+        host = headers.getlist('host')
+        if len(host) != 1 or not self.knows(host[0]):
+            return 421, (
+                f'Host: {", ".join(host)[:80] or "none"} is not a name of this server; open it as '
+                'localhost, or name the host with --host'
+            )
+        origin = headers.get('origin')
+        if origin is not None and origin.lower() != f'http://{host[0].lower()}':
+            return 403, f'Origin: {origin[:80]} is another site; open the page of this server'
+        # Pictures and scripts are asked for without an Origin; a link may be followed.
+        site, mode = headers.get('sec-fetch-site', 'none'), headers.get('sec-fetch-mode')
+        if site not in ('none', 'same-origin') and mode != 'navigate':
+            return 403, 'Sec-Fetch-Site: is another site; open the page of this server'
+        kind = headers.get('content-type', '').partition(';')[0].strip().lower()
+        if method not in ('GET', 'HEAD') and kind != 'application/json':
+            return 415, 'Content-Type: is not application/json; send JSON'
+        return None
+
+    def knows(self, host: str) -> bool:
+        """Tell whether a Host header names this server; the port does not matter."""
+        match = HOST.fullmatch(host.strip().lower())
+        name = match[1].rstrip('.') if match else ''
+        return name in self._names or (self._any_address and is_address(name))
+
+
+def allowed_names(host: str) -> frozenset[str]:
+    """Return the names in Host headers by which a server at this address is reached."""
+    names = {*LOOPBACK, host.lower(), f'[{host.lower()}]'}
+    if host in EVERY_ADDRESS:
+        names.add(socket.gethostname().lower())
+    return frozenset(names)
+
+
+def is_address(name: str) -> bool:
+    """Tell whether a name is an IP address: no name server can make another site's of it."""
+    try:
+        ipaddress.ip_address(name.strip('[]'))
+    except ValueError:
+        return False
+    return True
 
 
 class PlayServer(uvicorn.Server):
@@ -26,7 +280,7 @@ class PlayServer(uvicorn.Server):
         self._app = app
         super().__init__(
             uvicorn.Config(
-                app.asgi(host),
+                Guard(app.asgi(), host),
                 log_level='warning',
                 access_log=False,
                 server_header=False,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import printable
@@ -16,9 +16,10 @@ from llm_astar_lab.analysis.run_comparison import (
     SampleChange,
     VariantChange,
 )
-from llm_astar_lab.report.formats import markdown, text
-from llm_astar_lab.report.sentences import counted, variant_label
-from llm_astar_lab.report.table import Column, Table, percents, texts
+from llm_astar_lab.report.pages import bullets, markdown_page
+from llm_astar_lab.report.sentences import counted
+from llm_astar_lab.report.table import Table, columns, counts, json_of, percents, text, texts
+from llm_astar_lab.report.tables import VARIANT
 from llm_astar_lab.results.row import WAYPOINTS_ONLY
 
 LABELS = {
@@ -58,17 +59,19 @@ class Judgement:
 
     def unjudged(self) -> list[str]:
         """Return a line for each of the base's variants of which nothing can be said."""
-        lines = []
-        for comparison in self.comparisons:
-            names = [f'{variant}: is missing' for variant in comparison.missing]
-            names += [
-                f'{change.variant}: too few samples have {self.metric} in both runs'
-                for change in comparison.changes
-                if change.variant.method != WAYPOINTS_ONLY
-                and math.isnan(change.metrics[self.metric].mean.low)
-            ]
-            lines += [f'{comparison.path}: {name}' for name in names]
-        return lines
+        return [
+            f'{comparison.path}: {sentence}'
+            for comparison in self.comparisons
+            for sentence in (
+                *(f'{variant}: is missing' for variant in comparison.missing),
+                *(
+                    f'{change.variant}: too few samples have {self.metric} in both runs'
+                    for change in comparison.changes
+                    if change.variant.method != WAYPOINTS_ONLY
+                    and math.isnan(change.metrics[self.metric].mean.low)
+                ),
+            )
+        ]
 
     def verdict(self) -> str:
         """Say whether there is a regression, and whether all could be judged."""
@@ -83,11 +86,12 @@ class Judgement:
 
     def tables(self) -> list[Table]:
         """Return the tables of all runs: variants, and the samples that changed most."""
-        tables: list[Table] = []
-        for number, comparison in enumerate(self.comparisons, start=1):
-            end = f'_{number}' if len(self.comparisons) > 1 else ''
-            tables += self.tables_of(comparison, end)
-        return tables
+        several = len(self.comparisons) > 1
+        return [
+            table
+            for number, comparison in enumerate(self.comparisons, start=1)
+            for table in self.tables_of(comparison, f'_{number}' if several else '')
+        ]
 
     def tables_of(self, comparison: RunComparison, end: str = '') -> list[Table]:
         """Return the tables of one run that have rows; `end` makes their names distinct."""
@@ -109,22 +113,21 @@ class Judgement:
 
     def as_markdown(self, picture: str) -> str:
         """Return the comparison as a page that shows `picture`, a file beside it."""
-        lines = [*self.regressions(), *self.unjudged()]
-        parts = ['# Comparison of runs', self.verdict(), bullets(lines)]
-        for comparison in self.comparisons:
-            parts += [
-                f'## {comparison.path} against {self.base.path}',
-                bullets(remarks(comparison)),
-            ]
-            for table in self.tables_of(comparison):
-                parts += [f'### {table.title}', table.note, markdown(table)]
-        parts.append(f'![ratios to the base]({picture})')
-        return '\n\n'.join(part for part in parts if part) + '\n'
+        parts = [
+            (item, bullets(map(printable, remarks(item))), self.tables_of(item))
+            for item in self.comparisons
+        ]
+        problems = bullets(map(printable, [*self.regressions(), *self.unjudged()]))
+        return markdown_page(
+            'comparison.md.j2', judgement=self, problems=problems, parts=parts, picture=picture
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return the comparison as JSON values."""
+        names = ('version', 'dataset', 'machine')
+        run = {'folder': str(self.base.path)} | {name: self.base.metadata[name] for name in names}
         return {
-            'base': run_json(self.base),
+            'base': run,
             'metric': self.metric,
             'threshold_percent': 100.0 * self.threshold,
             'regressions': self.regressions(),
@@ -138,15 +141,16 @@ class Judgement:
             'folder': str(comparison.path),
             'differences': list(comparison.differences),
             'unpaired': [str(variant) for variant in comparison.unpaired],
-            'variants': [
-                change_json(change)
-                | {'regression': change.regression(self.metric, self.threshold)}
-                for change in comparison.changes
-            ],
+            'variants': [self.change_json(change) for change in comparison.changes],
             'samples': [
                 sample_json(sample, self.metric) for sample in comparison.samples[:SHOWN_SAMPLES]
             ],
         }
+
+    def change_json(self, change: VariantChange) -> dict[str, Any]:
+        """Return the figures of a variant by name, and whether it is a regression."""
+        regression = change.regression(self.metric, self.threshold)
+        return json_of(change) | {'variant': str(change.variant), 'regression': regression}
 
 
 def remarks(comparison: RunComparison) -> Iterator[str]:
@@ -167,29 +171,17 @@ def variant_table(
     comparison: RunComparison, judgement: Judgement, name: str = 'compared'
 ) -> Table:
     """Return a row for each variant: ratios to the base, and how many samples changed."""
-    metric = judgement.metric
-    columns = (
-        *texts('Variant'),
-        Column('Samples', digits=0),
-        *percents(*(f'{LABELS[name]} / base (%)' for name in METRICS)),
-        *(Column(head, digits=0) for head in ('Less', 'Equal', 'More')),
-        Column('Valid (points)', 100.0),
-        *(Column(head, digits=0) for head in ('Lost', 'Gained')),
+    decisive = f'metrics.{judgement.metric}'
+    heads = (
+        *VARIANT,
+        *counts({'Samples': 'samples'}),
+        *percents({f'{LABELS[name]} / base (%)': f'metrics.{name}.mean' for name in METRICS}),
+        *counts({head: f'{decisive}.{head.lower()}' for head in ('Less', 'Equal', 'More')}),
+        *percents({'Valid (points)': 'valid'}),
+        *counts({'Lost': 'lost', 'Gained': 'gained'}),
     )
-    rows = [
-        (
-            variant_label(change.variant),
-            change.samples,
-            *(change.metrics[name].mean for name in METRICS),
-            *(getattr(change.metrics[metric], name) for name in ('less', 'equal', 'more')),
-            change.valid,
-            change.lost,
-            change.gained,
-        )
-        for change in comparison.changes
-    ]
-    note = NOTE.format(metric=LABELS[metric].lower())
-    return Table(name, f'Ratios of {comparison.path}', columns, rows, note)
+    note = NOTE.format(metric=LABELS[judgement.metric].lower())
+    return Table.of(name, f'Ratios of {comparison.path}', heads, comparison.changes, note)
 
 
 def sample_table(
@@ -201,37 +193,20 @@ def sample_table(
     """Return the samples that changed most: lost and gained paths, then the largest ratios."""
     label = LABELS[judgement.metric]
     digits = 6 if judgement.metric == 'seconds_search' else 2
-    columns = (
-        *texts('Variant'),
-        *(Column(head, digits=0) for head in ('Map', 'Pair', 'Scale')),
-        *texts('Code, base', 'Code'),
-        *(Column(head, digits=digits) for head in (f'{label}, base', label)),
-        *(Column(head) for head in ('Length, base', 'Length')),
+    heads = (
+        *VARIANT,
+        *counts({'Map': 'map', 'Pair': 'pair', 'Scale': 'scale'}),
+        *texts({'Code, base': lambda item: item.codes[0], 'Code': lambda item: item.codes[1]}),
+        *columns(
+            {f'{label}, base': lambda item: item.metric[0], label: lambda item: item.metric[1]},
+            digits=digits,
+        ),
+        *columns(
+            {'Length, base': lambda item: item.length[0], 'Length': lambda item: item.length[1]}
+        ),
     )
-    rows = [
-        (
-            variant_label(sample.variant), sample.map, sample.pair, sample.scale, *sample.codes,
-            *sample.metric, *sample.length,
-        )
-        for sample in comparison.samples[:limit]
-    ]  # fmt: skip
     title = f'Samples that changed most in {comparison.path}'
-    return Table(name, title, columns, rows)
-
-
-def run_json(run: Run) -> dict[str, Any]:
-    """Return which run a folder holds."""
-    names = ('version', 'dataset', 'machine')
-    return {'folder': str(run.path), **{name: run.metadata[name] for name in names}}
-
-
-def change_json(change: VariantChange) -> dict[str, Any]:
-    """Return the figures of a variant by name."""
-    values = asdict(change)
-    values |= {'variant': str(change.variant), 'valid': change.valid._asdict()}
-    for metric in METRICS:
-        values['metrics'][metric]['mean'] = change.metrics[metric].mean._asdict()
-    return values
+    return Table.of(name, title, heads, comparison.samples[:limit])
 
 
 def sample_json(sample: SampleChange, metric: str) -> Mapping[str, Any]:
@@ -241,8 +216,3 @@ def sample_json(sample: SampleChange, metric: str) -> Mapping[str, Any]:
         'scale': sample.scale, 'code': sample.codes, metric: sample.metric,
         'length': sample.length,
     }  # fmt: skip
-
-
-def bullets(lines: Sequence[str] | Iterator[str]) -> str:
-    """Return lines as a Markdown list."""
-    return '\n'.join(f'- {printable(line)}' for line in lines)

@@ -20,9 +20,7 @@ from llm_astar_lab.analysis.run_comparison import RunComparison, VariantChange
 from llm_astar_lab.analysis.statistics import Interval
 from llm_astar_lab.analysis.summary import Growth, VariantSummary
 from llm_astar_lab.pictures import style
-from llm_astar_lab.pictures.style import OBSTACLE, PATH
-from llm_astar_lab.report.sentences import variant_label
-from llm_astar_lab.results.row import WAYPOINTS_ONLY, Variant
+from llm_astar_lab.report.sentences import has_waypoints, variant_label
 
 # What A* expanded where LLM-A* did not.
 BEYOND = style.LINE
@@ -128,55 +126,43 @@ def draw_interval(axes: Axes, position: float, interval: Interval, colour: str) 
     axes.errorbar(value, position, xerr=arms, fmt='o', color=colour, markersize=5, capsize=3)
 
 
-def has_waypoints(variant: Variant) -> bool:
-    """Tell whether a variant was given waypoints."""
-    return variant.source != 'none' and variant.method != WAYPOINTS_ONLY
-
-
-def showcase_figure(
-    barrier_map: BarrierMap = SHOWCASE,
-    endpoints: tuple[Cell, Cell] = SHOWCASE_ENDPOINTS,
-    waypoints: Sequence[Cell] = SHOWCASE_WAYPOINTS,
-) -> Figure:
+def showcase_figure() -> Figure:
     """Draw LLM-A* target by target and against A*, chebyshev, as the paper's Figure 4."""
-    blocked = barrier_map.to_grid().blocked()
-    guided, path = traced(llm_astar, blocked, endpoints, [*waypoints, endpoints[1]])
-    plain, shortest = traced(astar, blocked, endpoints, ())
+    blocked, goal = SHOWCASE.to_grid().blocked(), SHOWCASE_ENDPOINTS[1]
+    guided, path = traced(llm_astar, blocked, [*SHOWCASE_WAYPOINTS, goal])
+    plain, shortest = traced(astar, blocked, ())
     expanded = cells_of(guided, blocked)
     # The next waypoint becomes the target where the one before is a neighbour of a cell.
     stages: list[int] = []
     for number, cell in enumerate(expanded, start=1):
-        while (at := len(stages)) < len(waypoints) and chebyshev(cell, waypoints[at]) == 1:
+        for waypoint in SHOWCASE_WAYPOINTS[len(stages) :]:
+            if max(abs(cell[0] - waypoint[0]), abs(cell[1] - waypoint[1])) > 1:
+                break
             stages.append(int(guided.steps[np.searchsorted(guided.steps[:, 1], number), 0]))
     stages.append(guided.expansions)
     figure = Figure(figsize=(3.3 * (len(stages) + 1), 3.9), layout='constrained')
-    panels = figure.subplots(1, len(stages) + 1)
+    *panels, beyond = figure.subplots(1, len(stages) + 1)
     for number, (axes, count) in enumerate(zip(panels, stages), start=1):
-        last = number == len(stages)
-        aim = 'the goal' if last else f'waypoint {number}'
+        aim = 'the goal' if axes is panels[-1] else f'waypoint {number}'
         draw_cells(axes, blocked, (expanded[: guided.cells_after(count)], style.EXPANDED))
-        if last:
-            axes.plot(*zip(*path), color=PATH, linewidth=2)
-        mark_points(axes, endpoints, waypoints)
+        mark_points(axes, SHOWCASE_ENDPOINTS, SHOWCASE_WAYPOINTS)
         axes.set_title(f'LLM-A* towards {aim}:\n{describe_expansions(count)}', fontsize=9)
-    draw_cells(panels[-1], blocked, (expanded, style.EXPANDED), (cells_of(plain, blocked), BEYOND))
-    panels[-1].plot(*zip(*shortest), color=PATH, linewidth=2)
-    mark_points(panels[-1], endpoints, ())
+    draw_cells(beyond, blocked, (expanded, style.EXPANDED), (cells_of(plain, blocked), BEYOND))
+    mark_points(beyond, SHOWCASE_ENDPOINTS, ())
     all_of_astar = describe_expansions(plain.expansions)
-    panels[-1].set_title(f'A* (grey: not by LLM-A*):\n{all_of_astar}', fontsize=9)
+    beyond.set_title(f'A* (grey: not by LLM-A*):\n{all_of_astar}', fontsize=9)
+    for axes, cells in ((panels[-1], path), (beyond, shortest)):
+        axes.plot(*zip(*cells), color=style.PATH, linewidth=2, zorder=1.99)
     return figure
 
 
 def traced(
-    method: Method,
-    blocked: NDArray[np.bool_],
-    endpoints: tuple[Cell, Cell],
-    targets: Sequence[Cell],
+    method: Method, blocked: NDArray[np.bool_], targets: Sequence[Cell]
 ) -> tuple[ExpansionOrder, NDArray[np.int32]]:
-    """Search with the chebyshev heuristic; return the order of expansion and the path [n, 2]."""
+    """Search on the showcase, chebyshev; return the order of expansion and the path [n, 2]."""
     recorder = ExpansionRecorder(blocked.shape, blocked.size)
     options = SearchOptions('chebyshev', recorder=recorder)
-    path = method(blocked, *endpoints, targets, options).path
+    path = method(blocked, *SHOWCASE_ENDPOINTS, targets, options).path
     return recorder.order(), path
 
 
@@ -184,11 +170,6 @@ def cells_of(order: ExpansionOrder, blocked: NDArray[np.bool_]) -> list[Cell]:
     """Return the cells (x, y) in the order of their expansion."""
     y, x = np.divmod(order.order, blocked.shape[1])
     return list(zip(x.tolist(), y.tolist()))
-
-
-def chebyshev(cell: Cell, other: Cell) -> int:
-    """Return the largest difference of the coordinates of two cells."""
-    return max(abs(cell[0] - other[0]), abs(cell[1] - other[1]))
 
 
 def save_map_pictures(maps: Sequence[ProblemMap], folder: str | Path) -> list[Path]:
@@ -231,7 +212,7 @@ def cell_image(
         if len(cells):
             xs, ys = np.array(cells).T
             image[ys, xs] = to_rgb(colour)
-    image[blocked] = to_rgb(OBSTACLE)
+    image[blocked] = to_rgb(style.OBSTACLE)
     return image
 
 
@@ -240,8 +221,7 @@ def draw_cells(
 ) -> None:
     """Draw a `cell_image` without ticks."""
     axes.imshow(cell_image(blocked, *layers), origin='lower', interpolation='nearest')
-    axes.set_xticks([])
-    axes.set_yticks([])
+    axes.set(xticks=[], yticks=[])
 
 
 def mark_points(axes: Axes, endpoints: tuple[Cell, Cell], waypoints: Sequence[Cell]) -> None:

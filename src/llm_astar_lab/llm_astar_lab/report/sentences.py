@@ -12,6 +12,7 @@ from llm_astar_lab.analysis.statistics import Interval
 from llm_astar_lab.analysis.summary import (
     Growth,
     PairedComparison,
+    RunSummary,
     is_baseline,
     is_learned,
 )
@@ -56,6 +57,11 @@ def variant_label(variant: Variant) -> str:
     has_none = variant.method in WAYPOINT_METHODS and variant.source == 'none'
     name = method_label(variant.method) + (', no waypoints' if has_none else '')
     return f'{name}, {guide}' if guide else name
+
+
+def has_waypoints(variant: Variant) -> bool:
+    """Tell whether a variant was given waypoints."""
+    return variant.source != 'none' and variant.method != WAYPOINTS_ONLY
 
 
 def counted(number: int, thing: str) -> str:
@@ -163,3 +169,30 @@ def describe_interval(interval: Interval, more: str, less: str) -> str:
         ends = sorted(100.0 * abs(end - 1.0) for end in (interval.low, interval.high))
         low, high = f'{ends[0]:.2f}', f'{ends[1]:.2f} % {more if interval.low >= 1.0 else less}'
     return f'95 % interval: {low} to {high}'
+
+
+def provenance(run: RunSummary) -> str:
+    """Say which samples, settings, version and machine the figures come from."""
+    metadata = run.metadata
+    dataset, machine = metadata.get('dataset', {}), metadata.get('machine', {})
+    parameters = metadata.get('parameters', {})
+    most = max(run.variants, key=lambda summary: summary.samples, default=None)
+    size = ''
+    if most is not None:
+        size = f'{counted(most.samples, "sample")} of {counted(most.maps, "map")} from '
+    heuristic = parameters.get('heuristic')
+    sha = f' (sha256 {str(dataset["sha256"])[:12]})' if dataset.get('sha256') else ''
+    facts = [
+        f'{size}`{dataset["file"]}`{sha}' if 'file' in dataset else size.removesuffix(' from '),
+        f'seed {parameters["seed"]}' if 'seed' in parameters else '',
+        f'heuristic {heuristic}' if heuristic else '',
+        f'llm_astar_planner {metadata["version"]}' if 'version' in metadata else '',
+    ]
+    text = ', '.join(fact for fact in facts if fact)
+    if machine:
+        text += (
+            f'; run in {float(metadata.get("seconds") or 0.0):.1f} s with '
+            f'{parameters.get("jobs", 1)} at once on {machine.get("cores")} cores of '
+            f'{machine.get("processor")}, Python {machine.get("python")}'
+        )
+    return f'{text}.' if text else ''

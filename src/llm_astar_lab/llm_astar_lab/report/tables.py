@@ -1,34 +1,33 @@
-"""The tables of a report as data: columns, and rows of texts, numbers and intervals.
-
-`formats.py` writes a table as Markdown, LaTeX, CSV or text; `report_tables` lists all of them.
-"""
+"""The tables of a report as data; `table.py` writes them as Markdown, LaTeX, CSV or text."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from llm_astar_msgs_adapter.errors import shortened
+
 from llm_astar_lab.analysis.replies import REPLIES, reply_shares
-from llm_astar_lab.analysis.statistics import UNKNOWN, Interval, Ratio
 from llm_astar_lab.analysis.summary import (
+    FamilySummary,
     Growth,
-    PairedComparison,
     RunSummary,
     VariantSummary,
     is_learned,
 )
-from llm_astar_lab.report.dataset_tables import family_tables, map_cost_table
 from llm_astar_lab.report.sentences import effect_on, method_label, variant_label
 from llm_astar_lab.report.table import (
     Cell,
     Column,
     Table,
+    columns,
+    counts,
     milliseconds,
     percents,
     texts,
 )
-from llm_astar_lab.results.row import Variant
+from llm_astar_lab.results.row import ResultsError, Variant
 
 # Table 1 of the paper as printed, on the paper's samples: method, model, prompt, then operation,
 # storage, length and valid path ratio in percent.
@@ -48,32 +47,53 @@ PAPER_TABLE = (
     ('LLM-A*', 'LLAMA3', 'CoT', '47.60', '66.27', '102.46', '100'),
     ('LLM-A*', 'LLAMA3', 'RePE', '64.08', '80.19', '102.54', '100'),
 )
+VARIANT = texts({'Variant': lambda item: variant_label(item.variant)})
 MAIN_COLUMNS = (
-    *texts('Methodology', 'Base model or source', 'Prompt'),
-    *percents(
-        'Operation ratio ↓ (%)', 'Storage ratio ↓ (%)', 'Relative path length ↓ (%)',
-        'Valid path ratio ↑ (%)', 'Optimal paths ↑ (%)',
-    ),
+    *texts({
+        'Methodology': lambda item: method_label(item.variant.method),
+        'Base model or source': lambda item: model_label(item.variant),
+        'Prompt': lambda item: item.variant.prompt or '-',
+    }),
+    *percents({
+        'Operation ratio ↓ (%)': 'operation.mean',
+        'Storage ratio ↓ (%)': 'storage.mean',
+        'Relative path length ↓ (%)': 'length.mean',
+        'Valid path ratio ↑ (%)': 'valid',
+        'Optimal paths ↑ (%)': 'optimal',
+    }),
 )  # fmt: skip
+COMPARISON_COLUMNS = (
+    *VARIANT,
+    *percents({'Operation / none (%)': 'operation', 'Length / none (%)': 'length'}),
+    *texts({'Effect': lambda item: effect_on(item.operation)}),
+)
 SPREAD_COLUMNS = (
-    *texts('Variant'),
-    *percents(
-        'Operation p95', 'Operation worst', 'Over exact A*', 'Over exact A*, worst',
-        'Length p95', 'Length worst', 'Proven within',
-    ),
-    *milliseconds(
-        'Source ms, median', 'Source ms, p95', 'Search ms, median', 'Search ms, p95',
-        'Round trip ms, median', 'Round trip ms, p95',
-    ),
+    *VARIANT,
+    *percents({
+        'Operation p95': 'operation.spread.p95',
+        'Operation worst': 'operation.spread.worst',
+        'Over exact A*': 'operation_exact.mean',
+        'Over exact A*, worst': 'operation_exact.spread.worst',
+        'Length p95': 'length.spread.p95',
+        'Length worst': 'length.spread.worst',
+        'Proven within': 'proven.worst',
+    }),
+    *milliseconds({
+        'Source ms, median': 'seconds_source.median',
+        'Source ms, p95': 'seconds_source.p95',
+        'Search ms, median': 'seconds_search.median',
+        'Search ms, p95': 'seconds_search.p95',
+        'Round trip ms, median': 'seconds_round_trip.median',
+        'Round trip ms, p95': 'seconds_round_trip.p95',
+    }),
 )  # fmt: skip
 WAYPOINT_COLUMNS = (
-    *texts('Variant'),
-    Column('Waypoints per sample'),
-    *texts('Status (% of waypoints)'),
-    Column('Tokens in', digits=0),
-    Column('Tokens out', digits=0),
-    Column('Cost', digits=4),
-    Column('Unanswered', digits=0),
+    *VARIANT,
+    Column('Waypoints per sample', value='waypoints'),
+    *texts({'Status (% of waypoints)': lambda item: shares_text(item.verdicts)}),
+    *counts({'Tokens in': 'prompt_tokens', 'Tokens out': 'completion_tokens'}),
+    Column('Cost', digits=4, value='cost'),
+    *counts({'Unanswered': 'unanswered'}),
 )
 # The shares of a model's replies, by their names in `reply_shares`.
 REPLY_SHARES = {
@@ -90,29 +110,24 @@ REPLY_SHARES = {
 }
 REPLY_COLUMNS = (
     *texts('Model or source', 'Prompt'),
-    Column('Replies', digits=0),
-    *(Column(head, 100.0, 1) for head in REPLY_SHARES.values()),
-    Column('Tokens in, mean', digits=1),
-    Column('Tokens out, mean', digits=1),
-    Column('Seconds, median'),
-    Column('Seconds, p95'),
+    *counts('Replies'),
+    *columns(*REPLY_SHARES.values(), factor=100.0, digits=1),
+    *columns('Tokens in, mean', 'Tokens out, mean', digits=1),
+    *columns('Seconds, median', 'Seconds, p95'),
 )
-RECORDED_COLUMN = Column('Length / recorded plan (%)', 100.0)
-INSTRUCTION_COLUMNS = percents('Instruction satisfied (%)', 'by the recorded plan (%)')
+RECORDED_COLUMN, *INSTRUCTION_COLUMNS = percents({
+    'Length / recorded plan (%)': 'recorded.mean',
+    'Instruction satisfied (%)': 'instruction',
+    'by the recorded plan (%)': 'recorded_instruction',
+})  # fmt: skip
 PATH_COLUMNS = (
-    *texts('Variant'),
-    Column('Clearance, least (m)'),
-    Column('Clearance, mean (m)'),
-    Column('Turns, mean', digits=1),
-    Column('Through unknown, mean (m)'),
+    *VARIANT,
+    *columns({'Clearance, least (m)': 'least_clearance', 'Clearance, mean (m)': 'clearance.mean'}),
+    Column('Turns, mean', digits=1, value='turns.mean'),
+    Column('Through unknown, mean (m)', value='unknown_length.mean'),
     RECORDED_COLUMN,
-    *percents('Length / recorded plan, worst (%)'),
+    *percents({'Length / recorded plan, worst (%)': 'recorded.spread.worst'}),
     *INSTRUCTION_COLUMNS,
-)
-COMPARISON_COLUMNS = (
-    *texts('Variant'),
-    *percents('Operation / none (%)', 'Length / none (%)'),
-    *texts('Effect'),
 )
 TABLE_NOTE = (
     'Geometric means of the ratios to A* on the same sample, in percent, with 95 % confidence '
@@ -131,17 +146,34 @@ PAPER_NOTE = (
     "On the paper's own 1000 samples, so it can only be compared with the rows above if they are "
     'of the same samples.'
 )
+FAMILY_NOTE = 'Geometric means of the ratios to A* on the same sample, in percent.'
+VALID_NOTE = 'Shares of the samples in percent, of the variants that miss some.'
+LEFT_OUT_NOTE = (
+    "Geometric means of the families' operation ratios, in which each family weighs the same: of "
+    'all of them, and without one at a time. A figure that changes much hangs on that family. '
+    'Intervals are by bootstrap over the maps of each family.'
+)
+# Families that the tables show; summary.json has all.
+MAX_FAMILIES = 12
+MAP_COST_NOTE = (
+    "As in the Grid-Based Path Planning Competition: the time to prepare a map's planner, the "
+    "memory that it then holds without the map's own cells, and the times of the searches."
+)
+# Maps that this table shows.
+MAX_MAP_COSTS = 200
 
 
 def report_tables(run: RunSummary) -> list[Table]:
     """Return the tables of a report that have rows, in its order."""
+    compared = [item for item in run.comparisons if item.samples]
+    guided = [item for item in run.variants if item.variant.source != 'none']
     every = [
         main_table(run.variants),
-        comparison_table(run.comparisons),
-        spread_table(run.variants),
-        waypoint_table(run.variants),
+        Table.of('over_none', 'What waypoints added over none', COMPARISON_COLUMNS, compared),
+        Table.of('spread', 'What the means hide', SPREAD_COLUMNS, run.variants),
+        Table.of('waypoints', 'Waypoints, tokens, cost', WAYPOINT_COLUMNS, guided),
         reply_table(run.variants),
-        path_table(run.variants),
+        Table.of('paths', 'The paths', PATH_COLUMNS, run.variants),
         *family_tables(run.variants),
         map_cost_table(run.metadata),
         growth_table(run.growths),
@@ -152,20 +184,15 @@ def report_tables(run: RunSummary) -> list[Table]:
 
 def main_table(summaries: Sequence[VariantSummary]) -> Table:
     """Return the table in the paper's layout."""
-    rows = [
-        (
-            method_label(summary.variant.method),
-            model_label(summary.variant),
-            summary.variant.prompt or '-',
-            summary.operation.mean,
-            summary.storage.mean,
-            summary.length.mean,
-            summary.valid,
-            summary.optimal,
-        )
-        for summary in summaries
-    ]
-    return Table('main', 'The table', MAIN_COLUMNS, rows, TABLE_NOTE)
+    return Table.of('main', 'The table', MAIN_COLUMNS, summaries, TABLE_NOTE)
+
+
+def terminal_table(summaries: Sequence[VariantSummary]) -> Table:
+    """Return the table in the paper's layout, with what is known of bags and instructions."""
+    table = main_table(summaries)
+    for column in (RECORDED_COLUMN, *INSTRUCTION_COLUMNS):
+        table = table.with_column(column, [column.cell(item) for item in summaries])
+    return table
 
 
 def model_label(variant: Variant) -> str:
@@ -177,57 +204,9 @@ def model_label(variant: Variant) -> str:
     return f'{name} ({transcript})' if transcript else name
 
 
-def comparison_table(comparisons: Sequence[PairedComparison]) -> Table:
-    """Return the comparison with no waypoints."""
-    rows = [
-        (
-            variant_label(comparison.variant),
-            comparison.operation,
-            comparison.length,
-            effect_on(comparison.operation),
-        )
-        for comparison in comparisons
-        if comparison.samples
-    ]
-    return Table('over_none', 'What waypoints added over none', COMPARISON_COLUMNS, rows)
-
-
-def spread_table(summaries: Sequence[VariantSummary]) -> Table:
-    """Return the table of percentiles, maxima and times."""
-    rows = [
-        (
-            variant_label(summary.variant),
-            *summary.operation.spread[2:],
-            mean_of(summary.operation_exact),
-            worst_of(summary.operation_exact),
-            *summary.length.spread[2:],
-            summary.proven.worst,
-            *summary.seconds_source[1:3],
-            *summary.seconds_search[1:3],
-            *summary.seconds_round_trip[1:3],
-        )
-        for summary in summaries
-    ]
-    return Table('spread', 'What the means hide', SPREAD_COLUMNS, rows)
-
-
-def waypoint_table(summaries: Sequence[VariantSummary]) -> Table:
-    """Return the table of waypoints, tokens and cost, for variants with a source."""
-    rows = [
-        (
-            variant_label(summary.variant),
-            summary.waypoints,
-            ', '.join(f'{name} {100 * part:.1f}' for name, part in summary.verdicts.items())
-            or '-',
-            summary.prompt_tokens,
-            summary.completion_tokens,
-            math.nan if summary.cost is None else summary.cost,
-            summary.unanswered,
-        )
-        for summary in summaries
-        if summary.variant.source != 'none'
-    ]
-    return Table('waypoints', 'Waypoints, tokens, cost', WAYPOINT_COLUMNS, rows)
+def shares_text(shares: Mapping[str, float]) -> str:
+    """Write named shares in percent, a dash for none."""
+    return ', '.join(f'{name} {100 * part:.1f}' for name, part in shares.items()) or '-'
 
 
 def reply_table(summaries: Sequence[VariantSummary]) -> Table:
@@ -236,69 +215,105 @@ def reply_table(summaries: Sequence[VariantSummary]) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for item in reversed(of_model.values()):
         count, shares = item.replies[REPLIES], reply_shares(item.replies)
-        rows.append(
-            (
-                model_label(item.variant),
-                item.variant.prompt or '-',
-                count,
-                *(shares[name] for name in REPLY_SHARES),
-                item.prompt_tokens / count,
-                item.completion_tokens / count,
-                *item.seconds_reply[1:3],
-            )
-        )
+        rows.append((
+            model_label(item.variant), item.variant.prompt or '-', count,
+            *(shares[name] for name in REPLY_SHARES),
+            item.prompt_tokens / count, item.completion_tokens / count, *item.seconds_reply[1:3],
+        ))  # fmt: skip
     return Table('replies', 'What was wrong with the replies', REPLY_COLUMNS, rows, REPLY_NOTE)
 
 
-def path_table(summaries: Sequence[VariantSummary]) -> Table:
-    """Return the table of clearance, turns and unknown cells of the paths."""
-    rows = [
-        (
-            variant_label(summary.variant),
-            summary.least_clearance,
-            summary.clearance.mean,
-            summary.turns.mean,
-            summary.unknown_length.mean,
-            mean_of(summary.recorded),
-            worst_of(summary.recorded),
-            summary.instruction,
-            summary.recorded_instruction,
-        )
-        for summary in summaries
+def family_tables(summaries: Sequence[VariantSummary]) -> list[Table]:
+    """Return the tables by family of maps; without rows where there are no two families."""
+    every = list(dict.fromkeys(name for item in summaries for name in item.families))
+    names = every[:MAX_FAMILIES]
+    note = f' The first {len(names)} of {len(every)} families.' if names != every else ''
+    complete = [
+        (variant_label(item.variant), [item.families[name] for name in names])
+        for item in summaries
+        if names and all(name in item.families for name in names)
     ]
-    return Table('paths', 'The paths', PATH_COLUMNS, rows)
+
+    def rows_of(figure: str, is_shown: Callable[[FamilySummary], bool]) -> list[tuple[Cell, ...]]:
+        return [
+            (label, *(getattr(part, figure) for part in parts))
+            for label, parts in complete
+            if any(map(is_shown, parts))
+        ]
+
+    operation = rows_of('operation', lambda part: part.operation.value > 0)
+    valid = rows_of('valid', lambda part: part.valid.value < 1.0)
+    left_out: list[tuple[Cell, ...]] = [
+        (variant_label(item.variant), means.every, *(means.without[name] for name in names))
+        for item in summaries
+        if (means := item.family_means).without
+    ]
+    labels = [name or 'unknown' for name in names]
+    heads = (*texts('Variant'), *percents(*(f'{label} (%)' for label in labels)))
+    without = percents('All families (%)', *(f'without {label} (%)' for label in labels))
+    left_title = 'Operation ratio without one family at a time'
+    return [
+        Table(
+            'families', 'Operation ratio by family of maps', heads, operation, FAMILY_NOTE + note
+        ),
+        Table('families_valid', 'Valid paths by family of maps', heads, valid, VALID_NOTE + note),
+        Table(
+            'families_left_out', left_title, (heads[0], *without), left_out, LEFT_OUT_NOTE + note
+        ),
+    ]
+
+
+def map_cost_table(metadata: Mapping[str, Any]) -> Table:
+    """Return preprocessing, memory and query times by map, where they were measured.
+
+    Raises ResultsError where the metadata has something else there.
+    """
+    costs = metadata.get('map_costs', ())
+    try:
+        variants = list(dict.fromkeys(name for cost in costs for name in cost['queries']))
+        rows = [cost_row(cost, variants) for cost in costs[:MAX_MAP_COSTS]]
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise ResultsError(f'metadata.json: map_costs: {shortened(str(error))}') from None
+    heads = (
+        *texts('Map', 'Family'),
+        *counts('Cells'),
+        *milliseconds('Preprocessing (ms)'),
+        Column('Memory (MB)', 1e-6),
+        *milliseconds(*(f'{name}, median query (ms)' for name in variants)),
+        *milliseconds(*(f'{name}, slowest (ms)' for name in variants)),
+    )
+    note = MAP_COST_NOTE
+    if len(costs) > len(rows):
+        note += f' The first {len(rows)} of {len(costs)} maps; metadata.json has all.'
+    return Table('map_costs', 'Preprocessing, memory and queries by map', heads, rows, note)
+
+
+def cost_row(cost: Mapping[str, Any], variants: Sequence[str]) -> tuple[Cell, ...]:
+    """Return the row of a map; a variant without a query there has no times."""
+    queries = [cost['queries'].get(name, {}) for name in variants]
+    cells = cost['width'] * cost['height']
+    times = [query.get(name, math.nan) for name in ('median', 'worst') for query in queries]
+    numbers = map(float, (cells, cost['seconds'], cost['bytes'], *times))
+    return str(cost['name']), str(cost['family']), *numbers
 
 
 def growth_table(growths: Sequence[Growth]) -> Table:
     """Return the table of growth factors, with a column for each scale."""
     scales = sorted({scale for growth in growths for scale in growth.scales})
-    columns = (
-        *texts('Variant', 'Quantity'),
-        Column('Samples', digits=0),
-        *texts(*(f'x{scale}' for scale in scales), 'Slope'),
-    )
     rows: list[tuple[Cell, ...]] = []
     for growth in growths:
         factors = dict(zip(growth.scales, growth.factors))
         cells = (factors.get(scale, math.nan) for scale in scales)
         name = variant_label(growth.variant)
         rows.append((name, growth.quantity, growth.samples, *cells, growth.slope))
-    return Table('growth', 'Growth with the scale of the map', columns, rows, GROWTH_NOTE)
+    factor_heads = (f'x{scale}' for scale in scales)
+    heads = (*texts('Variant', 'Quantity'), *counts('Samples'), *columns(*factor_heads, 'Slope'))
+    return Table('growth', 'Growth with the scale of the map', heads, rows, GROWTH_NOTE)
 
 
 def paper_table(metadata: Mapping[str, Any]) -> Table:
     """Return the paper's table as printed; without rows for a run on bags."""
     rows = () if metadata.get('bags') else PAPER_TABLE
     # The paper prints no share of optimal paths.
-    columns = MAIN_COLUMNS[:-1]
-    return Table('paper', 'Table 1 of the paper, as printed', columns, rows, PAPER_NOTE)
-
-
-def mean_of(ratio: Ratio | None) -> Interval:
-    """Return the mean of a ratio, unknown where there is none."""
-    return UNKNOWN if ratio is None else ratio.mean
-
-
-def worst_of(ratio: Ratio | None) -> float:
-    """Return the largest of some ratios, NaN where there are none."""
-    return math.nan if ratio is None else ratio.spread.worst
+    heads = MAIN_COLUMNS[:-1]
+    return Table('paper', 'Table 1 of the paper, as printed', heads, rows, PAPER_NOTE)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
 from llm_astar_msgs_adapter.errors import LlmAstarError, shortened
 from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
 from llm_astar_planner.costmap.config import CostmapConfig
+from matplotlib.figure import Figure
 
 from llm_astar_lab.analysis.replies import reply_shares
-from llm_astar_lab.analysis.statistics import Interval, Spread
 from llm_astar_lab.analysis.summary import (
     Growth,
     PairedComparison,
@@ -22,28 +22,20 @@ from llm_astar_lab.analysis.summary import (
     summarise_run,
 )
 from llm_astar_lab.pictures.animation import save_animation
-from llm_astar_lab.pictures.comparison import (
-    comparison_figure,
-    on_one_window,
-    panel_figure,
-)
-from llm_astar_lab.report.figures import (
-    growth_figure,
-    ratio_figure,
-    showcase_figure,
-)
-from llm_astar_lab.report.html import PANEL, html_report
-from llm_astar_lab.report.markdown import markdown_report
-from llm_astar_lab.report.median import draw_median
-from llm_astar_lab.report.page_data import shown_samples
+from llm_astar_lab.pictures.figures import comparison_figure, on_one_window, panel_figure
+from llm_astar_lab.report.figures import growth_figure, ratio_figure, showcase_figure
+from llm_astar_lab.report.pages import PANEL, html_report, markdown_report
+from llm_astar_lab.report.samples import browser_data, draw_median, shown_samples
 from llm_astar_lab.report.sentences import headline, recorded_sentence, sentence
+from llm_astar_lab.report.table import json_of
 from llm_astar_lab.results.folder import ResultsFolder
 from llm_astar_lab.results.row import ResultsError, Row
 from llm_astar_lab.results.stored_rows import StoredRows
 from llm_astar_lab.runner.engine import SearchSettings
 
-# Dots per inch of figures, and of the panels of a page.
+# Dots per inch of figures, and of the panels of a page, and inches around them.
 DPI, PANEL_DPI = 140, 100
+PAD, PANEL_PAD = 0.1, 0.03
 Pictures = list[tuple[Path, str]]
 
 
@@ -62,7 +54,7 @@ def write_report(
     shown = shown_samples(rows.rows('scale = 1'), maps)
     recorded = recorded_sentence(rows.rows()) if metadata.get('bags') else None
     run = summarise_run(rows, metadata)
-    summary: dict[str, Any] = {
+    summary = {
         'headline': headline(run.comparisons),
         'sentences': [sentence(item) for item in run.comparisons if item.samples],
         'rows': len(rows),
@@ -74,63 +66,40 @@ def write_report(
     }
     folder.write_json('summary.json', summary)
     pictures = draw_all(folder.path, shown.rows, maps, run)
-    names = [(path.name, caption) for path, caption in pictures if not path.name.startswith(PANEL)]
-    folder.write_text('report.md', markdown_report(run, recorded=recorded, pictures=names))
-    page = html_report(
-        run,
-        shown=shown,
-        maps=maps,
-        recorded=recorded,
-        costmap=search_settings(metadata).costmap,
-        places=folder.read_places(),
-        pictures=pictures,
-    )
+    folder.write_text('report.md', markdown_report(run, recorded, pictures))
+    costmap = search_settings(metadata).costmap
+    samples = browser_data(shown, maps, costmap, folder.read_places())
+    has_zone = costmap is not None and costmap.robot_radius > 0.0
+    page = html_report(run, recorded, pictures, samples, has_zone=has_zone)
     folder.write_text('report.html', page)
     return folder.read_json('summary.json')
 
 
 def to_json(item: VariantSummary | PairedComparison | Growth) -> dict[str, Any]:
-    """Return the figures of a variant by name; named tuples become objects.
+    """Return the figures of a variant by name.
 
-    The keys of the file are older than the word variant: `case` is its name. Shares of satisfied
-    instructions are left out where nothing was asked, and what is wrong with replies without any.
+    The keys of the file are older than the word variant: `case` is its name.
     """
-    values = asdict(item)
+    values = summary_json(item) if isinstance(item, VariantSummary) else asdict(item)
     del values['variant']
-    if isinstance(item, VariantSummary):
-        for name in values:
-            value = getattr(item, name)
-            if name in ('operation', 'storage', 'length', 'recorded') and value is not None:
-                values[name] = {**value.mean._asdict(), 'spread': value.spread._asdict()}
-            elif isinstance(value, (Interval, Spread)) and name != 'proven':
-                values[name] = value._asdict()
-        # Older than the interval, and read by scripts: `optimal` is a number.
-        values |= {'optimal': item.optimal.value, 'optimal_share': values['optimal']}
-        for name in ('instruction', 'recorded_instruction'):
-            if math.isnan(values[name]['value']):
-                del values[name]
-        values['families'] = {name: named(asdict(part)) for name, part in item.families.items()}
-        values['family_means'] = named(asdict(item.family_means))
-        if not item.families:
-            del values['families'], values['family_means']
-        if item.replies:
-            shares = reply_shares(item.replies)
-            values['reply_shares'] = {name: share._asdict() for name, share in shares.items()}
-        else:
-            del values['replies'], values['seconds_reply']
     return {'case': str(item.variant), **values, **item.variant._asdict()}
 
 
-def named(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values with each interval as an object."""
-    return {
-        name: value._asdict()
-        if isinstance(value, Interval)
-        else named(value)
-        if isinstance(value, Mapping)
-        else value
-        for name, value in values.items()
+def summary_json(item: VariantSummary) -> dict[str, Any]:
+    """Return the figures of a summary by name, without those of what the run did not have."""
+    values = json_of(item)
+    # Older than the intervals and objects, and read by scripts: a number, and lists.
+    values |= {'optimal': item.optimal.value, 'optimal_share': values['optimal']}
+    values |= {name: asdict(item)[name] for name in ('proven', 'operation_exact')}
+    if item.replies:
+        values['reply_shares'] = json_of(reply_shares(item.replies))
+    is_absent = {
+        'instruction': math.isnan(item.instruction.value),
+        'recorded_instruction': math.isnan(item.recorded_instruction.value),
+        **dict.fromkeys(('families', 'family_means'), not item.families),
+        **dict.fromkeys(('replies', 'seconds_reply'), not item.replies),
     }
+    return {name: value for name, value in values.items() if not is_absent.get(name)}
 
 
 def draw_all(
@@ -138,60 +107,45 @@ def draw_all(
 ) -> Pictures:
     """Draw every figure that the rows allow; return the files and their captions."""
     pictures: Pictures = []
+
+    def save(
+        name: str, figure: Figure, caption: str, pad: float | None = None, dpi: int = DPI
+    ) -> None:
+        box = None if pad is None else 'tight'
+        figure.savefig(folder / name, dpi=dpi, bbox_inches=box, pad_inches=pad)
+        pictures.append((folder / name, caption))
+
     if run.variants:
-        path = folder / 'ratios.png'
-        ratio_figure(run.variants).savefig(path, dpi=DPI, bbox_inches='tight')
-        pictures.append(
-            (path, 'Expansions and length against A*: blue with waypoints, the rest grey.')
-        )
+        caption = 'Expansions and length against A*: blue with waypoints, the rest grey.'
+        save('ratios.png', ratio_figure(run.variants), caption, PAD)
     if run.growths:
-        path = folder / 'growth.png'
-        growth_figure(run.growths).savefig(path, dpi=DPI)
-        pictures.append((path, 'Growth of work and storage with the scale of the map.'))
-    pictures += draw_median_sample(folder, rows, maps, search_settings(run.metadata))
+        caption = 'Growth of work and storage with the scale of the map.'
+        save('growth.png', growth_figure(run.growths), caption)
+    # Neither the best nor the worst sample.
+    if sample := draw_median(rows, maps, search_settings(run.metadata)):
+        caption = f'{sample.where}: what each method expanded.'
+        save('compare.png', comparison_figure(sample.pictures), caption, PAD)
+        for number, picture in enumerate(on_one_window(sample.pictures), start=1):
+            file, caption = f'{PANEL}{number}.png', picture.title
+            save(file, panel_figure(picture), caption, PANEL_PAD, PANEL_DPI)
+        if sample.searches:
+            save_animation(folder / 'search.gif', sample.searches)
+            frames = 'all searches with the same number of expansions in a frame.'
+            pictures.append((folder / 'search.gif', f'{sample.where}: {frames}'))
     if not run.metadata.get('bags'):
-        path = folder / 'showcase.png'
-        showcase_figure().savefig(path, dpi=DPI)
         caption = 'LLM-A* target by target on an 11 x 11 map, Chebyshev heuristic, and A*.'
-        pictures.append((path, caption))
-    return pictures
-
-
-def draw_median_sample(
-    folder: Path, rows: Sequence[Row], maps: Sequence[ProblemMap], settings: SearchSettings
-) -> Pictures:
-    """Draw a sample whose saving over A* is about the median: neither the best nor the worst."""
-    sample = draw_median(rows, maps, settings)
-    if sample is None:
-        return []
-    path = folder / 'compare.png'
-    comparison_figure(sample.pictures).savefig(path, dpi=DPI, bbox_inches='tight')
-    pictures: Pictures = [(path, f'{sample.where}: what each method expanded.')]
-    for number, picture in enumerate(on_one_window(sample.pictures), start=1):
-        path = folder / f'{PANEL}{number}.png'
-        panel_figure(picture).savefig(path, dpi=PANEL_DPI, bbox_inches='tight', pad_inches=0.03)
-        pictures.append((path, picture.title))
-    if sample.searches:
-        path = folder / 'search.gif'
-        save_animation(path, sample.searches)
-        pictures.append(
-            (path, f'{sample.where}: all searches with the same number of expansions in a frame.')
-        )
+        save('showcase.png', showcase_figure(), caption)
     return pictures
 
 
 def search_settings(metadata: Mapping[str, Any]) -> SearchSettings:
     """Return the search settings of a run from its metadata."""
-    names = (
-        'heuristic', 'weight', 'time_limit', 'max_suboptimality', 'tolerance', 'start_tolerance',
-        'paper_corners',
-    )  # fmt: skip
     parameters = metadata['parameters']
     rules = parameters.get('rules')
     try:
         costmap = None if rules is None else CostmapConfig(**rules)
     except (TypeError, LlmAstarError) as error:
         raise ResultsError(f'metadata.json: parameters: rules: {shortened(str(error))}') from None
-    return SearchSettings(
-        **{name: parameters[name] for name in names if name in parameters}, costmap=costmap
-    )
+    names = {field.name for field in fields(SearchSettings)} - {'costmap', 'instruction'}
+    known = {name: parameters[name] for name in names & set(parameters)}
+    return SearchSettings(**known, costmap=costmap)

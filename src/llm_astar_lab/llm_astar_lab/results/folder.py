@@ -24,8 +24,7 @@ from typing import Any
 
 from llm_astar_msgs_adapter.errors import short_repr
 from llm_astar_msgs_adapter.files import read_json
-from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
-from llm_astar_msgs_adapter.maps.places_file import load_places
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places, load_places
 
 import llm_astar_planner
 from llm_astar_lab.results.row import COLUMNS, ResultsError, Row

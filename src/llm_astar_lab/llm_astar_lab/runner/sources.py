@@ -13,10 +13,9 @@ from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
 from llm_astar_msgs_adapter.maps.grid_dataset import GridProblem
 from llm_astar_planner.costmap.costmap import Costmap
 from llm_astar_planner.waypoints.baselines import baseline_sources, visibility_problem
-from llm_astar_planner.waypoints.config import BASELINE_NAMES, SettingsError, SourceSettings
-from llm_astar_planner.waypoints.factory import make_source
-from llm_astar_planner.waypoints.replay import ReplaySource
-from llm_astar_planner.waypoints.sample_resolver import dataset_digest
+from llm_astar_planner.waypoints.config import SettingsError, SourceSettings, make_source
+from llm_astar_planner.waypoints.plugins import BASELINE_NAMES
+from llm_astar_planner.waypoints.replay import ReplaySource, dataset_digest
 from llm_astar_planner.waypoints.source import (
     SampleKey,
     WaypointSource,

@@ -415,7 +415,7 @@ def test_chunks_of_one_time_are_read_up_to_a_limit(tmp_path, monkeypatch):
     day = [map_at(seconds, room(30, 30)) for seconds in range(1, 20)]
     folder = write_bag(tmp_path / 'bag', day, 'mcap')
     assert len(read(folder)[0]) == 19
-    monkeypatch.setattr('llm_astar_lab.bags.mcap.MOST_HELD', 5000)
+    monkeypatch.setattr('llm_astar_lab.bags.storage.MOST_HELD', 5000)
     found, problems = read(folder)
     assert 1 <= len(found) < 19
     assert 'over 5000 bytes of its chunks are of the same time' in problems.left_out[0]

@@ -5,9 +5,8 @@ import threading
 
 import httpx
 import pytest
-from llm_astar_lab.play.app import PlayApp
 from llm_astar_lab.play.maps import Maps
-from llm_astar_lab.play.server import PlayServer, listen
+from llm_astar_lab.play.server import PlayApp, PlayServer, listen
 
 
 @pytest.fixture(scope='session')

@@ -12,8 +12,8 @@ import time
 import httpx
 import numpy as np
 import pytest
-from llm_astar_lab.play import app as play_app
-from llm_astar_lab.play.worker import Worker
+from llm_astar_lab.play import server as play_app
+from llm_astar_lab.play.planning import Worker
 from llm_astar_planner.search.methods import METHODS
 
 DEMO = {'map': 'demo.json:0', 'start': [39, 18], 'goal': [7, 19]}

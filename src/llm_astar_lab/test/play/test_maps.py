@@ -3,10 +3,8 @@
 import shlex
 
 import pytest
-from llm_astar_lab.play.command import command_of
-from llm_astar_lab.play.errors import PlayError
-from llm_astar_lab.play.maps import Maps
-from llm_astar_lab.play.request import read_request
+from llm_astar_lab.play.maps import Maps, PlayError
+from llm_astar_lab.play.request import command_of, read_request
 from llm_astar_planner.cli.main import main
 
 MAP = 'type octile\nheight 4\nwidth 6\nmap\n......\n.@@@@.\n......\n......\n'

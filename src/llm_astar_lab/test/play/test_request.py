@@ -3,8 +3,7 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from llm_astar_lab.play.errors import PlayError
-from llm_astar_lab.play.maps import Maps
+from llm_astar_lab.play.maps import Maps, PlayError
 from llm_astar_lab.play.request import FIELDS, SOURCES, PlayRequest, read_request
 from llm_astar_planner.search.methods import SEARCH_METHODS
 from llm_astar_planner.waypoints.plugins import SOURCES as SOURCE_TABLE

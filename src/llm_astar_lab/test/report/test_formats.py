@@ -8,16 +8,18 @@ import pytest
 from benchmark_samples import rows_with
 from llm_astar_lab.analysis.statistics import UNKNOWN, Interval
 from llm_astar_lab.analysis.summary import summarise_run
-from llm_astar_lab.report.formats import (
+from llm_astar_lab.report.table import (
+    Column,
+    Table,
     cell_text,
     csv_table,
     latex,
     markdown,
+    percents,
+    texts,
     texts_of,
-    without_constant_columns,
     write_tables,
 )
-from llm_astar_lab.report.table import Column, Table, percents, texts
 from llm_astar_lab.report.tables import report_tables
 from llm_astar_lab.results.folder import ResultsFolder
 
@@ -42,11 +44,11 @@ def test_percentages_show_their_interval_unless_it_is_a_point():
 
 def test_a_column_that_says_the_same_in_every_row_is_a_note():
     rows = [('a', '1', '-', '7'), ('b', '1', '-', '8'), ('c', '-', '-', '9')]
-    shown, common = without_constant_columns(table_of(('name', 'one', 'no', 'all'), rows))
+    shown, common = table_of(('name', 'one', 'no', 'all'), rows).without_constants()
     assert texts_of(shown) == (('name', 'all'), [('a', '7'), ('b', '8'), ('c', '9')])
     assert common == 'one 1'
     single = table_of(('name', 'one'), [('a', '1')])
-    assert without_constant_columns(single)[0] == single
+    assert single.without_constants()[0] == single
 
 
 def test_a_column_without_any_value_is_not_added():

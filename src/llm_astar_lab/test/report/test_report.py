@@ -13,15 +13,13 @@ from benchmark_samples import ORACLE, rows_with
 from llm_astar_lab.analysis.summary import RunSummary, by_variant
 from llm_astar_lab.datasets.generate import generate
 from llm_astar_lab.pictures.figures import drawable_map
-from llm_astar_lab.report.html import html_report
-from llm_astar_lab.report.markdown import replace_section
-from llm_astar_lab.report.median import median_rows
-from llm_astar_lab.report.page_data import browser_data, shown_samples
+from llm_astar_lab.report.pages import html_report, replace_section
+from llm_astar_lab.report.samples import browser_data, median_rows, shown_samples
 from llm_astar_lab.report.write import write_report
 from llm_astar_lab.results.folder import ResultsFolder, describe_run
 from llm_astar_lab.results.row import Variant
-from llm_astar_msgs_adapter.maps.barrier_map import save_barrier_maps
 from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.problem_maps import save_maps
 from llm_astar_planner.costmap.config import CostmapConfig
 
 
@@ -49,7 +47,7 @@ def reported(tmp_path_factory):
     """Return a results folder with its report; a model in it has script code as its name."""
     path = tmp_path_factory.mktemp('reported')
     maps = list(generate(1, 20))
-    save_barrier_maps(maps, path / 'maps.json')
+    save_maps(maps, path / 'maps.json')
     rows = rows_with(0.8)
     nasty = Variant('llm_astar', 'replay', 'few_shot', '</script><script>alert(1)</script>')
     rows += [
@@ -119,7 +117,7 @@ def test_guided_is_drawn_beside_astar_and_the_paper(reported):
 
 def test_the_samples_of_a_large_run_are_thinned_out_to_what_a_page_can_hold(monkeypatch):
     rows, maps = rows_with(0.8), list(generate(1, 20))
-    monkeypatch.setattr('llm_astar_lab.report.page_data.BUDGET', 8_000)
+    monkeypatch.setattr('llm_astar_lab.report.samples.BUDGET', 8_000)
     data = browser_data(shown_samples(rows, maps), maps, None)
     assert len(json.dumps(data, separators=(',', ':'))) <= 8_000
     assert 1 <= len(data['samples']) < data['total'] == 40

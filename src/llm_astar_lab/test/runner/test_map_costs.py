@@ -6,7 +6,7 @@ import tracemalloc
 import numpy as np
 import pytest
 from llm_astar_lab.datasets.families import generate_family
-from llm_astar_lab.report.dataset_tables import map_cost_table
+from llm_astar_lab.report.tables import map_cost_table
 from llm_astar_lab.results.row import Row
 from llm_astar_lab.results.stored_rows import StoredRows
 from llm_astar_lab.runner.map_costs import add_query_times, held_bytes, map_costs

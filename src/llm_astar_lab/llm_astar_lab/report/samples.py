@@ -1,0 +1,291 @@
+"""The samples of a run that a report shows: one drawn in pictures, others in the page's browser.
+
+The drawn one is of about median saving, planned again by a few methods. What the browser of
+samples shows, maps, variants and rows, is bounded in size.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from llm_astar_msgs_adapter.maps.barrier_map import BarrierMap
+from llm_astar_msgs_adapter.maps.grid_map import GridMap
+from llm_astar_msgs_adapter.maps.places import NO_PLACES, Places
+from llm_astar_msgs_adapter.maps.problem_maps import ProblemMap
+from llm_astar_planner.costmap.config import CostmapConfig
+from llm_astar_planner.search.methods import GUIDED, SEARCH_METHODS
+from llm_astar_planner.search.result import describe_expansions
+from numpy.typing import NDArray
+from PIL import Image
+
+from llm_astar_lab.analysis.summary import SampleId, by_variant, is_baseline, report_order
+from llm_astar_lab.pictures import raster
+from llm_astar_lab.pictures.animation import AnimatedSearch
+from llm_astar_lab.pictures.figures import Picture, describe_length, drawable_map, picture_of
+from llm_astar_lab.pictures.retrace import retrace
+from llm_astar_lab.report.pages import data_url
+from llm_astar_lab.report.sentences import variant_label
+from llm_astar_lab.results.row import PAPER_ASTAR, WAYPOINTS_ONLY, Row, Variant, parse_points
+from llm_astar_lab.runner.engine import SearchSettings, request_again
+
+# The part of the samples on each side of the median that count as about median.
+AROUND = 0.05
+# Characters of JSON that the samples may take; a page with all of a large run takes megabytes.
+BUDGET = 500_000
+# Bytes of rows that are kept to choose from, and of a row without its texts.
+MAX_KEPT, ROW_BYTES = 32_000_000, 900
+# Pixels of a map's picture along its longer side, at most.
+MAX_PIXELS = 1000
+
+
+@dataclass(frozen=True)
+class DrawnSample:
+    """One sample planned by several methods: their pictures, and their animations if known."""
+
+    where: str
+    pictures: list[Picture]
+    searches: list[AnimatedSearch]
+
+
+def draw_median(
+    rows: Sequence[Row], maps: Sequence[ProblemMap], settings: SearchSettings
+) -> DrawnSample | None:
+    """Plan a sample of about median saving again: no extreme one. None where there is none.
+
+    A plan is drawn by planning again, without an instruction.
+    """
+    problems = {item.id: item for item in maps}
+    stored = {number: len(item.samples) for number, item in problems.items()}
+    chosen = median_rows(
+        [row for row in rows if row.pair < stored.get(row.map, 0) and not row.instruction]
+    )
+    if not chosen:
+        return None
+    map_id, pair = chosen[0].map, chosen[0].pair
+    drawn = [drawn_row(problems[map_id], row, settings) for row in chosen]
+    searches = [search for _, search in drawn if search is not None]
+    return DrawnSample(
+        f'Map {map_id}, pair {pair}, the largest sample of about median saving',
+        [picture for picture, _ in drawn],
+        searches if len(searches) == len(drawn) else [],
+    )
+
+
+def drawn_row(
+    problem: ProblemMap, row: Row, settings: SearchSettings
+) -> tuple[Picture, AnimatedSearch | None]:
+    """Plan a row again; return its picture, and its animation if the order is known."""
+    planner, request = request_again(problem, problem.samples[row.pair], row, settings)
+    plan = planner.plan(request)
+    grid_map = drawable_map(planner.grid_map, settings.costmap)
+    picture = picture_of(
+        plan, grid_map, plan.start, plan.goal, problem.offset, costmap=planner.costmap
+    )
+    name, length = variant_label(row.variant), describe_length(plan, grid_map.resolution)
+    title = f'{name}\n{length}, {describe_expansions(plan.expansions)}'
+    recorded = np.array(parse_points(row.recorded_path), dtype=float).reshape(-1, 2)
+    picture = replace(picture, title=title, recorded=recorded)
+    order = retrace(planner, request, plan)
+    return picture, None if order is None else AnimatedSearch(picture, order, name, length)
+
+
+def median_rows(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows to draw, of one sample: A*, another method, and `guided`.
+
+    The other method is LLM-A*, with a model's waypoints if there are any; `guided` has the same.
+    Of the samples whose saving is about the median it is the one that A* expands most on.
+    """
+    variants = by_variant(rows)
+    base = variants.get(PAPER_ASTAR, {})
+    compared = sorted(
+        (
+            variant
+            for variant in variants
+            if variant.method not in (PAPER_ASTAR.method, WAYPOINTS_ONLY)
+            and SEARCH_METHODS.problem(variant.method) is None
+        ),
+        key=rank,
+    )
+    if not compared:
+        return []
+    chosen = compared[0]
+    ratios = {
+        sample: row.operation / base[sample].operation
+        for sample, row in variants[chosen].items()
+        if row.found and sample in base and base[sample].found
+    }
+    if not ratios:
+        return []
+    ranked = sorted(ratios, key=ratios.__getitem__)
+    middle, spread = len(ranked) // 2, round(AROUND * len(ranked))
+    near = ranked[max(0, middle - spread) : middle + spread + 1]
+    # The largest of those in the middle, for there is something to see.
+    sample = max(near, key=lambda key: base[key].operation)
+    guided = [item for item in compared if item.method == GUIDED and item != chosen]
+    shown = [PAPER_ASTAR, chosen, *sorted(guided, key=lambda item: item[1:] != chosen[1:])[:1]]
+    found = [variants[variant].get(sample) for variant in shown]
+    return [row for row in found if row is not None and row.found]
+
+
+def rank(variant: Variant) -> tuple[bool, ...]:
+    """Return the sort key by which a variant is drawn: LLM-A* with a model's waypoints first."""
+    return (
+        variant.source == 'none', is_baseline(variant), variant.source != 'oracle',
+        variant.method != 'llm_astar', variant.method != GUIDED,
+    )  # fmt: skip
+
+
+class ShownSamples(NamedTuple):
+    """The rows of the samples that a page may show, of `total` samples that have a stored map."""
+
+    rows: Sequence[Row]
+    total: int
+
+
+def shown_samples(rows: Iterable[Row], maps: Iterable[ProblemMap]) -> ShownSamples:
+    """Read rows once and keep those of scale 1 whose sample is stored in one of the maps.
+
+    Rows are in order of map and pair. Where all would take over MAX_KEPT bytes, only every
+    second sample is kept, every fourth and so on.
+    """
+    stored = {problem.id: len(problem.samples) for problem in maps}
+    drawable = (row for row in rows if row.scale == 1 and row.pair < stored.get(row.map, 0))
+    kept: list[list[Row]] = []
+    every, total, size = 1, 0, 0
+    for _, of_sample in groupby(drawable, key=lambda row: (row.map, row.pair)):
+        if total % every == 0:
+            kept.append(list(of_sample))
+            size += sum(map(row_size, kept[-1]))
+        total += 1
+        while size > MAX_KEPT and len(kept) > 1:
+            every, kept = 2 * every, kept[::2]
+            size = sum(row_size(row) for group in kept for row in group)
+    return ShownSamples([row for group in kept for row in group], total)
+
+
+def row_size(row: Row) -> int:
+    """Return about how many bytes a row takes in memory."""
+    return ROW_BYTES + len(row.waypoints) + len(row.path) + len(row.recorded_path)
+
+
+def browser_data(
+    shown: ShownSamples,
+    maps: Sequence[ProblemMap],
+    costmap: CostmapConfig | None,
+    places: Places = NO_PLACES,
+) -> dict[str, Any]:
+    """Return what the browser of samples shows: maps, variants, and the rows of scale 1.
+
+    Grids are drawn with the walls of `costmap`, by default MovingAI's; `places` are on every map.
+    Of more than fit into BUDGET every second, third and so on is left out; `total` counts all.
+    """
+    variants = dict(sorted(by_variant(shown.rows).items(), key=lambda item: report_order(item[0])))
+    samples = sorted({(row.map, row.pair) for row in shown.rows})
+    drawn = {
+        item.id: map_data(item, costmap) | {'places': places_data(item, places)}
+        for item in maps
+        if any(item.id == map_id for map_id, _ in samples)
+    }
+    every = 1
+    while True:
+        data = samples_data(variants, samples[::every], drawn) | {'total': shown.total}
+        size = len(json.dumps(data, separators=(',', ':')))
+        if size <= BUDGET or len(data['samples']) < 2:
+            return data
+        every += max(1, every * (size - BUDGET) // BUDGET)
+
+
+def samples_data(
+    variants: Mapping[Variant, Mapping[SampleId, Row]],
+    samples: Sequence[SampleId],
+    maps: Mapping[int, dict[str, Any]],
+) -> dict[str, Any]:
+    """Return the data of some samples. `strings` holds what their rows name by number."""
+    strings: dict[str, int] = {}
+    entries = []
+    for sample in samples:
+        of_sample = [found.get(sample) for found in variants.values()]
+        row = next(item for item in of_sample if item is not None)
+        request = f'{row.bag}, request {row.request}' if row.bag else ''
+        numbers = [row_data(item, strings) for item in of_sample]
+        entries.append([*sample, numbers, request, row.recorded_path])
+    wanted = {map_id for map_id, _ in samples}
+    return {
+        'maps': {map_id: data for map_id, data in maps.items() if map_id in wanted},
+        'cases': [variant_label(variant) for variant in variants],
+        'samples': entries,
+        'strings': list(strings),
+    }
+
+
+def row_data(row: Row | None, strings: dict[str, int]) -> list[Any] | None:
+    """Return what the browser shows of a row; None where the variant did not run on a sample.
+
+    Texts are added to `strings` and named by their number there: many rows share them.
+    """
+    if row is None:
+        return None
+    texts = (row.waypoints, row.verdicts, row.path, row.instruction, row.code, row.source_status)
+    *places, code, status = (strings.setdefault(text, len(strings)) for text in texts)
+    figures = (row.operation, row.storage, row.length)
+    numbers = [None if math.isnan(value) else round(value, 2) for value in figures]
+    return [code, *numbers, status, *places]
+
+
+def map_data(problem: ProblemMap, costmap: CostmapConfig | None) -> dict[str, Any]:
+    """Return a map in cells, counted from its corner: its barriers, or a picture of its grid."""
+    to_cell = problem.to_cell
+    pairs = [[*to_cell(sample.start), *to_cell(sample.goal)] for sample in problem.samples]
+    if not isinstance(problem, BarrierMap):
+        grid_map = drawable_map(problem.to_grid(), costmap)
+        size = [grid_map.width, grid_map.height]
+        return {'size': size, 'h': [], 'v': [], 'image': grid_image(grid_map), 'pairs': pairs}
+    x_min, y_min = problem.offset
+    return {
+        'size': list(problem.size),
+        'h': [[y - y_min, a - x_min, b - x_min] for y, a, b in problem.horizontal_barriers],
+        'v': [[x - x_min, a - y_min, b - y_min] for x, a, b in problem.vertical_barriers],
+        'pairs': pairs,
+    }
+
+
+def places_data(problem: ProblemMap, places: Places) -> list[list[Any]]:
+    """Return names and rings of places in cells; a point is a ring of one corner."""
+    if not len(places):
+        return []
+    grid_map = problem.to_grid()
+
+    def cells(points: NDArray[np.float64]) -> list[list[float]]:
+        return grid_map.world_to_grid(points).round(2).tolist()
+
+    return [
+        [
+            place.name,
+            cells(shapely.get_coordinates(place.geometry.representative_point()))[0],
+            [
+                cells(shapely.get_coordinates(getattr(part, 'exterior', part)))
+                for part in shapely.get_parts(place.geometry)
+            ],
+        ]
+        for place in places
+    ]
+
+
+def grid_image(grid_map: GridMap) -> str:
+    """Draw a grid with row 0 at the bottom, a pixel a cell or less; return it as a data URL."""
+    codes = raster.cell_codes(grid_map)
+    part = min(1.0, MAX_PIXELS / max(codes.shape))
+    width, height = (max(1, int(part * side)) for side in (grid_map.width, grid_map.height))
+    image = Image.fromarray(raster.resize(codes, width, height)[::-1].copy(), 'P')
+    image.putpalette(raster.PALETTE.ravel().tolist())
+    buffer = io.BytesIO()
+    image.save(buffer, 'PNG', optimize=True)
+    return data_url(buffer.getvalue(), 'image/png')
