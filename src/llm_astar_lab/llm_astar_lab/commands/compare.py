@@ -10,9 +10,9 @@ import argparse
 import json
 import math
 
-from llm_astar_lab.analysis.paired import METRICS
 from llm_astar_lab.analysis.run_comparison import (
     MAX_SAMPLES,
+    METRICS,
     compare_runs,
     load_run,
 )

@@ -35,14 +35,12 @@ from tqdm import tqdm
 
 from llm_astar_lab.analysis.summary import summarise
 from llm_astar_lab.analysis.thresholds import (
+    compare_with_reference,
     missed_thresholds,
+    reference_lengths,
     unknown_variant,
 )
 from llm_astar_lab.commands.option_types import count, file_names, names, threshold
-from llm_astar_lab.datasets.reference_lengths import (
-    compare_with_reference,
-    reference_lengths,
-)
 from llm_astar_lab.report.sentences import recorded_sentence
 from llm_astar_lab.results.folder import MAPS_FILE, ResultsFolder
 from llm_astar_lab.results.row import WAYPOINTS_ONLY, ResultsError

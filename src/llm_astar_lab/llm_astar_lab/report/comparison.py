@@ -9,8 +9,13 @@ from typing import Any
 
 from llm_astar_msgs_adapter.errors import printable
 
-from llm_astar_lab.analysis.paired import METRICS, SampleChange, VariantChange
-from llm_astar_lab.analysis.run_comparison import Run, RunComparison
+from llm_astar_lab.analysis.run_comparison import (
+    METRICS,
+    Run,
+    RunComparison,
+    SampleChange,
+    VariantChange,
+)
 from llm_astar_lab.report.pages import bullets, markdown_page
 from llm_astar_lab.report.sentences import counted
 from llm_astar_lab.report.table import Table, columns, counts, json_of, percents, text, texts
