@@ -144,8 +144,9 @@ class Judgement:
 
     def change_json(self, change: VariantChange) -> dict[str, Any]:
         """Return the figures of a variant by name, and whether it is a regression."""
-        regression = change.regression(self.metric, self.threshold)
-        return json_of(change) | {'variant': str(change.variant), 'regression': regression}
+        values: dict[str, Any] = json_of(change)
+        values['regression'] = change.regression(self.metric, self.threshold)
+        return values | {'variant': str(change.variant)}
 
 
 def remarks(comparison: RunComparison) -> Iterator[str]:

@@ -86,9 +86,7 @@ def drawn_row(
     planner, request = request_again(problem, problem.samples[row.pair], row, settings)
     plan = planner.plan(request)
     grid_map = drawable_map(planner.grid_map, settings.costmap)
-    picture = picture_of(
-        plan, grid_map, plan.start, plan.goal, problem.offset, costmap=planner.costmap
-    )
+    picture = picture_of(plan, grid_map, problem.offset, costmap=planner.costmap)
     name, length = variant_label(row.variant), describe_length(plan, grid_map.resolution)
     title = f'{name}\n{length}, {describe_expansions(plan.expansions)}'
     recorded = np.array(parse_points(row.recorded_path), dtype=float).reshape(-1, 2)
@@ -264,7 +262,8 @@ def places_data(problem: ProblemMap, places: Places) -> list[list[Any]]:
     grid_map = problem.to_grid()
 
     def cells(points: NDArray[np.float64]) -> list[list[float]]:
-        return grid_map.world_to_grid(points).round(2).tolist()
+        found: list[list[float]] = grid_map.world_to_grid(points).round(2).tolist()
+        return found
 
     return [
         [
