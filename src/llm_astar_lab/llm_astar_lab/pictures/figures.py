@@ -234,12 +234,7 @@ def save_picture(picture: Picture, path: str | Path) -> None:
     Raises OSError where the file cannot be written, ValueError for an unknown ending.
     """
     figure = Figure(figsize=figure_size(picture.window), layout='constrained')
-    axes = figure.add_subplot()
-    draw(axes, picture)
-    add_legend(figure, [axes])
-    if picture.instructed is not None:
-        add_instruction_legend(figure, picture.instructed)
-    write_labels(axes, picture)
+    draw_panels(figure, [figure.add_subplot()], [picture])
     write_figure(figure, path)
 
 
@@ -258,6 +253,18 @@ def write_figure(figure: Figure, path: str | Path) -> None:
     figure.savefig(
         path, dpi=DPI, format=path.suffix[1:] or 'png', bbox_inches='tight', pad_inches=0.08
     )
+
+
+def draw_panels(figure: Figure, panels: Sequence[Axes], pictures: Sequence[Picture]) -> None:
+    """Draw a picture on each panel of a figure, explain what is drawn, and write the labels."""
+    for axes, picture in zip(panels, pictures):
+        draw(axes, picture)
+    add_legend(figure, panels)
+    for picture in pictures:
+        if picture.instructed is not None:
+            add_instruction_legend(figure, picture.instructed)
+    for axes, picture in zip(panels, pictures):
+        write_labels(axes, picture)
 
 
 def draw(axes: Axes, picture: Picture) -> None:
@@ -417,12 +424,7 @@ def comparison_figure(pictures: Sequence[Picture]) -> Figure:
     """Draw plans on one map, at least one, beside each other or below each other."""
     pictures = on_one_window(pictures)
     figure = Figure(layout='constrained')
-    panels = panels_for(figure, pictures, (0.95, 0.5))
-    for axes, picture in zip(panels, pictures):
-        draw(axes, picture)
-    add_legend(figure, panels)
-    for axes, picture in zip(panels, pictures):
-        write_labels(axes, picture)
+    draw_panels(figure, panels_for(figure, pictures, (0.95, 0.5)), pictures)
     return figure
 
 
