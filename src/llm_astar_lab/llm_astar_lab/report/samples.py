@@ -187,10 +187,11 @@ def browser_data(
     """
     variants = dict(sorted(by_variant(shown.rows).items(), key=lambda item: report_order(item[0])))
     samples = sorted({(row.map, row.pair) for row in shown.rows})
+    wanted = {map_id for map_id, _ in samples}
     drawn = {
         item.id: map_data(item, costmap) | {'places': places_data(item, places)}
         for item in maps
-        if any(item.id == map_id for map_id, _ in samples)
+        if item.id in wanted
     }
     every = 1
     while True:
