@@ -3,14 +3,15 @@
 import csv
 import io
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 from benchmark_samples import rows_with
-from llm_astar_lab.analysis.solved_pairs import Ratio
-from llm_astar_lab.analysis.statistics import NO_SPREAD, UNKNOWN, Interval
+from llm_astar_lab.analysis.statistics import UNKNOWN, Interval
 from llm_astar_lab.analysis.summary import summarise_run
 from llm_astar_lab.report.table import (
+    NO_RATIO,
     Column,
     Table,
     cell_text,
@@ -56,7 +57,9 @@ def test_a_column_that_says_the_same_in_every_row_is_a_note():
 
 def test_a_column_says_what_an_item_has_and_a_ratio_that_was_not_measured_is_unknown():
     items = [
-        SimpleNamespace(ratio=Ratio(Interval(0.5, 0.4, 0.6), NO_SPREAD), of={'a.b': 1}, cost=2.0),
+        SimpleNamespace(
+            ratio=replace(NO_RATIO, mean=Interval(0.5, 0.4, 0.6)), of={'a.b': 1}, cost=2.0
+        ),
         SimpleNamespace(ratio=None, of={'a.b': 3}, cost=None),
     ]
     heads = (
